@@ -23,9 +23,10 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
+from .light.aims import LightAims
 from .light.known import KnownRegionLight, SpotLight
 from .light.memory import RememberingLight, occluder_arrays
-from .light.passes import LightAims, LightStream
+from .light.passes import LightStream
 from .light.slots import cell_arrays
 from .parameters import BESIDE, Build, Streams
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room

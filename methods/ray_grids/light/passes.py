@@ -24,31 +24,10 @@ from . import queue as light_queue
 from . import receivers as light_receivers
 from . import split as light_split
 from . import stream as light_stream
-from .expected import INTERVALS
+from .aims import LightAims
 from .points import Words
 from .rays import ShadowBits
 from .slots import RayCells, SpacedCells
-from .spacing import BINS
-
-
-class LightAims:
-    """Cubes of all lights, aimed at the middle of the scene.
-
-    Per light: posts vec3f, axes mat33d, cubes vec4f [4] (:func:`..aim.set_cube`), rectangles int32 [12], tables vec4f [7],
-    and spacings, edges and densities of its cells (:mod:`.spacing`), of which at most ``along`` lie along a face.
-    """
-
-    def __init__(self, frame: Frame, lights: int, along: int):
-        faces, lines = int(light_aim.FACES), 2 * int(light_aim.FACES)
-        with wp.ScopedDevice(frame.device):
-            self.posts = wp.zeros(lights, dtype=wp.vec3f)
-            self.axes = wp.zeros(lights, dtype=wp.mat33d)
-            self.cubes = wp.zeros((lights, 4), dtype=wp.vec4f)
-            self.rectangles = wp.zeros((lights, int(light_aim.RECTANGLE_WORDS)), dtype=wp.int32)
-            self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
-            self.spacings = wp.zeros((lights, lines * int(BINS)), dtype=wp.vec2f)
-            self.edges = wp.zeros((lights, faces * along), dtype=wp.vec2f)
-            self.densities = wp.zeros((lights, lines * int(INTERVALS)), dtype=wp.float32)
 
 
 class LightStream:
@@ -90,18 +69,10 @@ class LightStream:
         many, few, faces = arrays["cells"]
         if any(effects.limited[index : index + 1]):
             faces = 1  # few rays do not repay clearing and summing finer cells
-        given = {**arrays, "cells": wp.vec3i(many, few, faces)}
         self.spaced = getattr(build, "spacing", "even") == "rays"
-        given = {**given, "rectangle": aims.rectangles[index], "table": aims.tables[index]}
-        self.density = wp.empty(0, dtype=wp.float32, device=frame.device)
-        if self.spaced:
-            self.density = aims.densities[index]
-            given = {
-                **given,
-                "spacing": aims.spacings[index],
-                "edges": aims.edges[index],
-                "density": self.density,
-            }
+        own = aims.arrays(index, self.spaced)
+        self.density = own.get("density", wp.empty(0, dtype=wp.float32, device=frame.device))
+        given = {**arrays, **own, "cells": wp.vec3i(many, few, faces)}
         self.cells: Any = filled(SpacedCells if self.spaced else RayCells, **given)
         self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)
         self.receivers = frame.receivers
