@@ -79,6 +79,15 @@ def is_receiver(
 
 
 @wp.func
+def note_receiver(reached: wp.array(dtype=wp.int32)):
+    """Set ``reached`` (int32 [1], or empty) to 1. All threads write the same value, and hardly any has to: on a CPU they
+    would take the word from one another."""
+    if reached.shape[0] > 0:
+        if entry(reached, 0) == 0:
+            set_entry(reached, 0, 1)
+
+
+@wp.func
 def mark_receiver(
     light: wp.int32,
     facing: wp.bool,
@@ -99,8 +108,8 @@ def mark_receiver(
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
         wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
     set_entry(receivers, light, pixel, wp.uint8(wanted))
-    if wanted and reached.shape[0] > 0:
-        reached[0] = 1  # all threads write the same value
+    if wanted:
+        note_receiver(reached)
     return wanted
 
 

@@ -29,6 +29,7 @@ from .bins import REGISTERS, count_placed, put_ray, set_row_edges
 from .cells import FINEST, beyond_face, cube_space, reach_from, turned
 from .expected import expect_triangles
 from .points import FAR, Words, has_hit, point_of
+from .receivers import note_receiver
 from .slots import RayCells
 
 OFF = wp.constant(wp.float32(2.0**-7))
@@ -287,8 +288,8 @@ def place_kernel(
     if wp.static(effects.receivers):
         wanted = faces != wp.uint8(0)
         set_entry(receivers, light, pixel, wp.uint8(wanted))
-        if wanted and reached.shape[0] > 0:
-            reached[0] = 1  # all threads write the same value
+        if wanted:
+            note_receiver(reached)
     if wanted:
         count_placed(rays, point, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), cells)
 
