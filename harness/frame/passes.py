@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import warp as wp
@@ -30,7 +29,7 @@ class Pass:
     scratch whether a library call in it allocates memory while it runs (scans and sorts do). A conditional branch of a
             captured graph cannot contain such a pass; there it is launched unconditionally
     ahead   whether it reads no output of another pass of the frame; in a captured graph it then runs concurrently with
-            the passes before it
+            all passes that do not depend on it
     aside   whether it is needed late only: in a captured graph it is launched as soon as what it reads is written, and runs
             concurrently with the passes up to its place, or to one that depends on it
     idle    of a pass ``aside``: whether concurrent passes have priority over it in a captured graph, so that it fills what
@@ -123,8 +122,8 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
     """The passes as a graph (CUDA). The ``ahead`` passes of each branch run beside the others, until a pass that depends on
     one of them or the first condition: a conditional branch cannot be captured while another is open.
 
-    Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame, and if concurrent passes use a
-    resource that one of them writes.
+    Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame or writes what one before it uses,
+    and if concurrent passes use a resource that one of them writes.
     """
     passes = _moved_forward(passes)
     made = {name for work in passes for name in work.writes}
@@ -219,11 +218,11 @@ def _capture(
     device: str,
     running: list[tuple[Pass, Any]],
     depth: int = 0,
-    awaited: Mapping[int, Pass] = MappingProxyType({}),
+    awaited: Collection[Pass] = (),
 ) -> None:
     """Capture passes on the current stream. ``running``: passes ahead and aside, and the events of their ends; ``awaited``:
-    those that the stream has waited for, by identity. To wait again would be another edge of the graph."""
-    awaited = dict(awaited)
+    those that the stream has waited for. To wait again would be another edge of the graph."""
+    awaited = set(awaited)
     for forked, branches in _forks(passes, depth):
         if not forked:
             for only_if, together in _conditional(branches[0]):
@@ -255,15 +254,15 @@ def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
 
 
 def _launch_beside(
-    passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: dict[int, Pass]
+    passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: set[Pass]
 ) -> None:
     """Launch passes; each waits for those that run beside it and that it depends on, unless the stream has ``awaited`` them.
     Those aside get streams of their own."""
     for work in passes:
-        needed = [entry for entry in running if id(entry[0]) not in awaited and _depends(work, entry[0])]
+        needed = [entry for entry in running if entry[0] not in awaited and _depends(work, entry[0])]
         if not work.aside:
             _join(needed)
-            awaited.update((id(before), before) for before, _ in needed)
+            awaited.update(before for before, _ in needed)
             work.launch()
             continue
         # It begins at this place of the frame.

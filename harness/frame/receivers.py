@@ -92,6 +92,16 @@ def receives(
     return wanted
 
 
+@wp.func
+def note_receiver(reached: wp.array(dtype=wp.int32)):
+    """Set ``reached`` (int32 [1], or empty) to 1. All threads write the same value, and hardly any has to: on a CPU they
+    would take the word from one another."""
+    if reached.shape[0] == 0:
+        return
+    if reached[0] == 0:
+        reached[0] = 1
+
+
 @wp.kernel(enable_backward=False)
 def receivers_kernel(
     light: wp.int32,
@@ -118,8 +128,8 @@ def receivers_kernel(
         ray = mirrored_ray(rays, pixel)
     wanted = receives(light, facing, ray, corners_of(mesh, hit), lights, spots)
     receivers[light, pixel] = wp.uint8(wanted)
-    if wanted and reached[0] == 0:
-        reached[0] = 1  # all threads write the same value
+    if wanted:
+        note_receiver(reached)
 
 
 def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = ()) -> list[Pass]:

@@ -77,8 +77,7 @@ class RayGrids(BaseMethod):
         beside = camera.build.beside if self._queued else 1
         for _ in range(1, min(len(wanted), beside)):
             branches.append((queues.with_own_lists(), self.light_arrays(frame, camera.build)))
-        along = max(branches[0][1]["cells"][k] for k in (0, 1)) if wanted else 0
-        aims = LightAims(frame, len(effects.shadows), along)
+        aims = LightAims(frame, len(effects.shadows))
         make: Any = self.Light
         self._remembering = []
         remembers = getattr(self.build, "occluders", "none") == "last"

@@ -71,20 +71,19 @@ def stored_sides(queue: Queue, place: wp.int32) -> Sides:
 
 
 @wp.func
-def ends_of_row(sides: Sides, work: wp.vec4i, y: wp.int32, cells: RayCells) -> wp.vec2i:
-    """First and last texel of a row that a queued triangle may cover."""
+def ends_of_row(sides: Sides, work: wp.vec4i, y: wp.int32, along: wp.int32, cells: RayCells) -> wp.vec2i:
+    """First and last texel of a row that a queued triangle may cover; ``along``: texels along a face."""
     whole = queued_box(work)
-    along = cells_of(last_row(cells.table))
     return cells_of_row(sides, queued_face(work), y, whole[0], whole[2], along, cells)
 
 
 @wp.func
-def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i, cells: RayCells) -> wp.bool:
+def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i, along: wp.int32, cells: RayCells) -> wp.bool:
     """Whether a queued triangle may cover a texel of a box within its own."""
     y = wp.int32(box[1])
     found = wp.bool(False)
     while y <= box[3] and not found:
-        ends = ends_of_row(sides, work, y, cells)
+        ends = ends_of_row(sides, work, y, along, cells)
         found = ends[0] <= box[2] and ends[1] >= box[0] and ends[0] <= ends[1]
         y += 1
     return found
@@ -222,7 +221,7 @@ def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Que
                     box = tile_box(work, tile)
                     if not is_empty(cells.farthest, face, tile, along):
                         if not all_rays_end_before(least, cells.farthest, face, box, along):
-                            if covers_some(stored_sides(queue, group[0]), work, box, cells):
+                            if covers_some(stored_sides(queue, group[0]), work, box, along, cells):
                                 queue_tile(queue, group[0], tile)
 
 
@@ -264,6 +263,6 @@ def tile_kernel(
                 first = entry(head, texel_index(face, x, y, along))
                 k += lanes
                 if first > 0 and is_in(box, x, y):
-                    ends = ends_of_row(sides, work, y, cells)
+                    ends = ends_of_row(sides, work, y, along, cells)
                     if x >= ends[0] and x <= ends[1]:
                         test_list(bits, queue, cells, first, occluder)

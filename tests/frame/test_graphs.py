@@ -18,6 +18,15 @@ def made(name: str, reads: tuple[str, ...], writes: tuple[str, ...], launch: Any
     return Pass(name, "trace", reads, writes, launch, **more)
 
 
+def fake_capture(monkeypatch: pytest.MonkeyPatch, kind: type, wait: Any) -> None:
+    """Capture without a GPU, on streams of a ``kind``; ``wait`` is called in place of ``wp.wait_event``."""
+    monkeypatch.setattr(wp, "Stream", kind)
+    monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
+    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+    monkeypatch.setattr(wp, "wait_event", wait)
+    monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+
+
 def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
     open_now: list[int] = []
     seen: dict[str, int] = {}
@@ -35,11 +44,7 @@ def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
         def __exit__(self, *given: Any) -> None:
             open_now.pop()
 
-    monkeypatch.setattr(wp, "Stream", Stream)
-    monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
-    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
-    monkeypatch.setattr(wp, "wait_event", lambda event: None)
-    monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+    fake_capture(monkeypatch, Stream, lambda event: None)
     passes = [
         made("words", (), ("words",), None),
         made("one", ("words",), ("bits",), None, branch=(0,), adds=True),
@@ -79,11 +84,7 @@ def test_a_stream_waits_once_for_what_runs_ahead(monkeypatch):
         def __exit__(self, *given: Any) -> None:
             streams.pop()
 
-    monkeypatch.setattr(wp, "Stream", Stream)
-    monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
-    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
-    monkeypatch.setattr(wp, "wait_event", lambda event: waits.append((event, streams[-1])))
-    monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+    fake_capture(monkeypatch, Stream, lambda event: waits.append((event, streams[-1])))
     ran: dict[str, tuple[str, tuple[str, ...]]] = {}
     passes = [
         made("words", (), ("words",), None),

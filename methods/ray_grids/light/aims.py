@@ -6,36 +6,19 @@ import warp as wp
 
 from ....harness.frame.frame import Frame
 from .. import aim as light_aim
-from .expected import INTERVALS
-from .spacing import BINS
 
 
 class LightAims:
     """Cubes of all lights, aimed at the middle of the scene.
 
-    Per light: posts vec3f, axes mat33d, cubes vec4f [4] (:func:`..aim.set_cube`), rectangles int32 [12], tables vec4f [7],
-    and spacings, edges and densities of its cells (:mod:`.spacing`), of which at most ``along`` lie along a face.
+    Per light: posts vec3f, axes mat33d, cubes vec4f [4] (:func:`..aim.set_cube`), rectangles int32 [12], tables vec4f [7].
     """
 
-    def __init__(self, frame: Frame, lights: int, along: int):
-        faces, lines = int(light_aim.FACES), 2 * int(light_aim.FACES)
+    def __init__(self, frame: Frame, lights: int):
+        faces = int(light_aim.FACES)
         with wp.ScopedDevice(frame.device):
             self.posts = wp.zeros(lights, dtype=wp.vec3f)
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
             self.cubes = wp.zeros((lights, 4), dtype=wp.vec4f)
             self.rectangles = wp.zeros((lights, int(light_aim.RECTANGLE_WORDS)), dtype=wp.int32)
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
-            self.spacings = wp.zeros((lights, lines * int(BINS)), dtype=wp.vec2f)
-            self.edges = wp.zeros((lights, faces * along), dtype=wp.vec2f)
-            self.densities = wp.zeros((lights, lines * int(INTERVALS)), dtype=wp.float32)
-
-    def arrays(self, light: int, spaced: bool) -> dict[str, wp.array]:
-        """What the cells of a light have of their own (:mod:`.slots`)."""
-        own = {"rectangle": self.rectangles[light], "table": self.tables[light]}
-        if spaced:
-            own |= {
-                "spacing": self.spacings[light],
-                "edges": self.edges[light],
-                "density": self.densities[light],
-            }
-        return own

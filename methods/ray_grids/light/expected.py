@@ -225,3 +225,14 @@ def spacing_kernel(cells: SpacedCells):
 
 
 SPACING_THREADS = int(AXES) * int(FACES) * int(BINS)
+
+
+def spacing_arrays(device: str, along: int) -> dict[str, wp.array]:
+    """What :class:`.slots.SpacedCells` have besides :class:`.slots.RayCells`; at most ``along`` cells lie along a face."""
+    faces, lines = int(FACES), int(AXES) * int(FACES)
+    with wp.ScopedDevice(device):
+        return {
+            "spacing": wp.zeros(SPACING_THREADS, dtype=wp.vec2f),
+            "edges": wp.zeros(faces * along, dtype=wp.vec2f),
+            "density": wp.zeros(lines * int(INTERVALS), dtype=wp.float32),
+        }

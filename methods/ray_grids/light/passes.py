@@ -70,9 +70,11 @@ class LightStream:
         if any(effects.limited[index : index + 1]):
             faces = 1  # few rays do not repay clearing and summing finer cells
         self.spaced = getattr(build, "spacing", "even") == "rays"
-        own = aims.arrays(index, self.spaced)
-        self.density = own.get("density", wp.empty(0, dtype=wp.float32, device=frame.device))
-        given = {**arrays, **own, "cells": wp.vec3i(many, few, faces)}
+        given = {**arrays, "cells": wp.vec3i(many, few, faces)}
+        given |= {"rectangle": aims.rectangles[index], "table": aims.tables[index]}
+        if self.spaced:
+            given |= light_expected.spacing_arrays(frame.device, max(many, few))
+        self.density = given.get("density", wp.empty(0, dtype=wp.float32, device=frame.device))
         self.cells: Any = filled(SpacedCells if self.spaced else RayCells, **given)
         self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)
         self.receivers = frame.receivers

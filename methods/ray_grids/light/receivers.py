@@ -10,7 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh, Ray
-from ....harness.frame.receivers import receives
+from ....harness.frame.receivers import note_receiver, receives
 from ....harness.scene import spotlight
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
@@ -76,15 +76,6 @@ def is_receiver(
     if margin == 0.0:
         wanted = receives(light, facing, ray, corners_at(mesh, point.triangle), lights, spots)
     return wanted
-
-
-@wp.func
-def note_receiver(reached: wp.array(dtype=wp.int32)):
-    """Set ``reached`` (int32 [1], or empty) to 1. All threads write the same value, and hardly any has to: on a CPU they
-    would take the word from one another."""
-    if reached.shape[0] > 0:
-        if entry(reached, 0) == 0:
-            set_entry(reached, 0, 1)
 
 
 @wp.func

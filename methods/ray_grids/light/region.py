@@ -15,7 +15,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
-from ....harness.frame.receivers import faces_light
+from ....harness.frame.receivers import faces_light, note_receiver
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
@@ -29,7 +29,6 @@ from .bins import REGISTERS, count_placed, put_ray, set_row_edges
 from .cells import FINEST, beyond_face, cube_space, reach_from, turned
 from .expected import expect_triangles
 from .points import FAR, Words, has_hit, point_of
-from .receivers import note_receiver
 from .slots import RayCells
 
 OFF = wp.constant(wp.float32(2.0**-7))
@@ -268,7 +267,7 @@ def place_kernel(
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known, and where rows begin.
+    """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known. Sets where rows begin.
 
     If not all hits have a ray, marks the receivers, too: those on triangles that are ``facing`` (:func:`bounds_kernel`).
     reached: int32 [1], set to 1 if there is one; or empty.
