@@ -34,6 +34,7 @@ from shadowbench.methods.perspective_spherical.light.trace_staged import make_st
 from shadowbench.methods.perspective_spherical.variants import Variant
 from shadowbench.methods.ray_grids.camera import queue as camera_queue
 from shadowbench.methods.ray_grids.camera import stream as camera_stream
+from shadowbench.methods.ray_grids.light import doubts as light_doubts
 from shadowbench.methods.ray_grids.light import queue as light_queue
 from shadowbench.methods.ray_grids.light import stream as light_stream
 from shadowbench.methods.uniform_grid import traversal as grid_traversal
@@ -191,7 +192,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
         light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
-        light_queue.make_doubt_kernel: light_queue.make_doubt_kernel(False),
+        light_doubts.make_doubt_kernel: light_doubts.make_doubt_kernel(False, False),
         ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],
         ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],
         careful.make_closest_kernel: careful.make_closest_kernel(48),

@@ -48,6 +48,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.perspective_spherical.variants import Variant
     from shadowbench.methods.ray_grids.camera import queue as camera_queue
     from shadowbench.methods.ray_grids.camera import stream as camera_stream
+    from shadowbench.methods.ray_grids.light import doubts as light_doubts
     from shadowbench.methods.ray_grids.light import queue as light_queue
     from shadowbench.methods.ray_grids.light import stream as light_stream
     from shadowbench.methods.uniform_grid.method import Trace as GridTrace
@@ -70,7 +71,8 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
         "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,
         "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,
-        "ray_grids light: doubts": light_queue.make_doubt_kernel(False).module,
+        "ray_grids light: doubts": light_doubts.make_doubt_kernel(False, False).module,
+        "ray_grids light: doubts of a spot": light_doubts.make_doubt_kernel(False, True).module,
         "ray_grids light: split": "shadowbench.methods.ray_grids.light.split",
         "bvh2: tree": build_hploc.make_hploc_kernel(2, 48).module,
         "bvh2: sort": sort.make_sweep_kernel(8).module,

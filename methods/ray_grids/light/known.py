@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import warp as wp
 
-from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ...common.bands import Threads
 from ..aim import FACES
@@ -126,13 +125,6 @@ class SpotLight(KnownRegionLight):
     def by_facing(self) -> bool:
         return False
 
-    def map_passes(self, seen: tuple[str, ...], place: str, bits: str) -> list[Pass]:
-        i = self.index
-        reads = ("points", "triangles", "camera", *self.effects.surface_reads(), f"light/{i}", place, bits)
-        name, effect = f"light {i}: rays outside the region", f"shadows/{i}"
-        strays = Pass(name, "shadow", reads, (bits,), self.launch_strays, effect, aside=True)
-        return [*super().map_passes(seen, place, bits), strays]
-
     def _launch_bounds(self) -> None:
         super()._launch_bounds()
         wp.launch(
@@ -154,15 +146,3 @@ class SpotLight(KnownRegionLight):
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],
             device=f.device,
         )  # fmt: skip
-
-    def launch_strays(self) -> None:
-        """Rays outside the region, against every triangle."""
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(light_spots.stray_kernel, self.switches),
-            dim=q.few_threads,
-            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.strays],
-            outputs=[self.bits],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )

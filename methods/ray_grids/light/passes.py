@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -19,6 +20,7 @@ from ..parameters import Streams
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..warps import LANES
 from . import bins as light_bins
+from . import doubts as light_doubts
 from . import expected as light_expected
 from . import queue as light_queue
 from . import receivers as light_receivers
@@ -38,6 +40,7 @@ class LightStream:
     tabled   whether what the rays cover is known before they are placed
     spaced   whether cells are narrower where rays are dense (:mod:`.spacing`)
     beside   whether triangles are streamed beside the passes that sort the rays into cells, and not after these
+    strays   int32 [1 + pixels]: rays outside the region of a spot (:mod:`.spots`); else empty
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
              rays
     """
@@ -82,6 +85,7 @@ class LightStream:
         self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
         if self.marking and not queues.cuda:
             self.reached = reached_by(frame, index, 0)
+        self.strays = wp.empty(0, dtype=wp.int32, device=frame.device)
         self.bits: Any = filled(
             ShadowBits,
             light=index,
@@ -111,15 +115,7 @@ class LightStream:
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         scene = ("points", "triangles", light, aim, rays, *self.effects.surface_reads())
         passes = [
-            Pass(
-                f"{who}: aim",
-                build,
-                (*self.aim_reads, light),
-                (aim,),
-                self.launch_aim,
-                effect,
-                ahead=True,
-            ),
+            Pass(f"{who}: aim", build, (*self.aim_reads, light), (aim,), self.launch_aim, effect, ahead=True),
             *self.map_passes(seen, place, bits),
         ]
         sorting, steps = self.cell_passes(seen, place, rays, effect), self.steps()
@@ -183,8 +179,8 @@ class LightStream:
             steps = [("stream triangles", (), ("items",), self.launch_stream)]
         return [
             *steps,
-            ("queued rows", ("items",), ("parts",), self.launch_items),
-            ("further parts", ("parts",), (), self.launch_parts),
+            ("queued rows", ("items",), ("parts",), functools.partial(self.launch_rows, False)),
+            ("further parts", ("parts",), (), functools.partial(self.launch_rows, True)),
         ]
 
     def launch_aim(self) -> None:
@@ -320,7 +316,8 @@ class LightStream:
             block_dim=BLOCK_DIM,
         )
 
-    def _launch_rows(self, share: int, again: bool) -> None:
+    def launch_rows(self, again: bool, share: int) -> None:
+        """Groups of rows, or their further parts (``again``)."""
         f, q = self.frame, self.queues
         wp.launch(
             specialised(
@@ -333,18 +330,14 @@ class LightStream:
             block_dim=BLOCK_DIM,
         )
 
-    def launch_items(self, share: int) -> None:
-        self._launch_rows(share, again=False)
-
-    def launch_parts(self, share: int) -> None:
-        self._launch_rows(share, again=True)
-
     def launch_doubts(self, share: int) -> None:
+        """Pairs that float32 left; rays outside the region with the first share's."""
         f, q = self.frame, self.queues
+        kernel = light_doubts.make_doubt_kernel(bool(self.hit.size), share == 0 and self.strays.size > 0)
         wp.launch(
-            specialised(self.variant(light_queue.make_doubt_kernel(bool(self.hit.size))), self.switches),
+            specialised(self.variant(kernel), self.switches),
             dim=q.few_threads,
-            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit],
+            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit, self.strays],
             outputs=[self.bits, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,

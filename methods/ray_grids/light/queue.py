@@ -1,4 +1,4 @@
-"""Shadow rays of larger triangles: the rays in groups of rows, cut to the triangle; and the pairs left to float64."""
+"""Shadow rays of larger triangles: the rays in groups of rows, cut to the triangle."""
 
 from __future__ import annotations
 
@@ -8,13 +8,8 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.specialise import effects
-from ...common.alpha import opaque_to_light
 from ...common.entries import entry, entry_if
-from ...common.hitpoint import hit_point, plane_distance
-from ...common.segment import occludes
-from ...common.triangle import largest
 from ..ahead import (
     FEW_ROWS,
     GROUP_BYTES,
@@ -33,7 +28,6 @@ from ..ahead import (
     wait_for_groups,
     wait_for_step,
 )
-from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
 from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from .cells import Sides
@@ -44,12 +38,6 @@ from .table import cells_of, last_row
 
 REGISTERS = 56
 """Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor."""
-
-PAIRS_UNASKED = wp.constant(4)
-"""Doubtful pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
-
-REGISTERS_OF_DOUBTS = 96
-"""Registers per thread that decides doubtful pairs: there are fewer threads than a GPU has room for."""
 
 
 @wp.func
@@ -252,57 +240,3 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     queue_parts(queue, item, number, size, 0)
 
     return item_kernel
-
-
-@functools.cache
-def make_doubt_kernel(stored: bool) -> wp.Kernel:
-    """(triangle, pixel) pairs that float32 could not decide. ``stored``: hit_points vec3d [pixels] are exact; else they are
-    computed again, since few are needed."""
-
-    @wp.kernel(
-        enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS_OF_DOUBTS
-    )
-    def doubt_kernel(
-        threads: wp.int32,
-        lights: wp.array(dtype=wp.vec3f),
-        camera: Camera,
-        mesh: Mesh,
-        alpha: Alpha,
-        hit_points: wp.array(dtype=wp.vec3d),
-        bits: ShadowBits,
-        queue: Queue,
-    ):
-        k = wp.tid()
-        stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
-        origin_size = wp.float64(largest(camera.eye[0]))
-        light = lights[bits.light]
-        # Whether the pixel is shadowed already: a thread with few pairs would wait for the answer, and what it reads of both
-        # triangles is on its way at once without it. Where a light stands close to a surface, pairs are a hundred times as
-        # many, and nearly all of their pixels are shadowed.
-        asks = stop > PAIRS_UNASKED * threads
-        while k < stop:
-            pair = entry(queue.doubts, k)
-            k += threads
-            i = pair[0]
-            lit = wp.bool(True)
-            if asks:
-                lit = entry(bits.visibility, bits.light, pair[1]) == wp.uint8(0)
-            if lit:
-                corners = corners_at(mesh, i)
-                weld = weld_at(mesh, i)
-                h = wp.vec3d()
-                if wp.static(stored):
-                    h = hit_points[pair[1]]
-                else:
-                    y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
-                    ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
-                    own = corners_at(mesh, entry(bits.triangle, pair[1]))
-                    h = hit_point(ray, plane_distance(ray, own), own)
-                shadowed = occludes(h, light, corners, weld, origin_size)
-                if wp.static(effects.alpha):
-                    if shadowed:
-                        shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
-                if shadowed:
-                    set_shadowed(bits, pair[1], i)
-
-    return doubt_kernel

@@ -4,7 +4,7 @@ So a spot's rays, too, are counted in their cells by the pass that places them a
 
 Whether a hit point lies in the cone the harness decides, in plain float64. On a triangle seen edge-on, or next to the
 light, that may be off by more than the slack. Such a ray may lie outside the region. It is then a stray, and is tested
-against every triangle in float64 instead. All other rays are placed to 2^-18 of their direction.
+against every triangle in float64 instead (:mod:`.doubts`). All other rays are placed to 2^-18 of their direction.
 """
 
 from __future__ import annotations
@@ -14,22 +14,14 @@ from typing import Any
 
 import warp as wp
 
-from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Mesh, Ray
-from ....harness.frame.specialise import effects
-from ...common.alpha import opaque_to_light
+from ....harness.frame.geometry import Camera, Mesh
 from ...common.entries import entry, set_entry
-from ...common.hitpoint import hit_point, plane_distance
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_among
-from ...common.segment import occludes
-from ...common.triangle import largest
 from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
 from ..cube import on_face
-from ..fetch import corners_at, direction_at, weld_at
 from .bins import count_exactly, count_quickly, set_row_edges
 from .points import Words, placed, placed_exactly, point_of
-from .rays import ShadowBits, set_shadowed
 from .receivers import CONE, REGISTERS, mark_receiver
 from .slots import RayCells
 from .spacing import BINS
@@ -167,35 +159,3 @@ def place_kernel(
     set_entry(cells.slot, pixel, -1)
     set_entry(cells.triangle, pixel, point.triangle)
     set_entry(strays, 1 + number_among(strays, 0), pixel)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def stray_kernel(
-    threads: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    camera: Camera,
-    mesh: Mesh,
-    alpha: Alpha,
-    strays: wp.array(dtype=wp.int32),
-    bits: ShadowBits,
-):
-    """Test every stray ray against every triangle but its own, in float64. Hardly any frame has one."""
-    light = lights[bits.light]
-    origin_size = wp.float64(largest(camera.eye[0]))
-    for k in range(strays[0]):
-        pixel = strays[1 + k]
-        own = bits.triangle[pixel]
-        y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))
-        ray = Ray(camera.eye[0], direction_at(camera, pixel - y * camera.width, y))
-        corners = corners_at(mesh, own)
-        h = hit_point(ray, plane_distance(ray, corners), corners)
-        for i in range(wp.tid(), mesh.triangles.shape[0], threads):
-            if i != own and mesh.valid[i] != wp.uint8(0):
-                corners = corners_at(mesh, i)
-                weld = weld_at(mesh, i)
-                shadowed = occludes(h, light, corners, weld, origin_size)
-                if wp.static(effects.alpha):
-                    if shadowed:
-                        shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
-                if shadowed:
-                    set_shadowed(bits, pixel, i)
