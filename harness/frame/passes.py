@@ -37,7 +37,8 @@ class Pass:
     branch  branch numbers, one per level of nesting. In a captured graph, neighbouring passes with different numbers run
             concurrently, passes with the same number in order; with a condition, those of the same condition. Without
             graph all passes run in order
-    joins   whether it begins when all branches before it have ended, although it has a branch itself
+    phase   branches of passes with the same number run concurrently, and begin when those of the phase before have ended.
+            What a frame leaves out does not change this
     adds    whether it only adds to what it writes (atomics, bits that stay set), so that another pass may do so
             concurrently
     only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
@@ -56,7 +57,7 @@ class Pass:
     aside: bool = False
     idle: bool = False
     branch: tuple[int, ...] = ()
-    joins: bool = False
+    phase: int = 0
     adds: bool = False
     only_if: wp.array | None = None
     reached: wp.array | None = None
@@ -180,12 +181,8 @@ def _moved_forward(passes: Sequence[Pass]) -> list[Pass]:
 def _forks(passes: Sequence[Pass], depth: int) -> Iterator[tuple[bool, list[list[Pass]]]]:
     """Groups of passes that run in order: whether the group forks at ``depth``, and its branches (one if it does not)."""
 
-    number = 0
-
     def place(work: Pass) -> tuple[int, bool]:
-        nonlocal number
-        number += work.joins
-        return number, len(work.branch) > depth and work.only_if is None
+        return work.phase, len(work.branch) > depth and work.only_if is None
 
     for (_, forked), group in itertools.groupby(passes, key=place):
         branches: dict[int, list[Pass]] = {}

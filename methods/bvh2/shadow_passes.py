@@ -130,7 +130,8 @@ class ShadowRays:
         ]  # fmt: skip
 
     def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
-        """The passes ``of_share`` of all shares, which run concurrently; the records for each light come before its rays.
+        """The passes ``of_share`` of all shares, which run concurrently, after what was made for them; the records for each
+        light come before its rays.
 
         Threads of a CPU take the shares of one pass.
         """
@@ -139,7 +140,9 @@ class ShadowRays:
             if self.threaded:
                 passes.append(self._in_threads(steps))
             elif self.shares > 1:
-                passes += (replace(step, branch=(share,), adds=True) for share, step in enumerate(steps))
+                passes += (
+                    replace(step, branch=(share,), phase=1, adds=True) for share, step in enumerate(steps)
+                )
             else:
                 passes += steps
         for late in self.light_passes(received=False):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
 from typing import Any
 
 import warp as wp
@@ -56,7 +55,6 @@ class Rays(ShadowRays):
             passes = self._careful_passes(scene)
         else:
             passes = self.in_shares(lambda share: self._share(share, scene))
-            passes[0] = replace(passes[0], joins=True)
         return passes + self.bounce_passes()
 
     def _share(self, share: int, scene: tuple[str, ...]) -> list[Pass]:

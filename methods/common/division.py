@@ -1,4 +1,5 @@
-"""Divisions in float64 that share a reciprocal, with the quotients that rounded divisions give; reciprocals in float32.
+"""Divisions in float64 that share a reciprocal, with the quotients that rounded divisions give; reciprocals and roots in
+float32.
 
 A GPU divides in float64 by an approximate reciprocal, two steps that refine it, and one that corrects the quotient; then
 it tests whether a number was out of range, and calls a function if so. Of numbers that are certainly in range that test
@@ -57,3 +58,16 @@ def quotient(a: wp.float64, b: wp.float64, inverse: wp.float64) -> wp.float64:
     a and a / b are 0 or in 2^-900..2^900, as of sums of products of three float32 numbers. The sign of a zero may differ
     from a division's; a quotient by 0 is not a number.
     """
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+float root;
+asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(x));
+return root;
+#else
+return sqrtf(x);
+#endif
+""")
+def about_root(x: wp.float32) -> wp.float32:
+    """The square root of x to 4 u of itself; x from 2^-125 to 2^125."""

@@ -97,8 +97,7 @@ class Hybrid(BaseMethod):
             return rays.light_passes(received=False)
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
-        passes = rays.in_shares(lambda share: rays.share_passes(share, scene))
-        return [replace(passes[0], joins=True), *passes[1:]]
+        return rays.in_shares(lambda share: rays.share_passes(share, scene))
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()

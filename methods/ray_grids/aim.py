@@ -9,6 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Mesh
+from ...harness.scene import spotlight
 from ..common.axes import axes_along
 from ..common.entries import entry_of_four, set_entry_of_four
 from ..common.triangle import largest, to_float32, to_float64
@@ -37,6 +38,8 @@ RECTANGLE_WORDS = wp.constant(12)
 EMPTY = wp.constant(2147483647)
 
 FARTHEST = wp.constant(2.0**28)
+
+CONE = wp.constant(wp.float64(spotlight.CONE))
 
 
 @wp.struct
@@ -97,6 +100,17 @@ def from_ordered(bits: wp.int32) -> wp.float32:
 
 
 @wp.func
+def cone_of(light: wp.int32, spots: wp.array2d(dtype=wp.float64)) -> wp.vec4f:
+    """Axis and cosine of a light's cone, rounded; zeros if the light has none."""
+    cone = wp.vec4f()
+    if spots.shape[0] > 0 and spots[light, 0] == CONE:
+        for k in range(3):
+            cone[k] = wp.float32(spots[light, 1 + k])
+        cone[3] = wp.float32(spots[light, 10])
+    return cone
+
+
+@wp.func
 def nearer_post(post: wp.vec3f, reach: wp.float32) -> wp.vec3f:
     """The position from which rays and triangles are placed: the light's, or a point towards it at :data:`FARTHEST` times
     ``reach``. Seen from there, rays that end at the light turn by 2^-28 of their angle to the axis, far less than the
@@ -117,16 +131,18 @@ def aim_kernel(
     triangle_count: wp.int32,
     reach: wp.array(dtype=wp.float32),
     lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
     mesh: Mesh,
     posts: wp.array(dtype=wp.vec3f),
     frames: wp.array(dtype=wp.mat33d),
     cubes: wp.array2d(dtype=wp.vec4f),
+    cones: wp.array(dtype=wp.vec4f),
     rectangles: wp.array2d(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
     density: wp.array(dtype=wp.float32),
 ):
     """The position from which a light's rays are placed and the axes of its cube as rows (forward, to the scene's middle,
-    first). Empties its rectangle, counters and ``density``.
+    first); its cone. Empties its rectangle, counters and ``density``.
 
     The middle is that of a few triangles: any point among the triangles is suitable, and a box of all would cost a pass.
     The lanes of a warp read them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
@@ -171,6 +187,7 @@ def aim_kernel(
     if middle == post:
         c.distance = 0.0
     set_cube(cubes, index, c)
+    cones[index] = cone_of(index, spots)
     for k in range(LARGEST):
         rectangles[index, k] = EMPTY
     rectangles[index, LARGEST] = 0

@@ -14,6 +14,7 @@ from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, scene
 from shadowbench.harness.frame import graphs
 from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
+from shadowbench.harness.frame.schedule import stale
 from shadowbench.harness.frame.session import Session
 
 VARIANTS: list[tuple[str, dict[str, str]]] = [
@@ -61,6 +62,28 @@ def test_concurrent_passes_share_nothing_that_one_writes(name, settings, monkeyp
     refuse_shared(session.passes)
     branched = [work for work in session.passes if work.branch]
     assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
+
+
+@pytest.mark.parametrize("lights", [(POINT, POINT), (SPOT, BEHIND, POINT)], ids=["points", "spots"])
+@pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
+def test_frames_in_part_share_nothing_either(name, settings, lights, monkeypatch):
+    """What a frame leaves out, because little has moved, parted forks that must stay apart."""
+    prepared = scene(lights)
+    method = make_method(name, settings)
+    reason = method.applies(prepared.scene, "cuda")
+    if reason or not method.capturable:
+        pytest.skip(f"{name}: {reason or 'is not captured as a graph'}")
+    plan_for_cuda(method, monkeypatch)
+    session = Session(method, prepared, 32, 32, "cpu")
+    for changed in (
+        {"light/0"},
+        {"light/1"},
+        {"light/0", "light/1"},
+        {"camera"},
+        {"camera", "light/0"},
+        {"points"},
+    ):
+        refuse_shared(stale(session.all_passes, changed))
 
 
 class Capture:

@@ -128,12 +128,12 @@ def test_a_light_streams_few_triangles_while_its_rays_are_sorted(streamed, monke
         assert sorting <= before[f"light 0: queued rows, share {share} of 2"]
 
 
-def test_a_pass_that_joins_waits_for_all_branches(monkeypatch):
+def test_the_branches_of_a_phase_wait_for_all_of_the_one_before(monkeypatch):
     passes = [
         made("one", (), ("a",), branch=(0,)),
         made("two", (), ("b",), branch=(1,)),
-        made("three", ("a", "b"), ("c",), branch=(0,), joins=True),
-        made("four", ("b",), ("d",), branch=(1,)),
+        made("three", ("a", "b"), ("c",), branch=(0,), phase=1),
+        made("four", ("b",), ("d",), branch=(1,), phase=1),
     ]
     before = recorded(passes, monkeypatch)
     assert before["two"] == set()

@@ -67,8 +67,7 @@ class CameraStream:
         idle."""
         *first, resolve = self.passes()
         resolve = replace(resolve, aside=True, idle=True)
-        after = next((k for k, work in enumerate(others) if not work.ahead), 0)
-        others = [replace(work, joins=k == after) for k, work in enumerate(others)]
+        others = [work if work.ahead else replace(work, phase=1) for work in others]
         return [*first, resolve, *others] if self.hit.size else [*first, *others, resolve]
 
     def steps(self) -> list[Step]:

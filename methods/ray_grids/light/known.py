@@ -141,7 +141,8 @@ class SpotLight(KnownRegionLight):
             self.of_cells(light_spots.place_kernel),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
+                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.cones, a.posts, a.axes,
+                self.rays,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],
             device=f.device,

@@ -189,8 +189,8 @@ class LightStream:
         wp.launch(
             light_aim.aim_kernel,
             dim=threads,
-            inputs=[threads, self.index, f.triangle_count, f.reach, f.posts, f.mesh],
-            outputs=[a.posts, a.axes, a.cubes, a.rectangles, self.counts.flatten(), self.density],
+            inputs=[threads, self.index, f.triangle_count, f.reach, f.posts, f.spots, f.mesh],
+            outputs=[a.posts, a.axes, a.cubes, a.cones, a.rectangles, self.counts.flatten(), self.density],
             device=f.device,
             block_dim=int(LANES),
         )
@@ -223,8 +223,8 @@ class LightStream:
             self.of_cells(light_receivers.map_kernel),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes,
-                self.rays, self.keeps,
+                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.cones, a.posts,
+                a.axes, self.rays, self.keeps,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
             device=f.device,

@@ -11,7 +11,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.receivers import note_receiver, receives
-from ....harness.scene import spotlight
+from ...common.division import about_root
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.triangle import largest
@@ -21,8 +21,6 @@ from .points import Point, Words, point_of
 from .reach import empty_tiles
 from .slots import RayCells
 
-CONE = wp.constant(wp.float64(spotlight.CONE))
-
 ROUNDED = wp.constant(wp.float32(2.0**-19))
 """Bound on the error of a cone's margin in units of the sum of the coordinates that it is computed from: t is known to 2^-23
 and float32 rounds to 2^-24, so a coordinate of the way from the light is off by less than 2^-22 of the sum, and the margin
@@ -31,27 +29,19 @@ by less than twice 2^-20 of it."""
 LEAST_WAY, MOST_WAY = wp.constant(wp.float32(1.0e-15)), wp.constant(wp.float32(1.0e15))
 """Ways from a light whose squares float32 holds."""
 
-REGISTERS = 56
+REGISTERS = 48
 """Registers per thread, for nine blocks of 128 per multiprocessor."""
 
 
 @wp.func
-def cone_margin(
-    light: wp.int32,
-    ray: Ray,
-    t: wp.float32,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-) -> wp.float32:
-    """Positive where a hit at distance t lies certainly in a light's cone, negative where certainly outside; else 0."""
-    place = lights[light]
-    way = ray.direction * t
-    v = (ray.origin + way) - place
+def cone_margin(place: wp.vec3f, cone: wp.vec4f, ray: Ray, point: Point) -> wp.float32:
+    """Positive where a hit lies certainly in the cone (:func:`..aim.cone_of`) of a light at ``place``, negative where it
+    certainly does not; else 0, as where there is no cone."""
+    v = (ray.origin + ray.direction * point.t) - place
     # In the cone: the part of v along its axis is at least cosine |v|.
-    axis = wp.vec3f(wp.float32(spots[light, 1]), wp.float32(spots[light, 2]), wp.float32(spots[light, 3]))
-    inside = wp.dot(axis, v) - wp.float32(spots[light, 10]) * wp.length(v)
+    inside = wp.dot(wp.vec3f(cone[0], cone[1], cone[2]), v) - cone[3] * about_root(wp.dot(v, v))
     size = largest(v)
-    bound = ROUNDED * ((largest(way) + largest(ray.origin)) + (largest(place) + size))
+    bound = ROUNDED * ((point.way + largest(ray.origin)) + (largest(place) + size))
     margin = wp.float32(0.0)
     if size > LEAST_WAY and size < MOST_WAY and wp.abs(inside) > bound:
         margin = inside
@@ -67,11 +57,12 @@ def is_receiver(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    cones: wp.array(dtype=wp.vec4f),
 ) -> wp.bool:
     """Whether the hit of a ray has a shadow ray to a light."""
     margin = wp.float32(0.0)
-    if not facing and not point.careful and spots[light, 0] == CONE:
-        margin = cone_margin(light, ray, point.t, lights, spots)
+    if not facing and not point.careful:
+        margin = cone_margin(entry(lights, light), entry(cones, light), ray, point)
     wanted = margin > 0.0
     if margin == 0.0:
         wanted = receives(light, facing, ray, corners_at(mesh, point.triangle), lights, spots)
@@ -89,6 +80,7 @@ def mark_receiver(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    cones: wp.array(dtype=wp.vec4f),
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
 ) -> wp.bool:
@@ -97,7 +89,7 @@ def mark_receiver(
     wanted = wp.bool(False)
     if point.triangle >= 0:
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
+        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots, cones)
     set_entry(receivers, light, pixel, wp.uint8(wanted))
     if wanted:
         note_receiver(reached)
@@ -113,6 +105,7 @@ def map_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    cones: wp.array(dtype=wp.vec4f),
     posts: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
     rays: Words,
@@ -132,7 +125,7 @@ def map_kernel(
         set_entry(visibility, light, pixel, wp.uint8(0))
         point = point_of(rays, pixel, at, camera, mesh)
         wanted = mark_receiver(
-            light, facing, pixel, at, point, camera, mesh, lights, spots, receivers, reached
+            light, facing, pixel, at, point, camera, mesh, lights, spots, cones, receivers, reached
         )
     place_ray(
         rays, point, wanted, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), keeps, cells

@@ -18,11 +18,11 @@ from ....harness.frame.geometry import Camera, Mesh
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_among
-from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
+from ..aim import CONE, EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
 from ..cube import on_face
 from .bins import count_exactly, count_quickly, set_row_edges
 from .points import Words, placed, placed_exactly, point_of
-from .receivers import CONE, REGISTERS, mark_receiver
+from .receivers import REGISTERS, mark_receiver
 from .slots import RayCells
 from .spacing import BINS
 
@@ -125,6 +125,7 @@ def place_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    cones: wp.array(dtype=wp.vec4f),
     posts: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
     rays: Words,
@@ -144,7 +145,9 @@ def place_kernel(
     pixel = at[1] * camera.width + at[0]
     set_entry(visibility, light, pixel, wp.uint8(0))
     point = point_of(rays, pixel, at, camera, mesh)
-    if not mark_receiver(light, False, pixel, at, point, camera, mesh, lights, spots, receivers, reached):
+    if not mark_receiver(
+        light, False, pixel, at, point, camera, mesh, lights, spots, cones, receivers, reached
+    ):
         return
     post = entry(posts, light)
     axis = entry(axes, light)
