@@ -166,6 +166,27 @@ def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):
 
 
 @pytest.mark.parametrize("label", LAMPS)
+def test_a_frame_in_part_replays_to_the_answers_of_a_whole_one(label, device):
+    """As it is timed: on a GPU its passes are a graph of their own."""
+    prepared = scene((POINT, SPOT))
+    lights = (POINT.moved((1.0, 5.0, 2.0)), SPOT)
+    session, whole = (session_of(label, prepared, device) for _ in range(2))
+    session.answers(prepared.moment(0, *SIZE))
+    moved = prepared.moment(0, *SIZE, lights=lights)
+    away = prepared.moment(0, *SIZE, camera=Camera(EYE.eye, (0.1, 0.5, 0.0)), lights=lights)
+    for changed, moment in (({"light/0"}, moved), ({"camera"}, away)):
+        session.load(moment)
+        session.select(changed)
+        session.run_complete()
+        session.poison()
+        session.replay()
+        wanted = whole.answers(moment)
+        for name, values in session.frame.answers.to_host().items():
+            np.testing.assert_array_equal(values, wanted[name], err_msg=f"{changed}: {name}")
+        session.passes = session.all_passes
+
+
+@pytest.mark.parametrize("label", LAMPS)
 def test_a_moving_light_rebuilds_its_own_grid_and_nothing_else(label):
     session = session_of(label, scene())
     run = stale(session.all_passes, {"light/1"})
