@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.brute_force import soup
 from helpers.mirror_scenes import answered, hall_of_mirrors
-from helpers.ray_trials import PLAIN, SIDE, answers_of, session_of
+from helpers.ray_trials import PLAIN, SIDE, answers_of, assert_same, session_of
 from numpy.typing import NDArray
 from shadowbench.methods.bvh2 import mirrored, walk_ray
 
@@ -62,8 +62,7 @@ MESHES = {
 def test_hard_rays_are_decided_as_by_all_triangles_in_float64(name, device):
     walked, wanted, _ = answers_of(session_of(*MESHES[name], {}, device), 1)
     assert (wanted["triangle"] >= 0).sum() > RAYS / 20
-    for key, values in wanted.items():
-        np.testing.assert_array_equal(walked[key], values, key)
+    assert_same(walked, wanted, device)
 
 
 @pytest.mark.parametrize(
@@ -71,8 +70,7 @@ def test_hard_rays_are_decided_as_by_all_triangles_in_float64(name, device):
 )
 def test_settings_change_no_answer(settings, device):
     walked, wanted, _ = answers_of(session_of(*MESHES["soup"], settings, device), 2)
-    for key, values in wanted.items():
-        np.testing.assert_array_equal(walked[key], values, key)
+    assert_same(walked, wanted, device)
 
 
 @pytest.mark.parametrize(
