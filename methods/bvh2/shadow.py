@@ -8,8 +8,9 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
+from ...harness.frame.receivers import receives
 from ...harness.frame.specialise import effects
-from ..common.entries import entry
+from ..common.entries import entry, set_entry
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.segment import occludes
 from ..common.triangle import largest
@@ -54,10 +55,11 @@ def hidden(
 
 
 @functools.cache
-def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
+def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: bool) -> Any:
     """One thread per pixel, 8 x 4 per warp: the shadow bit.
 
-    ``starts``: the hit points, rounded; nothing at a miss.
+    ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, the kernel marks
+    them, too; else they are marked already.
     """
     walk = make_shadow_walk(precision, node_bytes)
     exact = precision == "exact"
@@ -68,7 +70,9 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         camera: Camera,
         part: Part,
         light: wp.int32,
+        faces: wp.bool,
         lights: wp.array(dtype=wp.vec3f),
+        spots: wp.array2d(dtype=wp.float64),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         sides: wp.array(dtype=wp.vec4f),
@@ -90,7 +94,13 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         hit = entry(hits.triangle, pixel)
         wanted = hit >= 0
         if wp.static(effects.receivers):
-            wanted = wanted and receivers[light, pixel] != wp.uint8(0)
+            if wp.static(marks):
+                if wanted:
+                    corners = triangle_corners(mesh, hit)
+                    wanted = receives(light, faces, ray_of(camera, pixel), corners, lights, spots)
+                set_entry(receivers, light, pixel, wp.uint8(wanted))
+            else:
+                wanted = wanted and receivers[light, pixel] != wp.uint8(0)
         found = nothing
         if wanted:
             found = walk(

@@ -30,6 +30,12 @@ def threads_built(rays: ShadowRays | None) -> dict[str, int]:
     return {"threads": rays.shares} if rays is not None and rays.threaded else {}
 
 
+def marks_receivers(cuda: bool, effects: Effects) -> bool:
+    """Whether the shadow rays of primary hits mark the receivers. On a GPU a pass for them and a condition take longer than
+    threads without a ray."""
+    return cuda and not walked(effects)
+
+
 class ShadowRays:
     """Arrays and passes for shadow rays and mirrored rays through a tree.
 
@@ -39,6 +45,8 @@ class ShadowRays:
     starts  for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
     joined  uint8 [triangles / 2]; of each light light_records vec4f [3 * triangles], sides vec4f [triangles], facing uint8
             [triangles]: :mod:`.records`
+
+    marks   :func:`marks_receivers`
 
     ``primary_starts``: those of the primary hits, if another method finds them.
     """
@@ -61,6 +69,7 @@ class ShadowRays:
         device = wp.get_device(frame.device)
         self.shares = trace.shares if device.is_cuda else cpu_threads(trace.threads, frame.device)
         self.threaded = not device.is_cuda
+        self.marks = marks_receivers(device.is_cuda, effects)
         blocks = -(-thread_count(frame.width, frame.height, True) // BLOCK)
         self.threads = BLOCK * -(-blocks // self.shares)
         self.primary_starts = primary_starts
@@ -105,15 +114,19 @@ class ShadowRays:
             pairs["mirror"] = int(found[self.mirror_slot :].sum())
         return pairs
 
-    def light_passes(self, received: bool) -> list[Pass]:
-        """Records of the triangles for each light that every hit receives, or (not ``received``) for each other light.
+    def light_passes(self, late: bool) -> list[Pass]:
+        """Records of the triangles for each light. They need no tree.
 
-        The former need no tree. The latter come after the hits: where none receives the light, they
-        are left out.
+        ``late``: those for the lights whose receivers another pass marks. They come after the hits: where none receives the
+        light, they are left out.
         """
         if walked(self.effects):
             return []
-        return [self._light_pass(i) for i in self.lights if self.effects.has_receivers(i) != received]
+        return [
+            self._light_pass(i)
+            for i in self.lights
+            if late == (self.effects.has_receivers(i) and not self.marks)
+        ]
 
     def _light_pass(self, light: int) -> Pass:
         reads = ("points", "triangles", "extent", f"light/{light}")
@@ -145,7 +158,7 @@ class ShadowRays:
                 )
             else:
                 passes += steps
-        for late in self.light_passes(received=False):
+        for late in self.light_passes(late=True):
             made = set(late.writes)
             passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)
         return passes
@@ -167,10 +180,20 @@ class ShadowRays:
         passes = []
         for i in self.lights:
             counts, planes = f"shadow counts/{i}", f"light triangles/{i}"
-            reads = (*seen, f"light/{i}", planes, counts, "reach", *self.effects.receiver_reads(i))
+            masks = self.effects.receiver_reads(i)
+            reads = (*seen, f"light/{i}", planes, counts, "reach", *(() if self.marks else masks))
             bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
-            passes.append(Pass(name, "shadow", reads, (bits, doubts, counts), launch, effect))
+            passes.append(
+                Pass(
+                    name,
+                    "shadow",
+                    reads,
+                    (bits, doubts, counts, *(masks if self.marks else ())),
+                    launch,
+                    effect,
+                )
+            )
         return passes
 
     def of(self, share: int) -> str:
@@ -212,15 +235,17 @@ class ShadowRays:
 
     def _shadow(self, light: int, bounce: int, share: int) -> None:
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
-        kernel = shadow.make_shadow_kernel(self.trace.precision, self.build.node_bytes, self.trace.registers)
+        build, trace = self.build, self.trace
+        kernel = shadow.make_shadow_kernel(trace.precision, build.node_bytes, trace.registers, self.marks)
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
-                f.camera, self.parts[share], light, f.lights, self.tree, self.light_records[light], self.sides[light],
-                self.facing[light], f.reach, self.extent, f.mesh, f.hits(bounce), self.starts[bounce], f.masks(bounce),
+                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, self.tree,
+                self.light_records[light], self.sides[light], self.facing[light], f.reach, self.extent, f.mesh,
+                f.hits(bounce), self.starts[bounce],
             ],
-            outputs=[counts, self.doubts[share], f.bits(bounce)],
+            outputs=[f.masks(bounce), counts, self.doubts[share], f.bits(bounce)],
             device=f.device,
             block_dim=BLOCK,
         )  # fmt: skip

@@ -46,7 +46,7 @@ class Rays(ShadowRays):
         reads = ("points", "triangles", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
         clear = Pass("clear counts", "trace", (), ("primary counts",), self.counts[0].zero_)
-        return [eye, *self.mirror_passes(), *self.light_passes(received=True), clear, *self.clear_passes()]
+        return [eye, *self.mirror_passes(), *self.light_passes(late=False), clear, *self.clear_passes()]
 
     def passes(self) -> list[Pass]:
         """Primary rays and shadow rays, in shares that run concurrently; then mirrored rays."""

@@ -80,7 +80,7 @@ class Hybrid(BaseMethod):
             starts,
         )
         self._rays = rays
-        after = [*rays.mirror_passes(), *rays.light_passes(received=True)]
+        after = [*rays.mirror_passes(), *rays.light_passes(late=False)]
         if shadows and not effects.alpha:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
@@ -94,7 +94,7 @@ class Hybrid(BaseMethod):
         """The shadow rays of the primary hits, after both branches."""
         scene = ("bvh", "points", "triangles", "camera", "hits", *effects.surface_reads())
         if not shadows:
-            return rays.light_passes(received=False)
+            return rays.light_passes(late=True)
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
         return rays.in_shares(lambda share: rays.share_passes(share, scene))

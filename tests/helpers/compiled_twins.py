@@ -198,7 +198,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         careful.make_closest_kernel: careful.make_closest_kernel(48),
         careful.make_shadow_kernel: careful.make_shadow_kernel(48),
         mirrored.make_shadow_kernel: mirrored.make_shadow_kernel("exact", 48, 48),
-        tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel("exact", 48, 40),
+        tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel("exact", 48, 40, True),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
 

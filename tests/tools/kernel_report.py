@@ -80,9 +80,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: triangles": "shadowbench.methods.bvh2.records",
         "bvh2: primary": primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS).module,
         "bvh2: primary, float32": primary.make_float32_kernel(False, 48, 48).module,
-        "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 48).module,
-        "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 48).module,
-        "hybrid: shadow": shadow.make_shadow_kernel("exact", 48, 48).module,
+        "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 48, False).module,
+        "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 48, False).module,
+        "hybrid: shadow": shadow.make_shadow_kernel("exact", 48, 48, False).module,
         "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
         "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
     }

@@ -50,7 +50,7 @@ TRACED = {
     "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), EXACT_BYTES),
     "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES + DOUBT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
-    "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES + DOUBT_BYTES),
+    "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS, False), EXACT_BYTES + DOUBT_BYTES),
 }
 
 
