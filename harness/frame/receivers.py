@@ -8,6 +8,7 @@ bits and records on the device whether the light has any receiver. If not, the l
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -93,6 +94,29 @@ def receives(
 
 
 @wp.func
+def hit_receives(
+    light: wp.int32,
+    facing: wp.bool,
+    ray: Ray,
+    hit: wp.int32,
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    faces: wp.array2d(dtype=wp.uint8),
+) -> wp.bool:
+    """:func:`receives` of the hit of a ray on triangle ``hit``. ``faces``: of a primary ray, which triangles may face the light,
+    if that is known (:class:`.frame.Frame`); else empty."""
+    wanted = wp.bool(True)
+    if faces.shape[0] > 0:
+        wanted = faces[light, hit] != wp.uint8(0)
+    elif facing:
+        wanted = faces_light(light, ray.origin, corners_of(mesh, hit), lights)
+    if wanted and spots[light, 0] != wp.float64(0.0):
+        wanted = receives(light, False, ray, corners_of(mesh, hit), lights, spots)
+    return wanted
+
+
+@wp.func
 def note_receiver(reached: wp.array(dtype=wp.int32)):
     """Set ``reached`` (int32 [1], or empty) to 1. All threads write the same value, and hardly any has to: on a CPU they
     would take the word from one another."""
@@ -110,6 +134,7 @@ def receivers_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    faces: wp.array2d(dtype=wp.uint8),
     hits: Hits,
     rays: Rays,
     receivers: wp.array2d(dtype=wp.uint8),
@@ -126,16 +151,52 @@ def receivers_kernel(
     ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
         ray = mirrored_ray(rays, pixel)
-    wanted = receives(light, facing, ray, corners_of(mesh, hit), lights, spots)
+    wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, faces)
     receivers[light, pixel] = wp.uint8(wanted)
     if wanted:
         note_receiver(reached)
+
+
+@wp.kernel(enable_backward=False)
+def facing_kernel(
+    light: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    faces: wp.array2d(dtype=wp.uint8),
+):
+    """Which triangles may face a light (:func:`faces_light`)."""
+    i = wp.tid()
+    if mesh.valid[i] != wp.uint8(0):
+        faces[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
+
+
+def facing_reads(frame: Frame, light: int) -> tuple[str, ...]:
+    """What :func:`hit_receives` reads besides the scene."""
+    return (f"facing triangles/{light}",) if frame.faces.size else ()
+
+
+def facing_passes(frame: Frame, light: int) -> list[Pass]:
+    """The pass that finds which triangles may face a light, or none where that is decided for each hit."""
+    if not frame.faces.size:
+        return []
+    launch = functools.partial(
+        wp.launch,
+        facing_kernel,
+        dim=frame.triangle_count,
+        inputs=[light, frame.camera, frame.mesh, frame.lights],
+        outputs=[frame.faces],
+        device=frame.device,
+    )
+    name, reads = f"light {light}: facing triangles", ("points", "triangles", "camera", f"light/{light}")
+    return [Pass(name, "shadow", reads, facing_reads(frame, light), launch, effect="receivers", ahead=True)]
 
 
 def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = ()) -> list[Pass]:
     """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
     them."""
     marked = {name for work in planned for name in work.writes}
+    none = wp.empty((0, 0), dtype=wp.uint8, device=frame.device)
 
     def launch(light: int, bounce: int) -> None:
         reached = reached_by(frame, light, bounce)
@@ -144,31 +205,39 @@ def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = ()
             specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
             dim=frame.pixels,
             inputs=[
-                light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, frame.hits(bounce),
-                frame.rays(bounce),
+                light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots,
+                none if bounce else frame.faces, frame.hits(bounce), frame.rays(bounce),
             ],
             outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
             device=frame.device,
         )  # fmt: skip
 
-    return [
-        Pass(
-            f"light {i}: receivers" if b == 0 else f"bounce {b}, light {i}: receivers",
-            "shadow",
-            (
-                *(("hits", "camera") if b == 0 else (f"hits/{b}", f"rays/{b}")),
-                "points",
-                "triangles",
-                f"light/{i}",
-            ),
-            (*effects.receiver_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
-            lambda i=i, b=b: launch(i, b),  # type: ignore[misc]
-            effect="receivers" if b == 0 else "mirror",
-            reached=reached_by(frame, i, b),
-        )
+    marking = [
+        (i, b)
         for b in range(effects.bounces + 1)
         for i in range(len(effects.shadows))
         if effects.has_receivers(i) and marked.isdisjoint(effects.receiver_reads(i, b))
+    ]
+    known = [work for i, b in marking if b == 0 for work in facing_passes(frame, i)]
+    return [
+        *known,
+        *(
+            Pass(
+                f"light {i}: receivers" if b == 0 else f"bounce {b}, light {i}: receivers",
+                "shadow",
+                (
+                    *(("hits", "camera", *facing_reads(frame, i)) if b == 0 else (f"hits/{b}", f"rays/{b}")),
+                    "points",
+                    "triangles",
+                    f"light/{i}",
+                ),
+                (*effects.receiver_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
+                functools.partial(launch, i, b),
+                effect="receivers" if b == 0 else "mirror",
+                reached=reached_by(frame, i, b),
+            )
+            for i, b in marking
+        ),
     ]
 
 

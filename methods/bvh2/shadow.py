@@ -8,7 +8,7 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
-from ...harness.frame.receivers import receives
+from ...harness.frame.receivers import hit_receives
 from ...harness.frame.specialise import effects
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import hit_point, plane_distance
@@ -59,7 +59,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
     """One thread per pixel, 8 x 4 per warp: the shadow bit.
 
     ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, the kernel marks
-    them, too; else they are marked already.
+    them, too; else they are marked already. ``front``: only those that face it do.
     """
     walk = make_shadow_walk(precision, node_bytes)
     exact = precision == "exact"
@@ -70,9 +70,10 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         camera: Camera,
         part: Part,
         light: wp.int32,
-        faces: wp.bool,
+        front: wp.bool,
         lights: wp.array(dtype=wp.vec3f),
         spots: wp.array2d(dtype=wp.float64),
+        faces: wp.array2d(dtype=wp.uint8),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         sides: wp.array(dtype=wp.vec4f),
@@ -96,8 +97,8 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         if wp.static(effects.receivers):
             if wp.static(marks):
                 if wanted:
-                    corners = triangle_corners(mesh, hit)
-                    wanted = receives(light, faces, ray_of(camera, pixel), corners, lights, spots)
+                    ray = ray_of(camera, pixel)
+                    wanted = hit_receives(light, front, ray, hit, mesh, lights, spots, faces)
                 set_entry(receivers, light, pixel, wp.uint8(wanted))
             else:
                 wanted = wanted and receivers[light, pixel] != wp.uint8(0)

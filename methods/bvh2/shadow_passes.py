@@ -13,6 +13,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
+from ...harness.frame.receivers import facing_passes, facing_reads
 from ...harness.frame.specialise import specialised
 from ...harness.frame.threads import Launch, beside, cpu_threads
 from ...harness.scene.effects import Effects
@@ -115,18 +116,18 @@ class ShadowRays:
         return pairs
 
     def light_passes(self, late: bool) -> list[Pass]:
-        """Records of the triangles for each light. They need no tree.
+        """Records of the triangles for each light, and which of them face it. They need no tree.
 
         ``late``: those for the lights whose receivers another pass marks. They come after the hits: where none receives the
         light, they are left out.
         """
         if walked(self.effects):
             return []
-        return [
-            self._light_pass(i)
-            for i in self.lights
-            if late == (self.effects.has_receivers(i) and not self.marks)
-        ]
+        late_lights = [i for i in self.lights if self.effects.has_receivers(i) and not self.marks]
+        if late:
+            return [self._light_pass(i) for i in late_lights]
+        facing = [work for i in self.lights if self.marks for work in facing_passes(self.frame, i)]
+        return facing + [self._light_pass(i) for i in self.lights if i not in late_lights]
 
     def _light_pass(self, light: int) -> Pass:
         reads = ("points", "triangles", "extent", f"light/{light}")
@@ -181,7 +182,8 @@ class ShadowRays:
         for i in self.lights:
             counts, planes = f"shadow counts/{i}", f"light triangles/{i}"
             masks = self.effects.receiver_reads(i)
-            reads = (*seen, f"light/{i}", planes, counts, "reach", *(() if self.marks else masks))
+            reads = (*seen, f"light/{i}", planes, counts, "reach")
+            reads += facing_reads(self.frame, i) if self.marks else masks
             bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
             passes.append(
@@ -241,7 +243,7 @@ class ShadowRays:
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
-                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, self.tree,
+                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, f.faces, self.tree,
                 self.light_records[light], self.sides[light], self.facing[light], f.reach, self.extent, f.mesh,
                 f.hits(bounce), self.starts[bounce],
             ],

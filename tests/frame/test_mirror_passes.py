@@ -84,7 +84,7 @@ def test_a_moved_light_runs_only_its_own_shadow_rays_and_a_moved_camera_all_boun
     session.select({"light/0"})
     names = [work.name for work in session.passes]
     assert names == [name for work in session.all_passes for name in [work.name] if "light 0" in name]
-    assert len(names) == 6, "receivers and shadow rays of the eye's hits and of two bounces"
+    assert len(names) == 7, "facing triangles; receivers and shadow rays of the eye's hits and of two bounces"
     session.passes = session.all_passes
     assert session.advance(moment) == {"light/0"}
     fresh = Session(make_method("uniform_grid"), prepared, SIZE, SIZE, "cpu").answers(moment)

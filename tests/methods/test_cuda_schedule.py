@@ -138,6 +138,11 @@ def test_a_condition_is_captured_when_all_has_joined(name, settings, lights, mon
     monkeypatch.setattr(wp, "capture_if", capture.condition)
     capture_passes(passes, "cpu")
     assert not capture.open
-    marks = name in ("ray_grids", "visibility_buffer", "bvh2", "hybrid")  # no pass says whether there is a receiver
+    marks = name in (
+        "ray_grids",
+        "visibility_buffer",
+        "bvh2",
+        "hybrid",
+    )  # no pass says whether there is a receiver
     assert bool(capture.conditions) != marks
     assert sorted(capture.launched) == sorted(work.name for work in passes)
