@@ -104,8 +104,8 @@ def hit_receives(
     spots: wp.array2d(dtype=wp.float64),
     faces: wp.array2d(dtype=wp.uint8),
 ) -> wp.bool:
-    """:func:`receives` of the hit of a ray on triangle ``hit``. ``faces``: of a primary ray, which triangles may face the light,
-    if that is known (:class:`.frame.Frame`); else empty."""
+    """:func:`receives` of the hit of a ray on triangle ``hit``. ``faces``: of a primary ray, which triangles may face the
+    light, if that is known (:class:`.frame.Frame`); else empty."""
     wanted = wp.bool(True)
     if faces.shape[0] > 0:
         wanted = faces[light, hit] != wp.uint8(0)
