@@ -20,6 +20,7 @@ from .frame import Frame
 from .geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
 from .passes import Pass
 from .specialise import effects, specialised
+from .threads import Launch, beside, cpu_threads, ranges
 from .vectors import largest, to_float64
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
@@ -128,6 +129,7 @@ def note_receiver(reached: wp.array(dtype=wp.int32)):
 
 @wp.kernel(enable_backward=False)
 def receivers_kernel(
+    first: wp.int32,
     light: wp.int32,
     facing: wp.bool,
     camera: Camera,
@@ -141,8 +143,9 @@ def receivers_kernel(
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits."""
-    pixel = wp.tid()
+    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits.
+    ``first``: of the pixels, the first one here (as of the triangles below)."""
+    pixel = first + wp.tid()
     visibility[light, pixel] = wp.uint8(0)
     hit = hits.triangle[pixel]
     if hit < 0:
@@ -159,6 +162,7 @@ def receivers_kernel(
 
 @wp.kernel(enable_backward=False)
 def facing_kernel(
+    first: wp.int32,
     light: wp.int32,
     camera: Camera,
     mesh: Mesh,
@@ -166,7 +170,7 @@ def facing_kernel(
     faces: wp.array2d(dtype=wp.uint8),
 ):
     """Which triangles may face a light (:func:`faces_light`)."""
-    i = wp.tid()
+    i = first + wp.tid()
     if mesh.valid[i] != wp.uint8(0):
         faces[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
 
@@ -176,49 +180,67 @@ def facing_reads(frame: Frame, light: int) -> tuple[str, ...]:
     return (f"facing triangles/{light}",) if frame.faces.size else ()
 
 
-def facing_passes(frame: Frame, light: int) -> list[Pass]:
-    """The pass that finds which triangles may face a light, or none where that is decided for each hit."""
+def facing_passes(frame: Frame, light: int, threads: int) -> list[Pass]:
+    """The pass that finds which triangles may face a light, or none where that is decided for each hit. ``threads``: of a
+    CPU (:func:`.threads.cpu_threads`)."""
     if not frame.faces.size:
         return []
-    launch = functools.partial(
-        wp.launch,
-        facing_kernel,
-        dim=frame.triangle_count,
-        inputs=[light, frame.camera, frame.mesh, frame.lights],
-        outputs=[frame.faces],
-        device=frame.device,
-    )
+
+    def launch(first: int, number: int) -> None:
+        wp.launch(
+            facing_kernel,
+            dim=number,
+            inputs=[first, light, frame.camera, frame.mesh, frame.lights],
+            outputs=[frame.faces],
+            device=frame.device,
+        )
+
+    parts = ranges(frame.triangle_count, cpu_threads(threads, frame.device))
+    together = beside([functools.partial(launch, *part) for part in parts])
     name, reads = f"light {light}: facing triangles", ("points", "triangles", "camera", f"light/{light}")
-    return [Pass(name, "shadow", reads, facing_reads(frame, light), launch, effect="receivers", ahead=True)]
+    return [Pass(name, "shadow", reads, facing_reads(frame, light), together, effect="receivers", ahead=True)]
 
 
-def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = ()) -> list[Pass]:
-    """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
-    them."""
-    marked = {name for work in planned for name in work.writes}
-    none = wp.empty((0, 0), dtype=wp.uint8, device=frame.device)
+def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, threads: int) -> Launch:
+    """Launch :func:`receivers_kernel` on all pixels, on a CPU in ``threads``."""
+    faces = wp.empty((0, 0), dtype=wp.uint8, device=frame.device) if bounce else frame.faces
+    reached = reached_by(frame, light, bounce)
 
-    def launch(light: int, bounce: int) -> None:
-        reached = reached_by(frame, light, bounce)
-        reached.zero_()
+    def launch(first: int, number: int) -> None:
         wp.launch(
             specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
-            dim=frame.pixels,
+            dim=number,
             inputs=[
-                light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots,
-                none if bounce else frame.faces, frame.hits(bounce), frame.rays(bounce),
+                first, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, faces,
+                frame.hits(bounce), frame.rays(bounce),
             ],
             outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
             device=frame.device,
         )  # fmt: skip
 
+    parts = ranges(frame.pixels, cpu_threads(threads, frame.device))
+    together = beside([functools.partial(launch, *part) for part in parts])
+
+    def mark() -> None:
+        reached.zero_()
+        together()
+
+    return mark
+
+
+def receiver_passes(
+    frame: Frame, effects: Effects, planned: Sequence[Pass] = (), threads: int = 1
+) -> list[Pass]:
+    """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
+    them. ``threads``: of a CPU, 0 for one on each processor."""
+    marked = {name for work in planned for name in work.writes}
     marking = [
         (i, b)
         for b in range(effects.bounces + 1)
         for i in range(len(effects.shadows))
         if effects.has_receivers(i) and marked.isdisjoint(effects.receiver_reads(i, b))
     ]
-    known = [work for i, b in marking if b == 0 for work in facing_passes(frame, i)]
+    known = [work for i, b in marking if b == 0 for work in facing_passes(frame, i, threads)]
     return [
         *known,
         *(
@@ -232,7 +254,7 @@ def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = ()
                     f"light/{i}",
                 ),
                 (*effects.receiver_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
-                functools.partial(launch, i, b),
+                marking_launch(frame, effects, i, b, threads),
                 effect="receivers" if b == 0 else "mirror",
                 reached=reached_by(frame, i, b),
             )

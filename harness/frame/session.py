@@ -21,6 +21,7 @@ from .passes import Pass, PassRunner
 from .receivers import receiver_passes, skippable
 from .schedule import arranged, inputs_of, live, stale, wanted_of
 from .shading import shading_passes
+from .threads import threads_of
 
 GROWTH_LIMIT = 8
 """Largest number of repetitions of a frame; if a buffer still overflows then, the method is in error."""
@@ -68,9 +69,10 @@ class Session(PassRunner):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
         self.capturable = self.method.capturable
+        threads = threads_of(getattr(self.method, "build", None), getattr(self.method, "trace", None))
         added = [
             *mirror_passes(self.frame, self.effects),
-            *receiver_passes(self.frame, self.effects, planned),
+            *receiver_passes(self.frame, self.effects, planned, threads),
             *shading_passes(self.frame, self.effects),
         ]
         self.planned = skippable(arranged(planned, added), self.effects)

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import warp as wp
 
@@ -31,6 +33,17 @@ def cpu_threads(wanted: int, device: str) -> int:
     if wp.get_device(device).is_cuda:
         return 1
     return min(MOST_THREADS, wanted or processors())
+
+
+def ranges(count: int, parts: int) -> list[tuple[int, int]]:
+    """``count`` elements in at most so many ranges of about the same length: the first of each, and how many it has."""
+    cuts = sorted({count * k // parts for k in range(parts + 1)})
+    return [(first, end - first) for first, end in itertools.pairwise(cuts)]
+
+
+def threads_of(*parameters: Any) -> int:
+    """The ``threads`` of a method's parameters (0: one for each processor); 1 where it has no such parameter."""
+    return next((given.threads for given in parameters if hasattr(given, "threads")), 1)
 
 
 def check_threads(threads: int) -> None:

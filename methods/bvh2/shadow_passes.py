@@ -126,7 +126,12 @@ class ShadowRays:
         late_lights = [i for i in self.lights if self.effects.has_receivers(i) and not self.marks]
         if late:
             return [self._light_pass(i) for i in late_lights]
-        facing = [work for i in self.lights if self.marks for work in facing_passes(self.frame, i)]
+        facing = [
+            work
+            for i in self.lights
+            if self.marks
+            for work in facing_passes(self.frame, i, self.trace.threads)
+        ]
         return facing + [self._light_pass(i) for i in self.lights if i not in late_lights]
 
     def _light_pass(self, light: int) -> Pass:

@@ -124,7 +124,7 @@ def assert_no_bytes(label: str, monkeypatch: pytest.MonkeyPatch) -> None:
     NeverHeard.nothing = {1: wp.zeros(0, dtype=wp.int32), 2: wp.zeros((0, 0), dtype=wp.uint8)}
     with monkeypatch.context() as patch:
         patch.setattr(session_module, "Frame", NeverHeard)
-        patch.setattr(session_module, "receiver_passes", lambda frame, effects, planned: [])
+        patch.setattr(session_module, "receiver_passes", lambda *given: [])
         patch.setattr(session_module, "skippable", lambda passes, effects: passes)
         assert planned_bytes(label, scene()) == plain
 

@@ -6,6 +6,7 @@ import functools
 import gc
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from helpers.brute_force import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.threads import beside, cpu_threads, processors
+from shadowbench.harness.frame.threads import beside, cpu_threads, processors, ranges, threads_of
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.common.bands import ThreadRanges
 from shadowbench.methods.common.entries import raise_entry
@@ -36,10 +38,11 @@ def scene():
     return make_scene(vertices, faces, [spot, Light((3.0, 3.0, 3.0))])
 
 
+@pytest.mark.parametrize("facing", [False, True])
 @pytest.mark.parametrize("name", METHODS)
-def test_the_answers_have_the_same_bits_with_every_number_of_threads(name):
+def test_the_answers_have_the_same_bits_with_every_number_of_threads(name, facing):
     name, _, setting = name.partition(".")
-    prepared = scene()
+    prepared = prepare(replace(scene().scene, facing=facing))
     moment = prepared.moment(0, WIDTH, HEIGHT)
     expected = None
     for threads in (1, 2, 3):
@@ -134,6 +137,12 @@ def test_a_new_plan_frees_the_arrays_of_the_last_one_at_once(name):
 def test_the_number_of_threads():
     assert cpu_threads(3, "cpu") == 3
     assert cpu_threads(0, "cpu") == min(16, processors())
+    assert ranges(10, 3) == [(0, 3), (3, 3), (6, 4)]
+    assert ranges(2, 3) == [(0, 1), (1, 1)]
+    assert ranges(0, 3) == []
+    traced = make_method("uniform_grid", {"threads": "2"})
+    assert threads_of(traced.build, traced.trace) == 2
+    assert threads_of(None) == 1
     with pytest.raises(UserError, match="threads must be 0"):
         make_method("ray_grids", {"threads": "-1"})
 
