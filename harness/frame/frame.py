@@ -81,8 +81,8 @@ class Frame:
     posts     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light has receivers
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
-    faces     uint8 [light_count, triangle_count]: 1 = may face the light (:func:`.receivers.facing_passes`); empty where
-              that is decided for each hit
+    fronts    uint8 [light_count, triangle_count]: 1 = may face the light; empty unless a pass finds it
+              (:func:`.receivers.facing_passes`)
     alpha     the scene's mask (:class:`.frame.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
     color     vec3f [pixels]: linear colour (:mod:`.frame.shading`); tint vec3f [triangle_count], lamps float64
@@ -125,10 +125,7 @@ class Frame:
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
             self.receivers = wp.zeros((light_count, self.pixels) if limited else (0, 0), dtype=wp.uint8)
             self.reached = wp.zeros(light_count * (bounces + 1) if limited else 0, dtype=wp.int32)
-            by_triangle = effects is not None and effects.facing_by_triangle(self.triangle_count, self.pixels)
-            self.faces = wp.zeros(
-                (light_count, self.triangle_count) if by_triangle else (0, 0), dtype=wp.uint8
-            )
+            self.fronts = wp.empty((0, 0), dtype=wp.uint8)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),

@@ -103,13 +103,13 @@ def hit_receives(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    faces: wp.array2d(dtype=wp.uint8),
+    fronts: wp.array2d(dtype=wp.uint8),
 ) -> wp.bool:
-    """:func:`receives` of the hit of a ray on triangle ``hit``. ``faces``: of a primary ray, which triangles may face the
+    """:func:`receives` of the hit of a ray on triangle ``hit``. ``fronts``: of a primary ray, which triangles may face the
     light, if that is known (:class:`.frame.Frame`); else empty."""
     wanted = wp.bool(True)
-    if faces.shape[0] > 0:
-        wanted = faces[light, hit] != wp.uint8(0)
+    if fronts.shape[0] > 0:
+        wanted = fronts[light, hit] != wp.uint8(0)
     elif facing:
         wanted = faces_light(light, ray.origin, corners_of(mesh, hit), lights)
     if wanted and spots[light, 0] != wp.float64(0.0):
@@ -136,7 +136,7 @@ def receivers_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    faces: wp.array2d(dtype=wp.uint8),
+    fronts: wp.array2d(dtype=wp.uint8),
     hits: Hits,
     rays: Rays,
     receivers: wp.array2d(dtype=wp.uint8),
@@ -154,7 +154,7 @@ def receivers_kernel(
     ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
         ray = mirrored_ray(rays, pixel)
-    wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, faces)
+    wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, fronts)
     receivers[light, pixel] = wp.uint8(wanted)
     if wanted:
         note_receiver(reached)
@@ -167,43 +167,48 @@ def facing_kernel(
     camera: Camera,
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
-    faces: wp.array2d(dtype=wp.uint8),
+    fronts: wp.array2d(dtype=wp.uint8),
 ):
     """Which triangles may face a light (:func:`faces_light`)."""
     i = first + wp.tid()
     if mesh.valid[i] != wp.uint8(0):
-        faces[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
+        fronts[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
 
 
-def facing_reads(frame: Frame, light: int) -> tuple[str, ...]:
-    """What :func:`hit_receives` reads besides the scene."""
-    return (f"facing triangles/{light}",) if frame.faces.size else ()
+def facing_reads(frame: Frame, effects: Effects, light: int) -> tuple[str, ...]:
+    """What :func:`hit_receives` reads of a primary hit besides the scene."""
+    known = effects.facing_by_triangle(frame.triangle_count, frame.pixels)
+    return (f"facing triangles/{light}",) if known else ()
 
 
-def facing_passes(frame: Frame, light: int, threads: int) -> list[Pass]:
+def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> list[Pass]:
     """The pass that finds which triangles may face a light, or none where that is decided for each hit. ``threads``: of a
     CPU (:func:`.threads.cpu_threads`)."""
-    if not frame.faces.size:
+    made = facing_reads(frame, effects, light)
+    if not made:
         return []
+    if not frame.fronts.size:
+        shape = (frame.light_count, frame.triangle_count)
+        frame.fronts = wp.zeros(shape, dtype=wp.uint8, device=frame.device)
 
     def launch(first: int, number: int) -> None:
         wp.launch(
             facing_kernel,
             dim=number,
             inputs=[first, light, frame.camera, frame.mesh, frame.lights],
-            outputs=[frame.faces],
+            outputs=[frame.fronts],
             device=frame.device,
         )
 
     parts = ranges(frame.triangle_count, cpu_threads(threads, frame.device))
     together = beside([functools.partial(launch, *part) for part in parts])
     name, reads = f"light {light}: facing triangles", ("points", "triangles", "camera", f"light/{light}")
-    return [Pass(name, "shadow", reads, facing_reads(frame, light), together, effect="receivers", ahead=True)]
+    return [Pass(name, "shadow", reads, made, together, effect="receivers", ahead=True)]
 
 
 def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, threads: int) -> Launch:
     """Launch :func:`receivers_kernel` on all pixels, on a CPU in ``threads``."""
-    faces = wp.empty((0, 0), dtype=wp.uint8, device=frame.device) if bounce else frame.faces
+    fronts = wp.empty((0, 0), dtype=wp.uint8, device=frame.device) if bounce else frame.fronts
     reached = reached_by(frame, light, bounce)
 
     def launch(first: int, number: int) -> None:
@@ -211,7 +216,7 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
             specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
             dim=number,
             inputs=[
-                first, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, faces,
+                first, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, fronts,
                 frame.hits(bounce), frame.rays(bounce),
             ],
             outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
@@ -240,7 +245,7 @@ def receiver_passes(
         for i in range(len(effects.shadows))
         if effects.has_receivers(i) and marked.isdisjoint(effects.receiver_reads(i, b))
     ]
-    known = [work for i, b in marking if b == 0 for work in facing_passes(frame, i, threads)]
+    known = [work for i, b in marking if b == 0 for work in facing_passes(frame, effects, i, threads)]
     return [
         *known,
         *(
@@ -248,7 +253,11 @@ def receiver_passes(
                 f"light {i}: receivers" if b == 0 else f"bounce {b}, light {i}: receivers",
                 "shadow",
                 (
-                    *(("hits", "camera", *facing_reads(frame, i)) if b == 0 else (f"hits/{b}", f"rays/{b}")),
+                    *(
+                        ("hits", "camera", *facing_reads(frame, effects, i))
+                        if b == 0
+                        else (f"hits/{b}", f"rays/{b}")
+                    ),
                     "points",
                     "triangles",
                     f"light/{i}",

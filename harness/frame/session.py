@@ -21,7 +21,7 @@ from .passes import Pass, PassRunner
 from .receivers import receiver_passes, skippable
 from .schedule import arranged, inputs_of, live, stale, wanted_of
 from .shading import shading_passes
-from .threads import threads_of
+from .threads import threads_given
 
 GROWTH_LIMIT = 8
 """Largest number of repetitions of a frame; if a buffer still overflows then, the method is in error."""
@@ -69,7 +69,7 @@ class Session(PassRunner):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
         self.capturable = self.method.capturable
-        threads = threads_of(getattr(self.method, "build", None), getattr(self.method, "trace", None))
+        threads = threads_given(getattr(self.method, "build", None), getattr(self.method, "trace", None))
         added = [
             *mirror_passes(self.frame, self.effects),
             *receiver_passes(self.frame, self.effects, planned, threads),

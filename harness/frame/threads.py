@@ -41,7 +41,7 @@ def ranges(count: int, parts: int) -> list[tuple[int, int]]:
     return [(first, end - first) for first, end in itertools.pairwise(cuts)]
 
 
-def threads_of(*parameters: Any) -> int:
+def threads_given(*parameters: Any) -> int:
     """The ``threads`` of a method's parameters (0: one for each processor); 1 where it has no such parameter."""
     return next((given.threads for given in parameters if hasattr(given, "threads")), 1)
 

@@ -11,7 +11,7 @@ from .scene import Scene
 class Switches:
     """The effects that a kernel can be compiled for.
 
-    receivers  only receivers have a shadow ray: the kernel reads the flags ``frame.receivers``
+    receivers  only receivers have a shadow ray: the kernel reads the flags ``frame.receivers``, or makes them
     alpha      triangles have holes: a hit counts only where the alpha mask is opaque
     bounced    rays are those of a table (``frame.rays``): mirrored ones, or of an orthographic camera
     orthographic  primary rays are computed from an orthographic camera: for kernels that have no table of them

@@ -59,7 +59,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
     """One thread per pixel, 8 x 4 per warp: the shadow bit.
 
     ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, the kernel marks
-    them, too; else they are marked already. ``front``: only those that face it do.
+    them, too; else they are marked already. ``faces``: only those that face it do.
     """
     walk = make_shadow_walk(precision, node_bytes)
     exact = precision == "exact"
@@ -70,10 +70,10 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         camera: Camera,
         part: Part,
         light: wp.int32,
-        front: wp.bool,
+        faces: wp.bool,
         lights: wp.array(dtype=wp.vec3f),
         spots: wp.array2d(dtype=wp.float64),
-        faces: wp.array2d(dtype=wp.uint8),
+        fronts: wp.array2d(dtype=wp.uint8),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         sides: wp.array(dtype=wp.vec4f),
@@ -98,7 +98,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
             if wp.static(marks):
                 if wanted:
                     ray = ray_of(camera, pixel)
-                    wanted = hit_receives(light, front, ray, hit, mesh, lights, spots, faces)
+                    wanted = hit_receives(light, faces, ray, hit, mesh, lights, spots, fronts)
                 set_entry(receivers, light, pixel, wp.uint8(wanted))
             else:
                 wanted = wanted and receivers[light, pixel] != wp.uint8(0)

@@ -116,10 +116,10 @@ class ShadowRays:
         return pairs
 
     def light_passes(self, late: bool) -> list[Pass]:
-        """Records of the triangles for each light, and which of them face it. They need no tree.
+        """Records of the triangles for each light. They need no tree.
 
         ``late``: those for the lights whose receivers another pass marks. They come after the hits: where none receives the
-        light, they are left out.
+        light, they are left out. Not ``late``: the others, and what the rays need that mark the receivers themselves.
         """
         if walked(self.effects):
             return []
@@ -130,7 +130,7 @@ class ShadowRays:
             work
             for i in self.lights
             if self.marks
-            for work in facing_passes(self.frame, i, self.trace.threads)
+            for work in facing_passes(self.frame, self.effects, i, self.trace.threads)
         ]
         return facing + [self._light_pass(i) for i in self.lights if i not in late_lights]
 
@@ -188,7 +188,7 @@ class ShadowRays:
             counts, planes = f"shadow counts/{i}", f"light triangles/{i}"
             masks = self.effects.receiver_reads(i)
             reads = (*seen, f"light/{i}", planes, counts, "reach")
-            reads += facing_reads(self.frame, i) if self.marks else masks
+            reads += facing_reads(self.frame, self.effects, i) if self.marks else masks
             bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
             passes.append(
@@ -248,7 +248,7 @@ class ShadowRays:
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
-                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, f.faces, self.tree,
+                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, f.fronts, self.tree,
                 self.light_records[light], self.sides[light], self.facing[light], f.reach, self.extent, f.mesh,
                 f.hits(bounce), self.starts[bounce],
             ],

@@ -40,7 +40,7 @@ class Rays(ShadowRays):
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
-        """Records of the triangles for the eye, and for lights that every hit receives, and counters: they need no tree."""
+        """Records of the triangles for the eye and for lights (not the late ones); counters. They need no tree."""
         if walked(self.effects):
             return []
         reads = ("points", "triangles", "camera")

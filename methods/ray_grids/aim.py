@@ -103,7 +103,7 @@ def from_ordered(bits: wp.int32) -> wp.float32:
 def cone_of(light: wp.int32, spots: wp.array2d(dtype=wp.float64)) -> wp.vec4f:
     """Axis and cosine of a light's cone, rounded; zeros if the light has none."""
     cone = wp.vec4f()
-    if spots.shape[0] > 0 and spots[light, 0] == CONE:
+    if spots[light, 0] == CONE:
         for k in range(3):
             cone[k] = wp.float32(spots[light, 1 + k])
         cone[3] = wp.float32(spots[light, 10])

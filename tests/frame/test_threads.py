@@ -15,7 +15,7 @@ from helpers.brute_force import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.threads import beside, cpu_threads, processors, ranges, threads_of
+from shadowbench.harness.frame.threads import beside, cpu_threads, processors, ranges, threads_given
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.common.bands import ThreadRanges
@@ -141,8 +141,8 @@ def test_the_number_of_threads():
     assert ranges(2, 3) == [(0, 1), (1, 1)]
     assert ranges(0, 3) == []
     traced = make_method("uniform_grid", {"threads": "2"})
-    assert threads_of(traced.build, traced.trace) == 2
-    assert threads_of(None) == 1
+    assert threads_given(traced.build, traced.trace) == 2
+    assert threads_given(None) == 1
     with pytest.raises(UserError, match="threads must be 0"):
         make_method("ray_grids", {"threads": "-1"})
 

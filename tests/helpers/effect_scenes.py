@@ -42,6 +42,11 @@ def scene(lights=(POINT, BEHIND), **changed) -> Prepared:
     return prepare(Scene("effects", "effects", lambda: made, EYE, tuple(lights), **changed))
 
 
+def all_mirrors(geometry: Geometry) -> np.ndarray:
+    """For a scene's ``mirror``: every triangle is one."""
+    return np.ones(len(geometry.faces), dtype=np.uint8)
+
+
 def session_of(label: str, prepared: Prepared, device: str = "cpu") -> Session:
     name, settings = LAMPS[label]
     method = make_method(name, settings)

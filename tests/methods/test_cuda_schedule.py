@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, scene
+from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, all_mirrors, scene
 from shadowbench.harness.frame import graphs
 from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
@@ -64,11 +64,19 @@ def test_concurrent_passes_share_nothing_that_one_writes(name, settings, monkeyp
     assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
 
 
-@pytest.mark.parametrize("lights", [(POINT, POINT), (SPOT, BEHIND, POINT)], ids=["points", "spots"])
+SCENES: dict[str, dict[str, Any]] = {
+    "points": {"lights": (POINT, POINT)},
+    "spots": {"lights": (SPOT, BEHIND, POINT)},
+    "facing": {"lights": (SPOT, POINT), "facing": True},
+    "mirrors": {"lights": (SPOT, POINT), "mirror": all_mirrors, "bounces": 1},
+}
+
+
+@pytest.mark.parametrize("given", SCENES)
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
-def test_frames_in_part_share_nothing_either(name, settings, lights, monkeypatch):
+def test_frames_in_part_share_nothing_either(name, settings, given, monkeypatch):
     """What a frame leaves out, because little has moved, parted forks that must stay apart."""
-    prepared = scene(lights)
+    prepared = scene(**SCENES[given])
     method = make_method(name, settings)
     reason = method.applies(prepared.scene, "cuda")
     if reason or not method.capturable:

@@ -111,10 +111,7 @@ class KnownRegionLight(LightStream):
 
 
 class SpotLight(KnownRegionLight):
-    """Shadow rays of a spot (:mod:`.spots`). Not with ``facing``.
-
-    strays: int32 [1 + pixels]: its rays outside the region.
-    """
+    """Shadow rays of a spot (:mod:`.spots`). Not with ``facing``."""
 
     def __init__(self, *given: Any):
         super().__init__(*given)

@@ -42,7 +42,7 @@ class LightStream:
     beside   whether triangles are streamed beside the passes that sort the rays into cells, and not after these
     strays   int32 [1 + pixels]: rays outside the region of a spot (:mod:`.spots`); else empty
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
-             rays
+             rays, and where rays bounce: passes that read no receivers would have no condition then
     """
 
     marks: ClassVar[bool] = True
@@ -83,7 +83,7 @@ class LightStream:
         self.receivers = frame.receivers
         self.marking = self.marks and effects.has_receivers(index)
         self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
-        if self.marking and not queues.cuda:
+        if self.marking and not queues.cuda and not effects.bounces:
             self.reached = reached_by(frame, index, 0)
         self.strays = wp.empty(0, dtype=wp.int32, device=frame.device)
         self.bits: Any = filled(

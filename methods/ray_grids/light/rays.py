@@ -2,7 +2,7 @@
 
 Each plane is n . p + c, with a bound on its float32 error at any hit point of the frame. A set bit stays set, so
 the order in which triangles arrive does not matter. What the planes cannot decide is left to ``occludes`` in float64
-(:mod:`.light.queue`).
+(:mod:`.light.doubts`).
 """
 
 from __future__ import annotations

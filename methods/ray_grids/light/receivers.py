@@ -24,13 +24,13 @@ from .slots import RayCells
 ROUNDED = wp.constant(wp.float32(2.0**-19))
 """Bound on the error of a cone's margin in units of the sum of the coordinates that it is computed from: t is known to 2^-23
 and float32 rounds to 2^-24, so a coordinate of the way from the light is off by less than 2^-22 of the sum, and the margin
-by less than twice 2^-20 of it."""
+by less than twice 2^-20 of it, the root's error included."""
 
 LEAST_WAY, MOST_WAY = wp.constant(wp.float32(1.0e-15)), wp.constant(wp.float32(1.0e15))
 """Ways from a light whose squares float32 holds."""
 
 REGISTERS = 48
-"""Registers per thread, for nine blocks of 128 per multiprocessor."""
+"""Registers per thread, for ten blocks of 128 per multiprocessor."""
 
 
 @wp.func

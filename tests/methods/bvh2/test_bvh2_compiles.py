@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from shadowbench.harness.frame.specialise import specialised
+from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.bvh2 import (
     build_hploc,
     build_lbvh,
@@ -32,6 +34,11 @@ FLOAT64_BYTES = 128
 DOUBT_BYTES = 256
 """What shadow rays may spill after their loop, where float64 decides what few of them left."""
 
+RECEIVER_BYTES = 64
+"""What they may spill before it, where float64 decides whether a hit receives the light."""
+
+MARKED = Switches(receivers=True)
+
 # The others are hot: test_kernel_report reads their binaries.
 KERNELS = {
     "lbvh": build_lbvh.make_lbvh_kernel(64),
@@ -51,6 +58,14 @@ TRACED = {
     "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES + DOUBT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
     "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS, False), EXACT_BYTES + DOUBT_BYTES),
+    "exact shadow, marking": (
+        specialised(shadow.make_shadow_kernel("exact", 48, REGISTERS, True), MARKED),
+        EXACT_BYTES + DOUBT_BYTES + RECEIVER_BYTES,
+    ),
+    "float32 shadow, marking": (
+        specialised(shadow.make_shadow_kernel("float32", 48, REGISTERS, True), MARKED),
+        STACK_BYTES,
+    ),
 }
 
 

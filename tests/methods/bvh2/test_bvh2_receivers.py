@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from helpers.effect_scenes import BEHIND, POINT, SPOT, scene
+from helpers.effect_scenes import BEHIND, POINT, SPOT, all_mirrors, scene
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Light, Spot
@@ -20,16 +20,14 @@ SCENES = {
     "spots": {"lights": (SPOT, BEHIND, AWAY)},
     "facing": {"lights": (POINT, BEHIND), "facing": True},
     "facing spots": {"lights": (SPOT, BEHIND), "facing": True},
-    "mirrored": {"lights": (SPOT, POINT), "mirror": lambda geometry: np.ones(len(geometry.faces), np.uint8)},
+    "mirrored": {"lights": (SPOT, POINT), "mirror": all_mirrors, "bounces": 1},
 }
 
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(("method", "settings"), METHODS, ids=str)
 def test_a_tree_marks_the_receivers_that_the_harness_marks(method, settings, name, device, monkeypatch):
-    given = dict(SCENES[name])
-    bounces = {"bounces": 1} if "mirror" in given else {}
-    prepared = scene(**given, **bounces)
+    prepared = scene(**SCENES[name])
     moment = prepared.moment(0, *SIZE)
     monkeypatch.setattr(shadow_passes, "marks_receivers", lambda cuda, effects: True)
     marked = Session(make_method(method, settings), prepared, *SIZE, device)
