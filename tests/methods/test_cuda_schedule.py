@@ -16,6 +16,7 @@ from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import stale
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared
 
 VARIANTS: list[tuple[str, dict[str, str]]] = [
     *((name, WITH_TREE.get(name, {})) for name in method_names()),
@@ -51,14 +52,22 @@ def plan_for_cuda(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     method.plan = planned
 
 
+def session_for_cuda(
+    name: str, settings: dict[str, str], prepared: Prepared, monkeypatch: pytest.MonkeyPatch
+) -> Session:
+    """A session whose frames are planned as for a GPU. Skips what is not captured there."""
+    method = make_method(name, settings)
+    reason = method.applies(prepared.scene, "cuda")
+    if reason or not method.capturable:
+        pytest.skip(f"{name}: {reason or 'is not captured as a graph'}")
+    plan_for_cuda(method, monkeypatch)
+    return Session(method, prepared, 32, 32, "cpu")
+
+
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
 def test_concurrent_passes_share_nothing_that_one_writes(name, settings, monkeypatch):
     prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
-    method = make_method(name, settings)
-    if not method.capturable:
-        pytest.skip(f"{name} is not captured as a graph")
-    plan_for_cuda(method, monkeypatch)
-    session = Session(method, prepared, 32, 32, "cpu")
+    session = session_for_cuda(name, settings, prepared, monkeypatch)
     refuse_shared(session.passes)
     branched = [work for work in session.passes if work.branch]
     assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
@@ -77,12 +86,7 @@ SCENES: dict[str, dict[str, Any]] = {
 def test_frames_in_part_share_nothing_either(name, settings, given, monkeypatch):
     """What a frame leaves out, because little has moved, parted forks that must stay apart."""
     prepared = scene(**SCENES[given])
-    method = make_method(name, settings)
-    reason = method.applies(prepared.scene, "cuda")
-    if reason or not method.capturable:
-        pytest.skip(f"{name}: {reason or 'is not captured as a graph'}")
-    plan_for_cuda(method, monkeypatch)
-    session = Session(method, prepared, 32, 32, "cpu")
+    session = session_for_cuda(name, settings, prepared, monkeypatch)
     for changed in (
         {"light/0"},
         {"light/1"},
@@ -131,12 +135,7 @@ class Stream:
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
 def test_a_condition_is_captured_when_all_has_joined(name, settings, lights, monkeypatch):
     prepared = scene(lights)
-    method = make_method(name, settings)
-    reason = method.applies(prepared.scene, "cuda")
-    if reason or not method.capturable:
-        pytest.skip(f"{name}: {reason or 'is not captured as a graph'}")
-    plan_for_cuda(method, monkeypatch)
-    session = Session(method, prepared, 32, 32, "cpu")
+    session = session_for_cuda(name, settings, prepared, monkeypatch)
     capture = Capture()
     passes = [replace(work, launch=lambda n=work.name: capture.launched.append(n)) for work in session.passes]
     monkeypatch.setattr(wp, "Stream", Stream)
