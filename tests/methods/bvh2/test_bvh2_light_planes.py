@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene
+from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.scene import Light
 
 FLOOR = np.array([[-1.0, 0.7, -1.0], [-1.0, 0.7, 1.0], [1.0, 0.7, 0.0], [0.0, -1.0, 0.0]])
 
@@ -50,3 +53,22 @@ def test_a_triangle_close_to_a_light_of_a_large_scene_hides_the_floor(side, devi
     )
     under = got["triangle"] == 0
     assert 0 < got["visibility"][0][under].sum() < under.sum()
+
+
+@pytest.mark.parametrize("scale", [1.0e-3, 1.0, 300.0])
+@pytest.mark.parametrize("distance", [None, 2.0**33, 2.0**36, 2.0**50], ids=str)
+def test_float32_decides_nearly_all_rays_to_a_light_however_far_away(distance, scale, device):
+    """None: a directional light. Of the way to it float32 does not hold the square."""
+    way = np.array([0.4, 0.8, 0.3])
+    sun = Light(tuple(way), directional=True) if distance is None else Light(tuple(way * distance * scale))
+    vertices, faces = soup(21, 150)
+    floor = np.array([[-9.0, -1.2, -9.0], [-9.0, -1.2, 9.0], [18.0, -1.2, 0.0]])
+    vertices = np.vstack([vertices, floor]) * scale
+    faces = np.vstack([faces, np.arange(3) + len(vertices) - 3])
+    prepared = make_scene(vertices, faces, [sun], tuple(np.array([0.3, 1.0, 3.0]) * scale))
+    got = assert_exact("bvh2", {}, prepared, 40, 30, device)
+    hits = int((got["triangle"] >= 0).sum())
+    assert 0 < got["visibility"][0].sum() < hits
+    session = Session(make_method("bvh2", {}), prepared, 40, 30, device)
+    session.answers(prepared.moment(0, 40, 30))
+    assert session.method.counters()["shadow doubtful pairs"] < hits / 20
