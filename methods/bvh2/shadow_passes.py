@@ -46,8 +46,7 @@ class ShadowRays:
     starts  for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
     joined  uint8 [triangles / 2]; of each light light_records vec4f [3 * triangles], sides vec4f [triangles], facing uint8
             [triangles]: :mod:`.records`
-
-    marks   :func:`marks_receivers`
+    marks   whether they mark the receivers (:func:`marks_receivers`)
 
     ``primary_starts``: those of the primary hits, if another method finds them.
     """
