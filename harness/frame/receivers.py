@@ -8,7 +8,7 @@ bits and records on the device whether the light has any receiver. If not, the l
 
 from __future__ import annotations
 
-import functools
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from .frame import Frame
 from .geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
 from .passes import Pass
 from .specialise import effects, specialised
-from .threads import Launch, beside, cpu_threads, ranges
+from .threads import Launch, in_ranges
 from .vectors import largest, to_float64
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
@@ -200,8 +200,7 @@ def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> l
             device=frame.device,
         )
 
-    parts = ranges(frame.triangle_count, cpu_threads(threads, frame.device))
-    together = beside([functools.partial(launch, *part) for part in parts])
+    together = in_ranges(launch, frame.triangle_count, threads, frame.device)
     name, reads = f"light {light}: facing triangles", ("points", "triangles", "camera", f"light/{light}")
     return [Pass(name, "shadow", reads, made, together, effect="receivers", ahead=True)]
 
@@ -223,8 +222,7 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
             device=frame.device,
         )  # fmt: skip
 
-    parts = ranges(frame.pixels, cpu_threads(threads, frame.device))
-    together = beside([functools.partial(launch, *part) for part in parts])
+    together = in_ranges(launch, frame.pixels, threads, frame.device)
 
     def mark() -> None:
         reached.zero_()
@@ -239,37 +237,22 @@ def receiver_passes(
     """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
     them. ``threads``: of a CPU, 0 for one on each processor."""
     marked = {name for work in planned for name in work.writes}
-    marking = [
-        (i, b)
-        for b in range(effects.bounces + 1)
-        for i in range(len(effects.shadows))
-        if effects.has_receivers(i) and marked.isdisjoint(effects.receiver_reads(i, b))
-    ]
-    known = [work for i, b in marking if b == 0 for work in facing_passes(frame, effects, i, threads)]
-    return [
-        *known,
-        *(
-            Pass(
-                f"light {i}: receivers" if b == 0 else f"bounce {b}, light {i}: receivers",
-                "shadow",
-                (
-                    *(
-                        ("hits", "camera", *facing_reads(frame, effects, i))
-                        if b == 0
-                        else (f"hits/{b}", f"rays/{b}")
-                    ),
-                    "points",
-                    "triangles",
-                    f"light/{i}",
-                ),
-                (*effects.receiver_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
-                marking_launch(frame, effects, i, b, threads),
-                effect="receivers" if b == 0 else "mirror",
-                reached=reached_by(frame, i, b),
-            )
-            for i, b in marking
-        ),
-    ]
+    passes: list[Pass] = []
+    for b, i in itertools.product(range(effects.bounces + 1), range(len(effects.shadows))):
+        masks = effects.receiver_reads(i, b)
+        if not masks or not marked.isdisjoint(masks):
+            continue
+        if b:
+            name, effect, bits = f"bounce {b}, light {i}: receivers", "mirror", f"visibility/{i}/{b}"
+            seen: tuple[str, ...] = (f"hits/{b}", f"rays/{b}")
+        else:
+            name, effect, bits = f"light {i}: receivers", "receivers", f"visibility/{i}"
+            seen = ("hits", "camera", *facing_reads(frame, effects, i))
+            passes += facing_passes(frame, effects, i, threads)
+        reads = (*seen, "points", "triangles", f"light/{i}")
+        launch, reached = marking_launch(frame, effects, i, b, threads), reached_by(frame, i, b)
+        passes.append(Pass(name, "shadow", reads, (*masks, bits), launch, effect, reached=reached))
+    return passes
 
 
 def skippable(passes: list[Pass], effects: Effects) -> list[Pass]:

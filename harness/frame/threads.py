@@ -69,6 +69,12 @@ def beside(launches: Sequence[Launch]) -> Launch:
     return launch
 
 
+def in_ranges(launch: Callable[[int, int], None], count: int, threads: int, device: str) -> Launch:
+    """A launch of ``launch(first, number)`` for ``count`` elements: on a CPU in ``threads`` (:func:`cpu_threads`)."""
+    parts = ranges(count, cpu_threads(threads, device))
+    return beside([functools.partial(launch, *part) for part in parts])
+
+
 def launch_parts(launches: Sequence[Launch], compiled: bool) -> None:
     """Launch several parts, each in a thread of its own if their kernels are compiled; else one after another."""
     if compiled and len(launches) > 1:

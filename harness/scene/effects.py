@@ -78,7 +78,7 @@ class Effects:
     def facing_by_triangle(self, triangles: int, pixels: int) -> bool:
         """Whether it is decided once for each triangle, not for each hit, which of the primary hits face a light: rays start
         in one point, so all hits of a triangle face it or none does."""
-        return self.facing and any(self.shadows) and not self.orthographic and 0 < triangles < pixels
+        return self.facing and not self.orthographic and 0 < triangles < pixels
 
     def receiver_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
         """The receivers that are read by a pass that traces shadow rays to ``light`` from the hits of a bounce."""

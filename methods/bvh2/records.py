@@ -52,6 +52,7 @@ from numpy.typing import NDArray
 
 from ...harness.frame.geometry import Corners, Mesh
 from ...harness.scene.prepared import Prepared
+from ..common.axes import brought_nearer
 from ..common.entries import entry, set_entry
 from ..common.triangle import largest, to_float64, total
 from .snippets import BASICS
@@ -125,10 +126,7 @@ def nearer(place: wp.vec3f, size: wp.float32) -> wp.vec3f:
     Seen from a corner, the two are less than 3^0.5 2^-32 apart as an angle, so that over the 2 * 3^0.5 M to a hit point the
     plane moves by less than 0.1 u M.
     """
-    near = place
-    while largest(near) > FAR * size and largest(near) < wp.INF:
-        near = 0.25 * near
-    return near
+    return brought_nearer(place, FAR * size)
 
 
 @wp.func_native(BASICS + "return about(a);")

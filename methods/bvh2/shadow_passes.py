@@ -122,16 +122,13 @@ class ShadowRays:
         """
         if walked(self.effects):
             return []
-        late_lights = [i for i in self.lights if self.effects.has_receivers(i) and not self.marks]
-        if late:
-            return [self._light_pass(i) for i in late_lights]
-        facing = [
-            work
-            for i in self.lights
-            if self.marks
-            for work in facing_passes(self.frame, self.effects, i, self.trace.threads)
-        ]
-        return facing + [self._light_pass(i) for i in self.lights if i not in late_lights]
+        passes = []
+        for i in self.lights:
+            if late == (self.effects.has_receivers(i) and not self.marks):
+                passes.append(self._light_pass(i))
+            if self.marks and not late:
+                passes += facing_passes(self.frame, self.effects, i, self.trace.threads)
+        return passes
 
     def _light_pass(self, light: int) -> Pass:
         reads = ("points", "triangles", "extent", f"light/{light}")
@@ -186,20 +183,11 @@ class ShadowRays:
         for i in self.lights:
             counts, planes = f"shadow counts/{i}", f"light triangles/{i}"
             masks = self.effects.receiver_reads(i)
-            reads = (*seen, f"light/{i}", planes, counts, "reach")
-            reads += facing_reads(self.frame, self.effects, i) if self.marks else masks
+            made, given = (masks, facing_reads(self.frame, self.effects, i)) if self.marks else ((), masks)
+            reads = (*seen, f"light/{i}", planes, counts, "reach", *given)
             bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
-            passes.append(
-                Pass(
-                    name,
-                    "shadow",
-                    reads,
-                    (bits, doubts, counts, *(masks if self.marks else ())),
-                    launch,
-                    effect,
-                )
-            )
+            passes.append(Pass(name, "shadow", reads, (bits, doubts, counts, *made), launch, effect))
         return passes
 
     def of(self, share: int) -> str:

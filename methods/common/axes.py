@@ -1,8 +1,20 @@
-"""Axes of a light's space, given where it looks."""
+"""A light's space: from where it looks, and its axes, given where to."""
 
 from __future__ import annotations
 
 import warp as wp
+
+from .triangle import largest
+
+
+@wp.func
+def brought_nearer(place: wp.vec3f, most: wp.float32) -> wp.vec3f:
+    """A light's place, or if a coordinate of it is beyond ``most``, a point between it and the origin: the place times a
+    power of a quarter, so that no direction is rounded. Nothing brings an infinite place nearer."""
+    near = place
+    while largest(near) > most and largest(near) < wp.INF:
+        near = 0.25 * near
+    return near
 
 
 @wp.func

@@ -16,7 +16,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, filled
-from ...harness.frame.threads import cpu_threads, launch_parts
+from ...harness.frame.threads import cpu_threads, launch_parts, ranges
 from .pixels import thread_count
 
 Part = TypeVar("Part")
@@ -109,9 +109,8 @@ class ThreadRanges(Parts[Threads]):
 
     def __init__(self, frame: Frame, threads: int):
         tiles = thread_count(frame.width, frame.height, True) // TILE_THREADS
-        number = min(tiles, cpu_threads(threads, frame.device))
-        cuts = [TILE_THREADS * (tiles * k // number) for k in range(number + 1)]
-        super().__init__([Threads(first, end - first) for first, end in itertools.pairwise(cuts)])
+        parts = ranges(tiles, cpu_threads(threads, frame.device))
+        super().__init__([Threads(TILE_THREADS * first, TILE_THREADS * number) for first, number in parts])
 
 
 class Bands(Parts[Band]):

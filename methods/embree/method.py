@@ -7,7 +7,6 @@ threads over parts of the image use every core.
 from __future__ import annotations
 
 import ctypes
-import itertools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -24,6 +23,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
+from ...harness.frame.threads import ranges
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END, launch_shadow_origins
@@ -124,10 +124,8 @@ class Embree(BaseMethod):
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
         blocks = -(-frame.width // SIDE) * -(-frame.height // SIDE)
         parts = max(1, min(count * PARTS_PER_THREAD if count > 1 else 1, blocks // SMALLEST_PART))
-        cuts = np.linspace(0, blocks, parts + 1).astype(int)
-        self._parts = [(int(a), int(b - a)) for a, b in itertools.pairwise(cuts)]
-        cuts = np.linspace(0, frame.pixels, parts + 1).astype(int)
-        self._stretches = [(int(a), int(b - a)) for a, b in itertools.pairwise(cuts)]
+        self._parts = ranges(blocks, parts)
+        self._stretches = ranges(frame.pixels, parts)
         passes = []
         if self.build.update == "rebuild":
             passes.append(

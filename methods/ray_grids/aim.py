@@ -10,7 +10,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Mesh
 from ...harness.scene import spotlight
-from ..common.axes import axes_along
+from ..common.axes import axes_along, brought_nearer
 from ..common.entries import entry_of_four, set_entry_of_four
 from ..common.triangle import largest, to_float32, to_float64
 from .warps import least_of_lanes
@@ -118,10 +118,7 @@ def nearer_post(post: wp.vec3f, reach: wp.float32) -> wp.vec3f:
 
     From farther away float64 would not distinguish the rays, and finally float32 could not represent their angles.
     """
-    near = post
-    while largest(near) > FARTHEST * reach:
-        near = 0.25 * near
-    return near
+    return brought_nearer(post, FARTHEST * reach)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
