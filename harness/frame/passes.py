@@ -39,6 +39,8 @@ class Pass:
             graph all passes run in order
     phase   branches of passes with the same number run concurrently, and begin when those of the phase before have ended.
             What a frame leaves out does not change this
+    loops   whether the launch captures a loop of its own. In a captured graph nothing runs beside such a pass, because a
+            loop cannot be captured while another stream is open; so it is in no branch
     adds    whether it only adds to what it writes (atomics, bits that stay set), so that another pass may do so
             concurrently
     only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
@@ -58,6 +60,7 @@ class Pass:
     idle: bool = False
     branch: tuple[int, ...] = ()
     phase: int = 0
+    loops: bool = False
     adds: bool = False
     only_if: wp.array | None = None
     reached: wp.array | None = None
@@ -65,6 +68,8 @@ class Pass:
     def __post_init__(self) -> None:
         if self.part not in PARTS:
             raise ValueError(f"pass {self.name!r}: part {self.part!r} is not one of {PARTS}")
+        if self.loops and (self.branch or self.ahead or self.aside):
+            raise ValueError(f"pass {self.name!r}: nothing can run beside a loop")
 
     def run(self) -> None:
         """Launch it, if its condition holds."""
@@ -253,10 +258,11 @@ def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
 def _launch_beside(
     passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: set[Pass]
 ) -> None:
-    """Launch passes; each waits for those that run beside it and that it depends on, unless the stream has ``awaited`` them.
-    Those aside get streams of their own."""
+    """Launch passes; each waits for those that run beside it and that it depends on (a loop for all), unless the stream has
+    ``awaited`` them. Those aside get streams of their own."""
     for work in passes:
-        needed = [entry for entry in running if entry[0] not in awaited and _depends(work, entry[0])]
+        waits = [entry for entry in running if entry[0] not in awaited]
+        needed = [entry for entry in waits if work.loops or _depends(work, entry[0])]
         if not work.aside:
             _join(needed)
             awaited.update(before for before, _ in needed)

@@ -75,7 +75,10 @@ class Session(PassRunner):
             *receiver_passes(self.frame, self.effects, planned, threads),
             *shading_passes(self.frame, self.effects),
         ]
-        self.planned = skippable(arranged(planned, added), self.effects)
+        self.planned = arranged(planned, added)
+        if self.replays or not wp.get_device(self.device).is_cuda:
+            # Launched one by one on a GPU, passes without a ray end sooner than the host learns of it.
+            self.planned = skippable(self.planned, self.effects)
         self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes
 

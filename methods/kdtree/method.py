@@ -96,7 +96,14 @@ class KdTree(BaseMethod):
         self._workers = self._rays.bands.built()
         return [
             Pass("root", "build", ("points", "triangles"), ("pairs",), self._root),
-            Pass("large nodes", "build", ("points", "triangles", "pairs"), ("small roots",), self._divide),
+            Pass(
+                "large nodes",
+                "build",
+                ("points", "triangles", "pairs"),
+                ("small roots",),
+                self._divide,
+                loops=True,
+            ),
             Pass("small nodes", "build", ("pairs", "small roots"), ("kd-tree",), self._small),
             *self._rays.passes(("kd-tree",)),
         ]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
+from helpers.devices import needs_gpu
 from helpers.effect_scenes import (
     BEHIND,
     EYE,
@@ -85,6 +86,33 @@ def test_a_pass_that_writes_what_runs_beside_it_cannot_run_ahead(before, branch)
     )
     with pytest.raises(ValueError, match=r"cannot run (ahead|concurrently).*table"):
         passes.capture_passes([other, early], "cpu")
+
+
+@pytest.mark.parametrize("loops", [True, False])
+def test_a_loop_waits_for_all_that_runs_beside_it(loops, monkeypatch):
+    """A graph cannot capture it while another stream is open."""
+    steps = []
+    monkeypatch.setattr(passes, "_join", lambda running: steps.extend(work.name for work, _ in running))
+    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, ahead=True)
+    work = Pass("divide", "build", ("pairs",), ("tree",), lambda: steps.append("divide"), loops=loops)
+    passes._launch_beside([work], "cpu", [(early, None)], set())
+    assert steps == ["aim", "divide"] if loops else ["divide"]
+
+
+@pytest.mark.parametrize("given", [{"branch": (0,)}, {"ahead": True}, {"aside": True}])
+def test_a_loop_has_nothing_beside_it(given):
+    with pytest.raises(ValueError, match="pass 'divide': nothing can run beside a loop"):
+        Pass("divide", "build", ("pairs",), ("tree",), lambda: None, loops=True, **given)
+
+
+@pytest.mark.gpu
+@needs_gpu
+@pytest.mark.parametrize(("name", "captured"), [("warp_bvh", False), ("uniform_grid", True)])
+def test_on_a_gpu_only_what_is_captured_has_conditions(name, captured):
+    """Outside a graph the host would wait for each of them."""
+    session = Session(make_method(name, {}), scene((SPOT, BEHIND)), *SIZE, "cuda:0")
+    assert session.replays == captured
+    assert any(work.only_if is not None for work in session.all_passes) == captured
 
 
 def builds(passes):

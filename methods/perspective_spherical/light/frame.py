@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Hits
+from ....harness.frame.geometry import Camera, Hits, Mesh, ray_of
+from ....harness.frame.receivers import hit_receives
 from ....harness.frame.specialise import effects
 from ...common.axes import axes_along
 from ...common.reserve import number_in, raise_to
@@ -40,27 +41,43 @@ def box_kernel(
     pixels: wp.int32,
     threads: wp.int32,
     index: wp.int32,
+    marks: wp.bool,
+    faces: wp.bool,
+    camera: Camera,
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    fronts: wp.array2d(dtype=wp.uint8),
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     receiver: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float64),
 ):
-    """Which pixels have a shadow ray, and the box of their hit points, low corner then high corner."""
+    """Which pixels have a shadow ray, and the box of their hit points, low corner then high corner.
+
+    ``marks``: if only some hits receive the light, the receivers are marked here; else they are marked already. ``faces``:
+    only hits that face the light receive it.
+    """
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
     pixel = k
     while pixel < pixels:
-        flag = wp.uint8(0)
-        wanted = hits.triangle[pixel] >= 0
+        hit = hits.triangle[pixel]
+        wanted = hit >= 0
         if wp.static(effects.receivers):
-            wanted = receivers[index, pixel] != wp.uint8(0)
+            if marks:
+                if wanted:
+                    ray = ray_of(camera, pixel)
+                    wanted = hit_receives(index, faces, ray, hit, mesh, lights, spots, fronts)
+                receivers[index, pixel] = wp.uint8(wanted)
+            else:
+                wanted = receivers[index, pixel] != wp.uint8(0)
         if wanted:
-            flag = wp.uint8(1)
             low = wp.min(low, hit_points[pixel])
             high = wp.max(high, hit_points[pixel])
-        receiver[pixel] = flag
+        receiver[pixel] = wp.uint8(wanted)
         pixel += threads
     reduce_extent(low, high, k % wp.block_dim(), box)
 

@@ -205,7 +205,8 @@ class LightGrid:
 
     def traced(self) -> bool:
         """Whether the last frame traced rays to this light; else what is here is of an older frame. Reads back."""
-        return not self.effects.has_receivers(self.index) or bool(self.frame.reached.numpy()[self.index])
+        conditional = self.effects.has_receivers(self.index) and not self.places.marks
+        return not conditional or bool(self.frame.reached.numpy()[self.index])
 
     def launch_split(self) -> None:
         """The parts of lists that are tested apart."""

@@ -7,6 +7,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
+from ....harness.frame.receivers import facing_passes, facing_reads
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.bounds import launch_bounds
@@ -28,6 +29,12 @@ again."""
 REDUCE_BLOCK, REDUCE_THREADS = 256, 1 << 17
 
 
+def marks_receivers(cuda: bool) -> bool:
+    """Whether the pass that maps the rays marks the receivers. On a GPU a pass for them, and conditions around the passes
+    between two sorts, take longer than passes without a ray."""
+    return cuda
+
+
 class LightPlaces:
     """Which pixels have a shadow ray to one light, and where in the light's rectangles each ray lies.
 
@@ -36,6 +43,7 @@ class LightPlaces:
     space      :class:`.light.space.LightSpace`
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
     columns, rows  vec4d [faces * light_tiles]: edges of the tiles
+    marks      whether the receivers are marked here (:func:`marks_receivers`)
     """
 
     def __init__(self, frame: Frame, index: int, camera: CameraGrid, build: Build, effects: Effects):
@@ -45,6 +53,7 @@ class LightPlaces:
         if effects.is_directional(index):
             self.pad += PARALLEL_PAD
         self.of_scene = build.clamp == "scene"
+        self.marks = effects.has_receivers(index) and marks_receivers(wp.get_device(frame.device).is_cuda)
         n, faces = build.light_tiles, build.light_faces
         many = wide(frame.device)
         share = 1 if many else 128
@@ -79,19 +88,23 @@ class LightPlaces:
         i, light, effect = self.index, f"light/{self.index}", f"shadows/{self.index}"
         rect = f"light rectangle/{i}"
         view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
-        seen = ("hits", light, *view, *self.effects.receiver_reads(i))
+        masks = self.effects.receiver_reads(i)
+        asked = ("points", "triangles", "camera", *facing_reads(self.frame, self.effects, i))
+        seen = ("hits", light, *view, *(asked if self.marks else masks))
+        made = masks if self.marks else ()
+        first = facing_passes(self.frame, self.effects, i, threads=1) if self.marks else []
         if not self.of_scene:
-            return (
-                [Pass(f"light {i}: map rays", "shadow", seen, (rect,), self.launch_map, effect)],
-                rect,
-                rect,
-            )
+            mapping = Pass(f"light {i}: map rays", "shadow", seen, (rect, *made), self.launch_map, effect)
+            return [*first, mapping], rect, rect
         # The rectangle does not depend on the rays, so the grid is not rebuilt where only the camera moves.
         place = f"ray places/{i}"
         around = ("points", "triangles", "reach", light)
         passes = [
+            *first,
             Pass(f"light {i}: rectangle", "light build", around, (rect,), self.launch_rectangle, effect),
-            Pass(f"light {i}: map rays", "shadow", (*seen, rect), (place,), self.launch_map_rays, effect),
+            Pass(
+                f"light {i}: map rays", "shadow", (*seen, rect), (place, *made), self.launch_map_rays, effect
+            ),
         ]
         return passes, rect, place
 
@@ -138,11 +151,14 @@ class LightPlaces:
         wp.launch(
             specialised(rays.box_kernel, self.effects.switches(self.index)),
             dim=self.reduce_threads,
-            inputs=[f.pixels, self.reduce_threads, self.index, f.hits(0), self.camera.hit, f.receivers],
-            outputs=[self.receiver, box],
+            inputs=[
+                f.pixels, self.reduce_threads, self.index, self.marks, self.effects.facing, f.camera, f.mesh, f.lights,
+                f.spots, f.fronts, f.hits(0), self.camera.hit,
+            ],
+            outputs=[f.receivers, self.receiver, box],
             block_dim=REDUCE_BLOCK,
             device=f.device,
-        )
+        )  # fmt: skip
 
     def _aim(self) -> None:
         f, b = self.frame, self.build

@@ -1,6 +1,7 @@
-"""On a GPU the shadow rays of a tree mark the receivers themselves: the same as the pass of the harness, and no pass more.
+"""On a GPU the shadow rays of a tree mark the receivers themselves, and so does what maps the rays of the paper's grids: the
+same as the pass of the harness, and no pass more.
 
-The kernel that does it runs on a CPU, too."""
+The kernels that do it run on a CPU, too."""
 
 from __future__ import annotations
 
@@ -12,9 +13,17 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.bvh2 import shadow_passes
+from shadowbench.methods.perspective_spherical.light import placement
 
 SIZE = 96, 64
-METHODS = [("bvh2", {}), ("bvh2", {"precision": "float32"}), ("hybrid", {"shadows": "tree"})]
+METHODS = [
+    ("bvh2", {}),
+    ("bvh2", {"precision": "float32"}),
+    ("hybrid", {"shadows": "tree"}),
+    ("perspective_spherical", {}),
+    ("perspective_spherical", {"clamp": "scene", "light_map": "cube"}),
+    ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3"}),
+]
 AWAY = Light((0.0, 5.0, 0.0), spot=Spot((0.0, 1.0, 0.0), 10.0))
 SCENES = {
     "spots": {"lights": (SPOT, BEHIND, AWAY)},
@@ -26,10 +35,14 @@ SCENES = {
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(("method", "settings"), METHODS, ids=str)
-def test_a_tree_marks_the_receivers_that_the_harness_marks(method, settings, name, device, monkeypatch):
+def test_a_method_marks_the_receivers_that_the_harness_marks(method, settings, name, device, monkeypatch):
     prepared = scene(**SCENES[name])
+    reason = make_method(method, settings).applies(prepared.scene, device)
+    if reason:
+        pytest.skip(f"{method}: {reason}")
     moment = prepared.moment(0, *SIZE)
     monkeypatch.setattr(shadow_passes, "marks_receivers", lambda cuda, effects: True)
+    monkeypatch.setattr(placement, "marks_receivers", lambda cuda: True)
     marked = Session(make_method(method, settings), prepared, *SIZE, device)
     by_harness = Session(make_method("uniform_grid", {}), prepared, *SIZE, device)
     wanted, found = by_harness.answers(moment), marked.answers(moment)
