@@ -87,17 +87,18 @@ class RayGrids(BaseMethod):
         for number, i in enumerate(wanted):
             branch = number % len(branches)
             given = (frame, i, camera.build, camera.hit, *branches[branch], aims, effects)
-            light = self._class_of(make, camera.build, effects, i)(*given)
+            light = self._class_of(make, frame, camera.build, effects, i)(*given)
             passes += light.passes(branch)
             if isinstance(light, RememberingLight):
                 self._remembering.append(light)
         # The harness marks the receivers of a light that remembers, by the answers.
         return [*camera.passes(), *passes] if remembers else camera.passes_beside(passes)
 
-    def _class_of(self, make: Any, build: Any, effects: Effects, i: int) -> Any:
+    def _class_of(self, make: Any, frame: Frame, build: Any, effects: Effects, i: int) -> Any:
         """The class of light i: ``make``, unless the region of its rays is to be known from the triangles."""
         spot = any(effects.limited[i : i + 1])
-        if make is not LightStream or build.region != "triangles" or (spot and effects.facing):
+        by_hit = effects.facing and not effects.facing_by_triangle(frame.triangle_count, frame.pixels)
+        if make is not LightStream or build.region != "triangles" or (spot and by_hit):
             return make
         return SpotLight if spot else KnownRegionLight
 

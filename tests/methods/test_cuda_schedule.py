@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, all_mirrors, scene
 from shadowbench.harness.frame import graphs
-from shadowbench.harness.frame.passes import capture_passes, refuse_shared
+from shadowbench.harness.frame.passes import Pass, capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import stale
 from shadowbench.harness.frame.session import Session
@@ -29,7 +30,7 @@ VARIANTS: list[tuple[str, dict[str, str]]] = [
     ("ray_grids", {"region": "triangles", "streamed": "after"}),
     ("hybrid", {"shadows": "grid"}),
 ]
-MARKING = ("ray_grids", "visibility_buffer", "bvh2", "hybrid")
+MARKING = ("ray_grids", "visibility_buffer", "bvh2", "hybrid", "perspective_spherical")
 """Methods of which no pass on a GPU says whether a light has a receiver."""
 
 REAL_DEVICE = wp.get_device
@@ -102,7 +103,8 @@ def test_frames_in_part_share_nothing_either(name, settings, given, monkeypatch)
 
 
 class Capture:
-    """What a CUDA stream refuses while it is captured: a condition, or the end, before what forked from it has joined."""
+    """What a CUDA stream refuses while it is captured: a condition, a loop, or the end, before what forked from it has
+    joined."""
 
     def __init__(self) -> None:
         self.open: set[Any] = set()
@@ -116,6 +118,10 @@ class Capture:
 
     def join(self, event: Any) -> None:
         self.open.discard(event)
+
+    def launch(self, work: Pass) -> None:
+        assert not (work.loops and self.open), "capturing stream has unjoined work"
+        self.launched.append(work.name)
 
     def condition(self, only_if: Any, on_true: Any) -> None:
         assert not self.open, "capturing stream has unjoined work"
@@ -134,13 +140,20 @@ class Stream:
         return self
 
 
-@pytest.mark.parametrize("lights", [(SPOT, BEHIND, POINT), (BEHIND, SPOT)], ids=["spot first", "spot last"])
+MASKED: dict[str, dict[str, Any]] = {
+    "spot first": {"lights": (SPOT, BEHIND, POINT)},
+    "spot last": {"lights": (BEHIND, SPOT)},
+    "facing": {"lights": (SPOT, POINT), "facing": True},
+}
+
+
+@pytest.mark.parametrize("given", MASKED)
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
-def test_a_condition_is_captured_when_all_has_joined(name, settings, lights, monkeypatch):
-    prepared = scene(lights)
+def test_a_condition_or_a_loop_is_captured_when_all_has_joined(name, settings, given, monkeypatch):
+    prepared = scene(**MASKED[given])
     session = session_for_cuda(name, settings, prepared, monkeypatch)
     capture = Capture()
-    passes = [replace(work, launch=lambda n=work.name: capture.launched.append(n)) for work in session.passes]
+    passes = [replace(work, launch=partial(capture.launch, work)) for work in session.passes]
     monkeypatch.setattr(wp, "Stream", Stream)
     monkeypatch.setattr(wp, "ScopedStream", capture.scoped)
     monkeypatch.setattr(graphs, "capture", lambda device: nullcontext(SimpleNamespace(graph=None)))
@@ -150,3 +163,25 @@ def test_a_condition_is_captured_when_all_has_joined(name, settings, lights, mon
     assert not capture.open
     assert bool(capture.conditions) == (name not in MARKING)
     assert sorted(capture.launched) == sorted(work.name for work in passes)
+
+
+@pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
+def test_a_pass_says_that_it_captures_a_loop(name, settings, monkeypatch):
+    prepared = scene((POINT,))
+    method = make_method(name, settings)
+    if method.applies(prepared.scene, "cpu"):
+        pytest.skip(f"{name}: {method.applies(prepared.scene, 'cpu')}")
+    session = Session(method, prepared, 32, 32, "cpu")
+    session.answers(prepared.moment(0, 32, 32))
+    looped, capture_while = [], wp.capture_while
+
+    def counted(condition: Any, body: Any) -> None:
+        looped.append(condition)
+        capture_while(condition, body)
+
+    monkeypatch.setattr(wp, "capture_while", counted)
+    for work in session.all_passes:
+        looped.clear()
+        work.launch()
+        assert bool(looped) == work.loops, work.name
+    assert any(work.loops for work in session.all_passes) == (name == "kdtree")

@@ -37,7 +37,6 @@ class KnownRegionLight(LightStream):
         self.facing = wp.zeros(count, dtype=wp.uint8, device=self.frame.device)
 
     def by_facing(self) -> bool:
-        """Whether the triangles say which hits have a ray."""
         return self.marking
 
     def launch_aim(self) -> None:
@@ -111,7 +110,7 @@ class KnownRegionLight(LightStream):
 
 
 class SpotLight(KnownRegionLight):
-    """Shadow rays of a spot (:mod:`.spots`). Not with ``facing``."""
+    """Shadow rays of a spot (:mod:`.spots`). With ``facing`` only if it is known which triangles may face the light."""
 
     def __init__(self, *given: Any):
         super().__init__(*given)
@@ -138,7 +137,7 @@ class SpotLight(KnownRegionLight):
             self.of_cells(light_spots.place_kernel),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.cones, a.posts, a.axes,
+                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, f.fronts, a.cones, a.posts, a.axes,
                 self.rays,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],

@@ -11,7 +11,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
-from ....harness.frame.receivers import reached_by
+from ....harness.frame.receivers import facing_passes, reached_by
 from ....harness.frame.specialise import specialised, with_type
 from ....harness.scene.effects import Effects
 from ...common.bands import ThreadRanges, Threads
@@ -79,7 +79,8 @@ class LightStream:
             given |= light_expected.spacing_arrays(frame.device, max(many, few))
         self.density = given.get("density", wp.empty(0, dtype=wp.float32, device=frame.device))
         self.cells: Any = filled(SpacedCells if self.spaced else RayCells, **given)
-        self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)
+        self.shares = queues.shares if queues.threaded else 1
+        self.ranges = ThreadRanges(frame, self.shares)
         self.receivers = frame.receivers
         self.marking = self.marks and effects.has_receivers(index)
         self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
@@ -114,9 +115,11 @@ class LightStream:
         seen = (WORDS, f"light aim/{i}", *self.receiver_reads())
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         scene = ("points", "triangles", light, aim, rays, *self.effects.surface_reads())
+        fronts = self.facing_passes()
         passes = [
             Pass(f"{who}: aim", build, (*self.aim_reads, light), (aim,), self.launch_aim, effect, ahead=True),
-            *self.map_passes(seen, place, bits),
+            *fronts,
+            *self.map_passes(seen, place, bits, tuple(name for work in fronts for name in work.writes)),
         ]
         sorting, steps = self.cell_passes(seen, place, rays, effect), self.steps()
         if self.beside:
@@ -131,13 +134,24 @@ class LightStream:
         passes += in_shares(who, "shadow", [doubts], self.queues, (*scene, bits), (bits,), effect)
         return [replace(work, branch=(branch, *work.branch)) for work in passes]
 
-    def map_passes(self, seen: tuple[str, ...], place: str, bits: str) -> list[Pass]:
-        """The pass that places the rays (``seen``: which pixels have one) and clears their shadow bits."""
+    def by_facing(self) -> bool:
+        """Whether the light itself finds which triangles' hits have a ray."""
+        return False
+
+    def facing_passes(self) -> list[Pass]:
+        """The pass that finds which triangles may face the light, if the receivers are marked by that."""
+        if not self.marking or self.by_facing():
+            return []
+        return facing_passes(self.frame, self.effects, self.index, self.shares)
+
+    def map_passes(self, seen: tuple[str, ...], place: str, bits: str, fronts: tuple[str, ...]) -> list[Pass]:
+        """The pass that places the rays and clears their shadow bits. ``seen``: which pixels have one; ``fronts``: which
+        triangles may face the light."""
         i = self.index
         receivers = self.effects.receiver_reads(i) if self.marking else ()
         if self.marking:
             others = tuple(name for name in seen if name not in receivers)
-            seen = (*others, f"light/{i}")
+            seen = (*others, f"light/{i}", *fronts)
         seen = (*seen, "camera", "points", "triangles")
         place_rays = Pass(
             f"light {i}: map rays",
@@ -152,19 +166,11 @@ class LightStream:
 
     def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
         """Passes that put the mapped rays (``seen``: which pixels have one; ``place``) into the cells (``rays``)."""
-        who, offsets = f"light {self.index}", f"ray offsets/{self.index}"
+        who, offsets, part = f"light {self.index}", f"ray offsets/{self.index}", "light build"
+        counted, sorted_by = (*seen, place), (*seen, place, offsets)
         return [
-            Pass(
-                f"{who}: count and scan", "light build", (*seen, place), (offsets,), self.launch_count, effect
-            ),
-            Pass(
-                f"{who}: scatter rays",
-                "light build",
-                (*seen, place, offsets),
-                (rays,),
-                self.launch_scatter,
-                effect,
-            ),
+            Pass(f"{who}: count and scan", part, counted, (offsets,), self.launch_count, effect),
+            Pass(f"{who}: scatter rays", part, sorted_by, (rays,), self.launch_scatter, effect),
         ]
 
     def steps(self) -> list[Step]:
@@ -223,8 +229,8 @@ class LightStream:
             self.of_cells(light_receivers.map_kernel),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.cones, a.posts,
-                a.axes, self.rays, self.keeps,
+                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, f.fronts, a.cones,
+                a.posts, a.axes, self.rays, self.keeps,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
             device=f.device,

@@ -1,8 +1,9 @@
 """Receivers of a light, marked where the rays are placed: the rule of :mod:`...harness.frame.receivers`, with the same bits.
 
-A cone is decided in float32, from the distance t, where a bound on the rounding allows. The
-triangle is read only in doubt, and where eye and light must lie on one side of its plane.
-Where the region of the rays is known before them, the triangles decide that plane's sides instead (:mod:`.region`).
+A cone is decided in float32, from the distance t, where a bound on the rounding allows. The triangle is read only in doubt,
+and where eye and light must lie on one side of its plane and that is not known of each triangle
+(:attr:`...harness.frame.frame.Frame.fronts`). Where the region of the rays is known before them, what finds it knows that,
+too (:mod:`.region`).
 """
 
 from __future__ import annotations
@@ -57,15 +58,22 @@ def is_receiver(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    fronts: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
 ) -> wp.bool:
     """Whether the hit of a ray has a shadow ray to a light."""
-    margin = wp.float32(0.0)
-    if not facing and not point.careful:
-        margin = cone_margin(entry(lights, light), entry(cones, light), ray, point)
-    wanted = margin > 0.0
-    if margin == 0.0:
-        wanted = receives(light, facing, ray, corners_at(mesh, point.triangle), lights, spots)
+    asked = facing
+    wanted = wp.bool(True)
+    if fronts.shape[0] > 0:
+        asked = wp.bool(False)
+        wanted = entry(fronts, light, point.triangle) != wp.uint8(0)
+    if wanted and (asked or spots[light, 0] != wp.float64(0.0)):
+        margin = wp.float32(0.0)
+        if not asked and not point.careful:
+            margin = cone_margin(entry(lights, light), entry(cones, light), ray, point)
+        wanted = margin > 0.0
+        if margin == 0.0:
+            wanted = receives(light, asked, ray, corners_at(mesh, point.triangle), lights, spots)
     return wanted
 
 
@@ -80,6 +88,7 @@ def mark_receiver(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    fronts: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
@@ -89,7 +98,7 @@ def mark_receiver(
     wanted = wp.bool(False)
     if point.triangle >= 0:
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots, cones)
+        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots, fronts, cones)
     set_entry(receivers, light, pixel, wp.uint8(wanted))
     if wanted:
         note_receiver(reached)
@@ -105,6 +114,7 @@ def map_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    fronts: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
     posts: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
@@ -125,7 +135,7 @@ def map_kernel(
         set_entry(visibility, light, pixel, wp.uint8(0))
         point = point_of(rays, pixel, at, camera, mesh)
         wanted = mark_receiver(
-            light, facing, pixel, at, point, camera, mesh, lights, spots, cones, receivers, reached
+            light, facing, pixel, at, point, camera, mesh, lights, spots, fronts, cones, receivers, reached
         )
     place_ray(
         rays, point, wanted, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), keeps, cells

@@ -125,6 +125,7 @@ def place_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
+    fronts: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
     posts: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
@@ -146,7 +147,7 @@ def place_kernel(
     set_entry(visibility, light, pixel, wp.uint8(0))
     point = point_of(rays, pixel, at, camera, mesh)
     if not mark_receiver(
-        light, False, pixel, at, point, camera, mesh, lights, spots, cones, receivers, reached
+        light, False, pixel, at, point, camera, mesh, lights, spots, fronts, cones, receivers, reached
     ):
         return
     post = entry(posts, light)
