@@ -15,6 +15,7 @@ METHODS = (
     Entry(METHOD, {}, "perspective + spherical"),
     Entry(METHOD, {"clamp": "scene"}, "the same, clamped to the scene"),
     Entry("ray_grids"),
+    Entry("bvh2"),
     Entry("uniform_grid"),
     Entry("warp_bvh"),
     Entry("warp_bvh", {"update": "bvh_rebuild"}, "BVH rebuilt in place, exact"),
@@ -22,13 +23,16 @@ METHODS = (
 )
 
 BASE = "one light"
-SPOT = 20.0
+SPOT, NARROW, WIDE = 20.0, 10.0, 40.0
+"""Half-angles of spots, degrees."""
 
 EFFECTS = (
     Lighting("no shadows", count=1, shadows=False),
     Lighting(BASE, count=1),
     Lighting("two lights", count=2),
+    Lighting("a narrow spot", count=1, spot=NARROW),
     Lighting("a spot", count=1, spot=SPOT),
+    Lighting("a wide spot", count=1, spot=WIDE),
     Lighting("facing only", count=1, facing=True),
     Lighting("directional", count=1, directional=True),
     Lighting("alpha", count=1, alpha=4),
@@ -38,7 +42,7 @@ EFFECTS = (
 )
 """Each effect alone against one point light with shadows, then together."""
 
-PLAIN = 6
+PLAIN = 8
 """Number of them that need only lights; the others are measured last, because their reference takes longest."""
 
 CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED)
@@ -51,7 +55,8 @@ ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
 ABOUT = (
     "The same frame was measured again, as the one in which all moved: its difference from the first counts as noise of "
     "every effect, beside the spread of the repeats. In brackets: passes that build structures. A method that knows no "
-    "parts of a mesh rebuilds all of it."
+    "parts of a mesh rebuilds all of it. "
+    f"A spot has a half-angle of {SPOT:g} degrees, a narrow one {NARROW:g}, a wide one {WIDE:g}."
 )
 
 

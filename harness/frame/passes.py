@@ -231,8 +231,7 @@ def _capture(
                 if only_if is None:
                     _launch_beside(together, device, running, awaited)
                     continue
-                _join(running)  # a conditional branch cannot be captured while another stream is open
-                running.clear()
+                _close(running)
                 wp.capture_if(only_if, lambda together=together: _capture_joined(together, device, depth))
             continue
         if len(branches) == 1:
@@ -258,11 +257,12 @@ def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
 def _launch_beside(
     passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: set[Pass]
 ) -> None:
-    """Launch passes; each waits for those that run beside it and that it depends on (a loop for all), unless the stream has
-    ``awaited`` them. Those aside get streams of their own."""
+    """Launch passes; each waits for those that run beside it and that it depends on, unless the stream has ``awaited`` them.
+    Those aside get streams of their own."""
     for work in passes:
-        waits = [entry for entry in running if entry[0] not in awaited]
-        needed = [entry for entry in waits if work.loops or _depends(work, entry[0])]
+        if work.loops:
+            _close(running)
+        needed = [entry for entry in running if entry[0] not in awaited and _depends(work, entry[0])]
         if not work.aside:
             _join(needed)
             awaited.update(before for before, _ in needed)
@@ -286,6 +286,13 @@ def _join(running: Sequence[tuple[Pass, Any]]) -> None:
     """The current stream waits for passes aside."""
     for _, done in running:
         wp.wait_event(done)
+
+
+def _close(running: list[tuple[Pass, Any]]) -> None:
+    """The same, before a condition or a loop: neither can be captured while another stream is open, and what comes after it
+    cannot wait for an event before it."""
+    _join(running)
+    running.clear()
 
 
 def _conditional(passes: Sequence[Pass]) -> Iterator[tuple[wp.array | None, list[Pass]]]:

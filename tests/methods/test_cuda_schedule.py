@@ -104,40 +104,48 @@ def test_frames_in_part_share_nothing_either(name, settings, given, monkeypatch)
 
 class Capture:
     """What a CUDA stream refuses while it is captured: a condition, a loop, or the end, before what forked from it has
-    joined."""
+    joined; and to wait after a condition or a loop for what came before."""
 
     def __init__(self) -> None:
         self.open: set[Any] = set()
         self.launched: list[str] = []
-        self.conditions = 0
+        self.conditions = self.sections = 0
 
     @contextmanager
-    def scoped(self, stream: Any) -> Any:
+    def scoped(self, stream: Stream) -> Any:
+        stream.capture = self
         self.open.add(stream)
         yield stream
 
-    def join(self, event: Any) -> None:
-        self.open.discard(event)
+    def join(self, event: tuple[Stream, int]) -> None:
+        stream, section = event
+        assert section == self.sections, "stream is not capturing"
+        self.open.discard(stream)
 
     def launch(self, work: Pass) -> None:
-        assert not (work.loops and self.open), "capturing stream has unjoined work"
+        if work.loops:
+            self.pause()
         self.launched.append(work.name)
 
     def condition(self, only_if: Any, on_true: Any) -> None:
-        assert not self.open, "capturing stream has unjoined work"
         self.conditions += 1
+        self.pause()
         on_true()
+        self.pause()
+
+    def pause(self) -> None:
         assert not self.open, "capturing stream has unjoined work"
+        self.sections += 1
 
 
 class Stream:
-    """A stream that is its own event."""
+    capture: Capture
 
     def __init__(self, device: Any, priority: int):
         self.device = device
 
-    def record_event(self) -> Stream:
-        return self
+    def record_event(self) -> tuple[Stream, int]:
+        return self, self.capture.sections
 
 
 MASKED: dict[str, dict[str, Any]] = {

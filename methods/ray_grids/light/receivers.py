@@ -64,10 +64,12 @@ def is_receiver(
     """Whether the hit of a ray has a shadow ray to a light."""
     asked = facing
     wanted = wp.bool(True)
+    unsure = wp.bool(True)
     if fronts.shape[0] > 0:
         asked = wp.bool(False)
         wanted = entry(fronts, light, point.triangle) != wp.uint8(0)
-    if wanted and (asked or spots[light, 0] != wp.float64(0.0)):
+        unsure = wanted and spots[light, 0] != wp.float64(0.0)
+    if unsure:
         margin = wp.float32(0.0)
         if not asked and not point.careful:
             margin = cone_margin(entry(lights, light), entry(cones, light), ray, point)
