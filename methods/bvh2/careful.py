@@ -1,8 +1,6 @@
-"""Rays that are decided in float64 during the traversal: all rays of a scene where triangles have holes, or whose camera
-is orthographic.
+"""Rays that are decided in float64 during the traversal: all rays of a scene whose camera is orthographic.
 
-float32 cannot decide a hit on a triangle with holes, and parallel rays have no origin in common. float32 rejects triangles
-and float64 decides, by the tests that all methods share.
+Parallel rays have no origin in common. float32 rejects triangles and float64 decides, by the tests that all methods share.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ BLOCK = 128
 
 
 def walked(effects: Effects) -> bool:
-    """Whether :class:`Careful` traces every ray of a frame: triangles have holes, or primary rays start in many points."""
-    return effects.alpha or effects.orthographic
+    """Whether :class:`Careful` traces every ray of a frame: primary rays start in many points."""
+    return effects.orthographic
 
 
 class Careful:

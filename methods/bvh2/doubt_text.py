@@ -17,6 +17,16 @@ from ..common.reserve import WITHIN
 MOST_KEPT = 14
 """A leaf, whose two triangles may add as many, is tested with at most this many kept."""
 
+SOLID = {False: "", True: "&& masked.data[at] == 0"}
+"""By whether triangles have holes: in place of ``SOLID`` in a leaf's text, what float32 needs to be certain of a hit on
+triangle ``at``. Of a triangle with holes float64 decides whether the hit counts, so that each of its hits is a doubt."""
+
+
+def solid_text(text: str, holes: bool) -> str:
+    """The text of a leaf, where triangles have ``holes`` or none has."""
+    return text.replace("SOLID", SOLID[holes])
+
+
 ENTER = f"""
 auto enter = [&](int at) {{
 #if defined(__CUDA_ARCH__)

@@ -9,7 +9,9 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
 from ...harness.frame.threads import beside
+from ...harness.scene.effects import Effects
 from . import mirrored, ray_records
 from .parameters import Build, Trace
 from .primary import BLOCK, Tree
@@ -35,7 +37,7 @@ class MirroredRays:
         frame: Frame,
         build: Build,
         trace: Trace,
-        bounces: int,
+        effects: Effects,
         tree: Tree,
         parts: list[Any],
         threads: int,
@@ -44,6 +46,7 @@ class MirroredRays:
         starts: list[wp.array],
     ):
         self.frame, self.tree, self.parts, self.threads = frame, tree, parts, threads
+        bounces, self.switches = effects.bounces, effects.switches(bounce=1)
         self.exact = trace.precision == "exact"
         self.node_bytes, self.registers = build.node_bytes, trace.registers
         self.counts, self.doubts, self.starts = counts, doubts, starts
@@ -85,9 +88,10 @@ class MirroredRays:
             kernel = mirrored.make_float32_kernel(self.node_bytes, self.registers)
             self._run(kernel, walk, [*pairs, hits, starts])
             return
-        self._run(mirrored.make_exact_kernel(self.node_bytes, self.registers), walk, [*pairs, found])
-        inputs = [length, listed, rays, f.mesh, doubts, found]
-        self._run(mirrored.resolve_kernel, inputs, [hits, starts])
+        kernel = mirrored.make_exact_kernel(self.node_bytes, self.registers)
+        self._run(specialised(kernel, self.switches), walk, [*pairs, found])
+        inputs = [length, listed, rays, f.mesh, f.alpha, doubts, found]
+        self._run(specialised(mirrored.resolve_kernel, self.switches), inputs, [hits, starts])
 
     def _run(self, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
         device = self.frame.device

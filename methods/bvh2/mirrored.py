@@ -12,19 +12,22 @@ from typing import Any
 
 import warp as wp
 
+from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
 from ...harness.frame.specialise import effects
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, plane_distance
 from ..common.reserve import reserve
 from ..common.triangle import to_float32
-from .primary import Part, Tree, found_of, pixel_at, resolve_hit
+from .primary import Part, Tree, found_of, make_resolve, pixel_at
 from .records import triangle_corners
-from .shadow import hidden
+from .shadow import make_hidden
 from .walk_ray import make_ray_walk
 from .walk_shadow import make_shadow_walk
 
 RESOLVE_REGISTERS = 96
+
+resolve_hit, resolve_holes = make_resolve(False), make_resolve(True)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -53,7 +56,7 @@ def list_kernel(
 @functools.cache
 def make_exact_kernel(node_bytes: int, registers: int) -> Any:
     """One thread per listed pixel: the certain closest hit (-1: none), and its chain of doubts."""
-    walk = make_ray_walk("exact", node_bytes)
+    walk, walk_holes = (make_ray_walk("exact", node_bytes, holes) for holes in (False, True))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def exact_kernel(
@@ -71,10 +74,16 @@ def make_exact_kernel(node_bytes: int, registers: int) -> Any:
         if k >= entry(count, 0):
             return
         pixel = entry(listed, k)
-        walked = walk(
-            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, reach, counts,
-            doubts,
-        )  # fmt: skip
+        origin = entry(rays.origin, pixel)
+        direction = entry(rays.direction, pixel)
+        if wp.static(effects.alpha):
+            walked = walk_holes(
+                origin, direction, tree.nodes, tree.root, records, reach, tree.masked, counts, doubts
+            )
+        else:
+            walked = walk(
+                origin, direction, tree.nodes, tree.root, records, reach, tree.masked, counts, doubts
+            )
         set_entry(found, k, found_of(walked))
 
     return exact_kernel
@@ -103,8 +112,8 @@ def make_float32_kernel(node_bytes: int, registers: int) -> Any:
             return
         pixel = entry(listed, k)
         found = walk(
-            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, reach, counts,
-            doubts,
+            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, reach,
+            tree.masked, counts, doubts,
         )  # fmt: skip
         best = wp.cast(found[3], wp.int32)
         distance = wp.float32(wp.INF)
@@ -125,6 +134,7 @@ def resolve_kernel(
     listed: wp.array(dtype=wp.int32),
     rays: Rays,
     mesh: Mesh,
+    alpha: Alpha,
     doubts: wp.array(dtype=wp.vec2i),
     found: wp.array(dtype=wp.vec4i),
     hits: Hits,
@@ -137,7 +147,10 @@ def resolve_kernel(
     pixel = entry(listed, k)
     ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
     # Mirrored rays start in the scene, never far from it.
-    flat = resolve_hit(ray, entry(found, k), pixel, mesh, doubts, False, hits, start)
+    if wp.static(effects.alpha):
+        flat = resolve_holes(ray, entry(found, k), pixel, mesh, alpha, doubts, False, hits, start)
+    else:
+        flat = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, doubts, False, hits, start)
     if flat >= 0:
         again = triangle_corners(mesh, flat)
         set_entry(start, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, again), again)))
@@ -146,7 +159,8 @@ def resolve_kernel(
 @functools.cache
 def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
     """One thread per listed pixel: the shadow bit of its hit. Bits of other pixels stay."""
-    walk = make_shadow_walk(precision, node_bytes)
+    walk, walk_holes = (make_shadow_walk(precision, node_bytes, holes) for holes in (False, True))
+    hidden, hidden_by_opaque = make_hidden(False), make_hidden(True)
     exact = precision == "exact"
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
@@ -162,6 +176,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         reach: wp.array(dtype=wp.float32),
         extent: wp.array(dtype=wp.float32),
         mesh: Mesh,
+        alpha: Alpha,
         rays: Rays,
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
@@ -179,13 +194,24 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         if wp.static(effects.receivers):
             wanted = wanted and receivers[light, pixel] != wp.uint8(0)
         if wanted:
-            found = walk(
-                entry(starts, pixel), entry(lights, light), hit, reach, extent, tree.nodes, tree.root, records,
-                sides, facing, counts, doubts,
-            )  # fmt: skip
+            start = entry(starts, pixel)
+            place = entry(lights, light)
+            if wp.static(effects.alpha):
+                found = walk_holes(
+                    start, place, hit, reach, extent, tree.nodes, tree.root, records, sides, facing, tree.masked,
+                    counts, doubts,
+                )  # fmt: skip
+            else:
+                found = walk(
+                    start, place, hit, reach, extent, tree.nodes, tree.root, records, sides, facing, tree.masked,
+                    counts, doubts,
+                )  # fmt: skip
             if wp.static(exact):
                 ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
-                visibility[light, pixel] = hidden(found, ray, hit, entry(lights, light), mesh, doubts)
+                if wp.static(effects.alpha):
+                    visibility[light, pixel] = hidden_by_opaque(found, ray, hit, place, mesh, alpha, doubts)
+                else:
+                    visibility[light, pixel] = hidden(found, ray, hit, place, mesh, alpha, doubts)
             else:
                 visibility[light, pixel] = wp.uint8(found)
 

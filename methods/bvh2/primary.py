@@ -7,7 +7,10 @@ from typing import Any
 
 import warp as wp
 
+from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
+from ...harness.frame.specialise import effects
+from ..common.alpha import opaque_at_hit
 from ..common.certain_hit import certain_hit, is_far
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import along, flat_hit_point, plane_distance
@@ -32,10 +35,12 @@ def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
 
 @wp.struct
 class Tree:
-    """Nodes of a tree, and the reference to its root: see :mod:`.nodes` and :mod:`.snippets`."""
+    """Nodes of a tree, and the reference to its root (:mod:`.nodes`, :mod:`.snippets`); which triangles have holes, or
+    nothing where none has."""
 
     nodes: wp.array(dtype=wp.vec4f)
     root: wp.array(dtype=wp.int32)
+    masked: wp.array(dtype=wp.uint8)
 
 
 @wp.struct
@@ -70,61 +75,73 @@ def found_of(walked: wp.vec4f) -> wp.vec4i:
     )
 
 
-@wp.func
-def resolve_hit(
-    ray: Ray,
-    found: wp.vec4i,
-    pixel: wp.int32,
-    mesh: Mesh,
-    doubts: wp.array(dtype=wp.vec2i),
-    far: wp.bool,
-    hits: Hits,
-    start: wp.array(dtype=wp.vec3f),
-) -> wp.int32:
-    """Store the nearest of the certain hit and the doubtful ones (:func:`found_of`): t, weights and origin of shadow rays,
-    in float64. Returns the hit triangle if that origin is still to be computed, because the ray is flat on it or starts
-    ``far`` away, or -1."""
-    i = found[0]
-    following = found[1]
-    last = found[2]
-    best = found[3]
-    if i >= 0 or last >= 0:
-        nearest = wp.float64(wp.INF)
+@functools.cache
+def make_resolve(holes: bool) -> Any:
+    """A function that stores the closest hit of a ray. ``holes``: doubtful hits count where the triangle is opaque."""
+
+    @wp.func
+    def resolve_hit(
+        ray: Ray,
+        found: wp.vec4i,
+        pixel: wp.int32,
+        mesh: Mesh,
+        alpha: Alpha,
+        doubts: wp.array(dtype=wp.vec2i),
+        far: wp.bool,
+        hits: Hits,
+        start: wp.array(dtype=wp.vec3f),
+    ) -> wp.int32:
+        """Store the nearest of the certain hit and the doubtful ones (:func:`found_of`): t, weights and origin of shadow
+        rays, in float64. Returns the hit triangle if that origin is still to be computed, because the ray is flat on it or
+        starts ``far`` away, or -1."""
+        i = found[0]
+        following = found[1]
+        last = found[2]
+        best = found[3]
+        if i >= 0 or last >= 0:
+            nearest = wp.float64(wp.INF)
+            if best >= 0:
+                nearest = plane_distance(ray, triangle_corners(mesh, best))
+            while i >= 0 or last >= 0:
+                if i < 0:
+                    doubt = entry(doubts, last)
+                    last = doubt[1]
+                    i = doubt[0]
+                t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
+                wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
+                if wp.static(holes):
+                    if wanted:
+                        wanted = opaque_at_hit(alpha, i, ray, triangle_corners(mesh, i), weld_at(mesh, i))
+                if wanted:
+                    nearest = t
+                    best = i
+                i = following
+                following = -1
+        distance32 = wp.float32(wp.INF)
+        uv = wp.vec2f()
+        flat = wp.bool(False)
         if best >= 0:
-            nearest = plane_distance(ray, triangle_corners(mesh, best))
-        while i >= 0 or last >= 0:
-            if i < 0:
-                doubt = entry(doubts, last)
-                last = doubt[1]
-                i = doubt[0]
-            t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
-            if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best):
-                nearest = t
-                best = i
-            i = following
-            following = -1
-    distance32 = wp.float32(wp.INF)
-    uv = wp.vec2f()
-    flat = wp.bool(False)
-    if best >= 0:
-        hit = certain_hit(ray, triangle_corners(mesh, best), weld_at(mesh, best))
-        flat = hit.flat
-        if far:
-            flat = True
-        distance32 = wp.float32(hit.t)
-        uv = hit.uv
-        set_entry(start, pixel, to_float32(along(ray, hit.t)))
-    set_entry(hits.triangle, pixel, best)
-    set_entry(hits.t, pixel, distance32)
-    set_entry(hits.u, pixel, uv[0])
-    set_entry(hits.v, pixel, uv[1])
-    return wp.where(flat, best, -1)
+            hit = certain_hit(ray, triangle_corners(mesh, best), weld_at(mesh, best))
+            flat = hit.flat
+            if far:
+                flat = True
+            distance32 = wp.float32(hit.t)
+            uv = hit.uv
+            set_entry(start, pixel, to_float32(along(ray, hit.t)))
+        set_entry(hits.triangle, pixel, best)
+        set_entry(hits.t, pixel, distance32)
+        set_entry(hits.u, pixel, uv[0])
+        set_entry(hits.v, pixel, uv[1])
+        return wp.where(flat, best, -1)
+
+    return resolve_hit
 
 
 @functools.cache
 def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
     """One thread per pixel, 8 x 4 per warp: the closest hit; then its t, weights and hit point in float64."""
-    walk = make_walk("exact", packets, node_bytes)
+    walk, walk_holes = (make_walk("exact", packets, node_bytes, holes) for holes in (False, True))
+    resolve_hit, resolve_holes = make_resolve(False), make_resolve(True)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def exact_kernel(
@@ -134,6 +151,7 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         records: wp.array(dtype=wp.vec4f),
         reach: wp.array(dtype=wp.float32),
         mesh: Mesh,
+        alpha: Alpha,
         extent: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
@@ -143,14 +161,23 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         at = pixel_at(camera, part, wp.tid())
         seen = at[0] >= 0
         pixel = at[1] * camera.width + at[0]
-        walked = walk(
-            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, reach, counts,
-            doubts,
-        )  # fmt: skip
+        eye = entry(camera.eye, 0)
+        direction = direction_at(camera, at)
+        if wp.static(effects.alpha):
+            walked = walk_holes(
+                seen, eye, direction, tree.nodes, tree.root, records, reach, tree.masked, counts, doubts
+            )
+        else:
+            walked = walk(
+                seen, eye, direction, tree.nodes, tree.root, records, reach, tree.masked, counts, doubts
+            )
         if seen:
             ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
             far = is_far(ray.origin, entry(extent, 0))
-            flat = resolve_hit(ray, found_of(walked), pixel, mesh, doubts, far, hits, start)
+            if wp.static(effects.alpha):
+                flat = resolve_holes(ray, found_of(walked), pixel, mesh, alpha, doubts, far, hits, start)
+            else:
+                flat = resolve_hit(ray, found_of(walked), pixel, mesh, alpha, doubts, far, hits, start)
             # Flat rays are few, and slow to compute. The corners are read again, so that no register holds them until here.
             if flat >= 0:
                 again = triangle_corners(mesh, flat)
@@ -185,8 +212,8 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         seen = at[0] >= 0
         pixel = at[1] * camera.width + at[0]
         found = walk(
-            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, reach, counts,
-            doubts,
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, reach,
+            tree.masked, counts, doubts,
         )  # fmt: skip
         if seen:
             best = wp.cast(found[3], wp.int32)

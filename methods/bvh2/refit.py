@@ -148,7 +148,7 @@ class Refitted:
             self.scratch = wp.zeros(4 * count, dtype=wp.vec4f)
             self.flags = wp.zeros(count, dtype=wp.int32)
             nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
-            self.tree = filled(Tree, nodes=nodes, root=wp.zeros(1, dtype=wp.int32))
+            self.tree = filled(Tree, nodes=nodes, root=wp.zeros(1, dtype=wp.int32), masked=frame.alpha.masked)
 
     def passes(self) -> tuple[list[Pass], Pass]:
         """The passes before the records of triangles, and the refit, which runs concurrently with those."""

@@ -7,9 +7,11 @@ from typing import Any
 
 import warp as wp
 
+from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
 from ...harness.frame.receivers import hit_receives
 from ...harness.frame.specialise import effects
+from ..common.alpha import opaque_to_light
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.segment import occludes
@@ -21,37 +23,49 @@ from .walk_shadow import HIDING, NOTHING, make_shadow_walk
 HIDDEN = wp.constant(HIDING)
 
 
-@wp.func
-def hidden(
-    found: wp.vec3i,
-    ray: Ray,
-    own: wp.int32,
-    light: wp.vec3f,
-    mesh: Mesh,
-    doubts: wp.array(dtype=wp.vec2i),
-) -> wp.uint8:
-    """The shadow bit of an exact walk that gave ``found``: its own, or float64's verdict on what it left, for which the hit
-    point of ``ray`` on the triangle ``own`` is computed again."""
-    if found[0] == HIDDEN:
-        return wp.uint8(1)
-    bit = wp.uint8(0)
-    last = found[0]
-    i = found[1]
-    following = found[2]
-    if i >= 0 or last >= 0:
-        corners = triangle_corners(mesh, own)
-        h = hit_point(ray, plane_distance(ray, corners), corners)
-        size = wp.float64(largest(ray.origin))
-        while bit == wp.uint8(0) and (i >= 0 or last >= 0):
-            if i < 0:
-                doubt = entry(doubts, last)
-                last = doubt[1]
-                i = doubt[0]
-            if occludes(h, light, triangle_corners(mesh, i), weld_of(mesh, i), size):
-                bit = wp.uint8(1)
-            i = following
-            following = -1
-    return bit
+@functools.cache
+def make_hidden(holes: bool) -> Any:
+    """A function that gives the shadow bit of an exact walk. ``holes``: doubtful triangles hide where they are opaque."""
+
+    @wp.func
+    def hidden(
+        found: wp.vec3i,
+        ray: Ray,
+        own: wp.int32,
+        light: wp.vec3f,
+        mesh: Mesh,
+        alpha: Alpha,
+        doubts: wp.array(dtype=wp.vec2i),
+    ) -> wp.uint8:
+        """The shadow bit of an exact walk that gave ``found``: its own, or float64's verdict on what it left, for which the
+        hit point of ``ray`` on the triangle ``own`` is computed again."""
+        if found[0] == HIDDEN:
+            return wp.uint8(1)
+        bit = wp.uint8(0)
+        last = found[0]
+        i = found[1]
+        following = found[2]
+        if i >= 0 or last >= 0:
+            corners = triangle_corners(mesh, own)
+            h = hit_point(ray, plane_distance(ray, corners), corners)
+            size = wp.float64(largest(ray.origin))
+            while bit == wp.uint8(0) and (i >= 0 or last >= 0):
+                if i < 0:
+                    doubt = entry(doubts, last)
+                    last = doubt[1]
+                    i = doubt[0]
+                occluded = occludes(h, light, triangle_corners(mesh, i), weld_of(mesh, i), size)
+                if wp.static(holes):
+                    if occluded:
+                        corners = triangle_corners(mesh, i)
+                        occluded = opaque_to_light(alpha, i, h, light, corners, weld_of(mesh, i), size)
+                if occluded:
+                    bit = wp.uint8(1)
+                i = following
+                following = -1
+        return bit
+
+    return hidden
 
 
 @functools.cache
@@ -61,7 +75,8 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
     ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, the kernel marks
     them, too; else they are marked already. ``faces``: only those that face it do.
     """
-    walk = make_shadow_walk(precision, node_bytes)
+    walk, walk_holes = (make_shadow_walk(precision, node_bytes, holes) for holes in (False, True))
+    hidden, hidden_by_opaque = make_hidden(False), make_hidden(True)
     exact = precision == "exact"
     nothing = wp.constant(wp.vec3i(*NOTHING) if exact else wp.int32(0))
 
@@ -81,6 +96,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         reach: wp.array(dtype=wp.float32),
         extent: wp.array(dtype=wp.float32),
         mesh: Mesh,
+        alpha: Alpha,
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
         receivers: wp.array2d(dtype=wp.uint8),
@@ -103,14 +119,25 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
             else:
                 wanted = wanted and receivers[light, pixel] != wp.uint8(0)
         found = nothing
+        place = entry(lights, light)
         if wanted:
-            found = walk(
-                entry(starts, pixel), entry(lights, light), hit, reach, extent, tree.nodes, tree.root, records,
-                sides, facing, counts, doubts,
-            )  # fmt: skip
+            start = entry(starts, pixel)
+            if wp.static(effects.alpha):
+                found = walk_holes(
+                    start, place, hit, reach, extent, tree.nodes, tree.root, records, sides, facing, tree.masked,
+                    counts, doubts,
+                )  # fmt: skip
+            else:
+                found = walk(
+                    start, place, hit, reach, extent, tree.nodes, tree.root, records, sides, facing, tree.masked,
+                    counts, doubts,
+                )  # fmt: skip
         if wp.static(exact):
             ray = ray_of(camera, pixel)
-            visibility[light, pixel] = hidden(found, ray, hit, entry(lights, light), mesh, doubts)
+            if wp.static(effects.alpha):
+                visibility[light, pixel] = hidden_by_opaque(found, ray, hit, place, mesh, alpha, doubts)
+            else:
+                visibility[light, pixel] = hidden(found, ray, hit, place, mesh, alpha, doubts)
         else:
             visibility[light, pixel] = wp.uint8(found)
 

@@ -62,6 +62,8 @@ class ShadowRays:
         doubt_capacity: int,
         primary_starts: wp.array | None = None,
     ):
+        if effects.alpha:
+            trace = replace(trace, precision="exact")  # float32 cannot decide a hit on a triangle with holes
         self.frame, self.build, self.trace, self.effects = frame, build, trace, effects
         self.tree, self.extent = tree, extent
         self.exact = trace.precision == "exact"
@@ -102,7 +104,7 @@ class ShadowRays:
         if effects.bounces and not walked(effects):
             kept = self.counts[self.mirror_slot :]
             self.mirrored = MirroredRays(
-                frame, build, trace, effects.bounces, tree, self.bounce_parts, self.bounce_threads, kept, self.doubts,
+                frame, build, trace, effects, tree, self.bounce_parts, self.bounce_threads, kept, self.doubts,
                 self.starts,
             )  # fmt: skip
 
@@ -237,7 +239,7 @@ class ShadowRays:
             inputs=[
                 f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, f.fronts, self.tree,
                 self.light_records[light], self.sides[light], self.facing[light], f.reach, self.extent, f.mesh,
-                f.hits(bounce), self.starts[bounce],
+                f.alpha, f.hits(bounce), self.starts[bounce],
             ],
             outputs=[f.masks(bounce), counts, self.doubts[share], f.bits(bounce)],
             device=f.device,
@@ -265,8 +267,8 @@ class ShadowRays:
             dim=self.bounce_threads,
             inputs=[
                 *self.mirrored.list_of(bounce, share), light, f.lights, self.tree, self.light_records[light],
-                self.sides[light], self.facing[light], f.reach, self.extent, f.mesh, f.rays(bounce), f.hits(bounce),
-                self.starts[bounce], f.masks(bounce),
+                self.sides[light], self.facing[light], f.reach, self.extent, f.mesh, f.alpha, f.rays(bounce),
+                f.hits(bounce), self.starts[bounce], f.masks(bounce),
             ],
             outputs=[counts, self.doubts[share], f.bits(bounce)],
             device=f.device,

@@ -9,6 +9,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects
 from ..common.ray_passes import shadow_ray_passes
 from . import primary, records
@@ -94,7 +95,8 @@ class Rays(ShadowRays):
         arguments: tuple[Any, ...] = (self.trace.primary == "packet", self.build.node_bytes)
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments, max(registers, primary.FLOAT64_REGISTERS))
-            inputs: list[Any] = [f.mesh, self.extent]
+            kernel = specialised(kernel, self.effects.switches())
+            inputs: list[Any] = [f.mesh, f.alpha, self.extent]
         else:
             kernel = primary.make_float32_kernel(*arguments, registers)
             inputs = []

@@ -39,7 +39,7 @@ class Rebuilt:
             self.nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
             self.root = wp.zeros(1, dtype=wp.int32)
             self.extent = wp.zeros(1, dtype=wp.float32)
-        self.tree = filled(Tree, nodes=self.nodes, root=self.root)
+        self.tree = filled(Tree, nodes=self.nodes, root=self.root, masked=frame.alpha.masked)
 
     def passes(self) -> tuple[list[Pass], Pass]:
         """The passes before the records of triangles, and the one that makes the tree, concurrently with those."""

@@ -5,9 +5,9 @@ A packet of rays has one stack and visits the union of the nodes that its rays v
 first (Wald et al. 2001; Guenther et al. 2007). So all lanes read the same nodes and triangles. It gives the answers of
 single rays, which is how the CPU walks.
 
-Exact: an edge plane or a depth that float32 does not decide leaves the pair to float64, and the traversal continues
-without it. The current closest hit is always certain: a triangle replaces it only if it certainly lies in front. Of two
-hits whose depths overlap within their bounds the second is left to float64.
+Exact: an edge plane or a depth that float32 does not decide, or a triangle with holes, leaves the pair to float64, and the
+traversal continues without it. The current closest hit is always certain: a triangle replaces it only if it certainly lies
+in front. Of two hits whose depths overlap within their bounds the second is left to float64.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN, CONTINUE, FULL_BREAK
+from .doubt_text import CHAIN, CONTINUE, FULL_BREAK, solid_text
 from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SHRINK, SLABS
 from .records import DEPTH_UNITS, EYE_UNITS
 from .snippets import BASICS, STACK
@@ -40,7 +40,7 @@ if (!(inside < -bound)) {
     float depth = d[0] * r.y + d[1] * r.z + d[2] * r.w;
     float error = wide * high(size(r.y), high(size(r.z), size(r.w)));
     if (!(depth + error < sure_from)) {
-        if (inside > bound && depth - error > sure_to) {
+        if (inside > bound && depth - error > sure_to SOLID) {
             best = at;
             sure_from = depth - error;
             sure_to = depth + error;
@@ -170,14 +170,15 @@ def single_walk(triangle: str, node_bytes: int, exact: bool) -> str:
 
 
 @functools.cache
-def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
+def make_walk(precision: str, packets: bool, node_bytes: int, holes: bool = False) -> Any:
     """A function of a ray that gives (t, u, v, bits of the closest triangle or of -1); exact: the bits of (first, second,
     last, triangle), with what it left (:mod:`.doubt_text`).
 
-    ``seen`` is False in a lane without a ray; ``packets`` walks as one only where a warp does, on the GPU.
+    ``seen`` is False in a lane without a ray; ``packets`` walks as one only where a warp does, on the GPU. ``holes``: an
+    exact walk leaves hits of the triangles that are ``masked`` to float64.
     """
     exact = precision == "exact"
-    triangle = EXACT_LEAF if exact else FLOAT32_LEAF
+    triangle = solid_text(EXACT_LEAF, holes) if exact else FLOAT32_LEAF
 
     single = "if (!seen) now = NONE;" + single_walk(triangle.replace("REAL", "true"), node_bytes, exact)
     walking = single
@@ -203,6 +204,7 @@ def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
         root: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
         reach: wp.array(dtype=wp.float32),
+        masked: wp.array(dtype=wp.uint8),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
     ) -> wp.vec4f: ...

@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN
+from .doubt_text import CHAIN, solid_text
 from .nodes import INVERSE, PLAIN, SHRINK
 from .ray_records import DEPTH_SLACK, PLANE_UNITS, WEIGHT_UNITS
 from .snippets import BASICS
@@ -53,7 +53,7 @@ if (!(inside < -bound)) {
         float from = (height - height_error) * about(det + det_error) * closer;
         if (!(from * shrink > limit)) {
             float to = (height + height_error) * about(det - det_error) * farther + 1.0e-37f;
-            if (inside > bound && steep && height > height_error && to < sure_from) {
+            if (inside > bound && steep && height > height_error && to < sure_from SOLID) {
                 best = at;
                 sure_from = from;
                 limit = to * shrink;
@@ -91,7 +91,7 @@ if (s >= 0.0f && w >= 0.0f && s + w <= 1.0f && t > 0.0f && t < limit) {
 
 
 @functools.cache
-def make_ray_walk(precision: str, node_bytes: int) -> Any:
+def make_ray_walk(precision: str, node_bytes: int, holes: bool = False) -> Any:
     """A function of a ray that gives what :func:`.walk_primary.make_walk`'s gives."""
     exact = precision == "exact"
 
@@ -102,7 +102,7 @@ def make_ray_walk(precision: str, node_bytes: int) -> Any:
         + "unsigned int now = (unsigned int)root.data[0];\nfloat limit = 3.4e38f;\nconst float tiny = 1.0e-37f;\n"
         + INVERSE
         + (EXACT_BEGIN if exact else FLOAT32_BEGIN)
-        + single_walk(EXACT_LEAF if exact else FLOAT32_LEAF, node_bytes, exact)
+        + single_walk(solid_text(EXACT_LEAF, holes) if exact else FLOAT32_LEAF, node_bytes, exact)
         + (EXACT_END if exact else FLOAT32_END)
     )
     def walk(
@@ -112,6 +112,7 @@ def make_ray_walk(precision: str, node_bytes: int) -> Any:
         root: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
         reach: wp.array(dtype=wp.float32),
+        masked: wp.array(dtype=wp.uint8),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
     ) -> wp.vec4f: ...

@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN, CONTINUE, FULL_BREAK
+from .doubt_text import CHAIN, CONTINUE, FULL_BREAK, solid_text
 from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SLABS
 from .records import LIGHT_UNITS
 from .snippets import BASICS, STACK
@@ -29,7 +29,7 @@ if (!(inside < -bound) && at != own) {
     Quad s = fetch(sides.data, at);
     float side = fused(h[2], s.z, fused(h[1], s.y, fused(h[0], s.x, s.w)));
     if (!(side > bound)) {
-        if (inside > bound && side < -bound) HIDDEN
+        if (inside > bound && side < -bound SOLID) HIDDEN
         leave(at);
     }
 }
@@ -109,9 +109,14 @@ HIDDEN = "{ hidden = 1, held = 0, kept = 0; goto walked; }"
 not matter."""
 
 
-def exact_walk(node_bytes: int) -> str:
+def exact_walk(node_bytes: int, holes: bool) -> str:
     """The traversal of an exact ray."""
-    leaf = OF_LEAF.replace("TRIANGLE", EXACT_LEAF).replace("#pragma", UNLESS_SPARED + "#pragma") + "}\n"
+    leaf = (
+        OF_LEAF.replace("TRIANGLE", solid_text(EXACT_LEAF, holes)).replace(
+            "#pragma", UNLESS_SPARED + "#pragma"
+        )
+        + "}\n"
+    )
     walk = walk_text(node_bytes, leaf)
     entering = walk.replace("FULL", "").replace("leave(", "enter(").replace("HIDDEN", RETURN_HIDING)
     keeping = walk.replace("FULL", FULL_BREAK).replace("HIDDEN", HIDDEN)
@@ -133,12 +138,12 @@ def walk_text(node_bytes: int, leaf: str) -> str:
 
 
 @functools.cache
-def make_shadow_walk(precision: str, node_bytes: int) -> Any:
+def make_shadow_walk(precision: str, node_bytes: int, holes: bool = False) -> Any:
     """A function of the hit point h and the light: whether something other than the triangle ``own`` lies between, as 0 or 1
-    or, of an exact ray, as :data:`HIDING` says."""
+    or, of an exact ray, as :data:`HIDING` says. ``holes``: hits of the triangles that are ``masked`` are left to float64."""
     if precision == "exact":
 
-        @wp.func_native(BASICS + CHAIN + BEGIN["exact"] + PLAIN + INVERSE + exact_walk(node_bytes))
+        @wp.func_native(BASICS + CHAIN + BEGIN["exact"] + PLAIN + INVERSE + exact_walk(node_bytes, holes))
         def walk(
             h: wp.vec3f,
             light: wp.vec3f,
@@ -150,6 +155,7 @@ def make_shadow_walk(precision: str, node_bytes: int) -> Any:
             records: wp.array(dtype=wp.vec4f),
             sides: wp.array(dtype=wp.vec4f),
             facing: wp.array(dtype=wp.uint8),
+            masked: wp.array(dtype=wp.uint8),
             counts: wp.array(dtype=wp.int32),
             doubts: wp.array(dtype=wp.vec2i),
         ) -> wp.vec3i: ...
@@ -168,6 +174,7 @@ def make_shadow_walk(precision: str, node_bytes: int) -> Any:
             records: wp.array(dtype=wp.vec4f),
             sides: wp.array(dtype=wp.vec4f),
             facing: wp.array(dtype=wp.uint8),
+            masked: wp.array(dtype=wp.uint8),
             counts: wp.array(dtype=wp.int32),
             doubts: wp.array(dtype=wp.vec2i),
         ) -> wp.int32: ...

@@ -23,7 +23,6 @@ from ..bvh2.shadow_passes import ShadowRays, threads_built
 from ..bvh2.tree import Rebuilt
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_passes import shadow_ray_passes
 from ..common.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as StreamsBuild
@@ -81,7 +80,7 @@ class Hybrid(BaseMethod):
         )
         self._rays = rays
         after = [*rays.mirror_passes(), *rays.light_passes(late=False)]
-        if shadows and not effects.alpha:
+        if shadows:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
         passes = [replace(work, branch=(TREE,), effect=effect) for work in first]
@@ -95,8 +94,6 @@ class Hybrid(BaseMethod):
         scene = ("bvh", "points", "triangles", "camera", "hits", *effects.surface_reads())
         if not shadows:
             return rays.light_passes(late=True)
-        if effects.alpha:
-            return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
         return rays.in_shares(lambda share: rays.share_passes(share, scene))
 
     def needs(self) -> wp.array | None:

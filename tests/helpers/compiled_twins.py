@@ -25,6 +25,7 @@ import warp as wp
 from shadowbench.harness.frame.specialise import is_effects, named
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.bvh2 import careful, mirrored
+from shadowbench.methods.bvh2 import primary as tree_primary
 from shadowbench.methods.bvh2 import shadow as tree_shadow
 from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
@@ -197,6 +198,8 @@ def made_kernels() -> dict[str, wp.Kernel]:
         ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],
         careful.make_closest_kernel: careful.make_closest_kernel(48),
         careful.make_shadow_kernel: careful.make_shadow_kernel(48),
+        mirrored.make_exact_kernel: mirrored.make_exact_kernel(48, 48),
+        tree_primary.make_exact_kernel: tree_primary.make_exact_kernel(False, 48, 56),
         mirrored.make_shadow_kernel: mirrored.make_shadow_kernel("exact", 48, 48),
         tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel("exact", 48, 40, True),
     }

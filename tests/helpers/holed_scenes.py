@@ -22,6 +22,7 @@ EXACT = [
     ("warp_bvh", {"update": "bvh_rebuild"}),
     ("bvh2", {}),
     ("hybrid", {}),
+    ("hybrid", {"shadows": "tree"}),
     ("perspective_spherical", {}),
     ("ray_grids", {}),
     ("ray_grids", {"queue": "always", "inline_cells": "0"}),

@@ -37,7 +37,11 @@ DOUBT_BYTES = 256
 RECEIVER_BYTES = 64
 """What they may spill before it, where float64 decides whether a hit receives the light."""
 
+HOLE_BYTES = 96
+"""What primary and shadow rays may spill more where float64 decides whether a hit lies in a hole."""
+
 MARKED = Switches(receivers=True)
+HOLES = Switches(alpha=True)
 
 # The others are hot: test_kernel_report reads their binaries.
 KERNELS = {
@@ -46,8 +50,8 @@ KERNELS = {
     "hploc, wide": build_hploc.make_hploc_kernel(8, 64),
     "refit": refit.make_refit_kernel(48),
     "sort, large": sort.make_sweep_kernel(16),
-    "holes": careful.make_closest_kernel(48),
-    "shadows with holes": careful.make_shadow_kernel(48),
+    "parallel": careful.make_closest_kernel(48),
+    "shadows of parallel rays": careful.make_shadow_kernel(48),
     "mirrored, wide": mirrored.make_exact_kernel(64, 64),
     "float32 packet": primary.make_float32_kernel(True, 64, REGISTERS),
 }
@@ -56,6 +60,15 @@ TRACED = {
     "exact packet": (primary.make_exact_kernel(True, 48, FLOAT64_REGISTERS), FLOAT64_BYTES),
     "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), EXACT_BYTES),
     "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES + DOUBT_BYTES),
+    "holes": (
+        specialised(primary.make_exact_kernel(False, 48, FLOAT64_REGISTERS), HOLES),
+        EXACT_BYTES + FLOAT64_BYTES + HOLE_BYTES,
+    ),
+    "shadows with holes": (
+        specialised(shadow.make_shadow_kernel("exact", 48, REGISTERS, False), HOLES),
+        EXACT_BYTES + DOUBT_BYTES + HOLE_BYTES,
+    ),
+    "mirrored, with holes": (specialised(mirrored.make_exact_kernel(48, REGISTERS), HOLES), EXACT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
     "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS, False), EXACT_BYTES + DOUBT_BYTES),
     "exact shadow, marking": (
@@ -78,7 +91,7 @@ def test_kernels_compile_for_cuda(name):
 def test_traced_kernels_spill_nothing(name):
     kernel, stack = TRACED[name]
     (use,) = uses_of(kernel.module).values()
-    assert use.registers <= (FLOAT64_REGISTERS if name in ("exact", "exact packet") else REGISTERS)
+    assert use.registers <= (FLOAT64_REGISTERS if name in ("exact", "exact packet", "holes") else REGISTERS)
     assert use.stack_bytes <= stack
 
 
