@@ -73,7 +73,7 @@ def explain(
     # A frame of only that pixel: it has the same ray and is judged like any other frame.
     alone = replace(moment, column=moment.column[[x]], row=moment.row[[y]])
     judge = Judge.of(prepared, alone, device=place)
-    of_reference = judge_rays(judge, judge.reference.answers())
+    of_reference = judge_rays(judge, judge.checked_reference.answers)
     facts: dict[str, Any] = {
         "scene": scene,
         "stand_in": prepared.scene.stand_in,

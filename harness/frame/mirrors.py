@@ -149,12 +149,14 @@ def traced_bounces(
     structure: tuple[str, ...],
     trace: Callable[[int], None],
     shadow: Callable[[int, int], None],
+    of_light: Callable[[int], tuple[str, ...]] = lambda light: (),
 ) -> list[Pass]:
     """A method's own passes for mirrored rays, after those of its primary rays.
 
     structure  the resources of the method that tracing reads, and those of the harness apart from the surfaces
     trace      trace(bounce) fills ``frame.hits(bounce)`` from ``frame.rays(bounce)``, a miss where there is no ray
     shadow     shadow(light, bounce) fills row ``light`` of ``frame.bits(bounce)`` for those hits
+    of_light   of_light(light): the resources of the method that only its shadow rays read
     """
     passes = []
     structure = (*structure, *effects.surface_reads())
@@ -170,15 +172,24 @@ def traced_bounces(
             )
         )
         for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"bounce {b}, light {i}: shadow rays",
-                        "shadow",
-                        (*structure, f"rays/{b}", f"hits/{b}", f"light/{i}", *effects.receiver_reads(i, b)),
-                        (f"visibility/{i}/{b}",),
-                        lambda i=i, b=b: shadow(i, b),  # type: ignore[misc]
-                        effect="mirror",
-                    )
+            if not wanted:
+                continue
+            reads = (
+                *structure,
+                *of_light(i),
+                f"rays/{b}",
+                f"hits/{b}",
+                f"light/{i}",
+                *effects.receiver_reads(i, b),
+            )
+            passes.append(
+                Pass(
+                    f"bounce {b}, light {i}: shadow rays",
+                    "shadow",
+                    reads,
+                    (f"visibility/{i}/{b}",),
+                    lambda i=i, b=b: shadow(i, b),  # type: ignore[misc]
+                    effect="mirror",
                 )
+            )
     return passes

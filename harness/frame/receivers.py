@@ -25,6 +25,9 @@ from .vectors import largest, to_float64
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
 
+EACH = 64
+"""Pixels of a thread that marks receivers on a CPU, so that few of them write the word that says that there are any."""
+
 
 @wp.func
 def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
@@ -130,6 +133,8 @@ def note_receiver(reached: wp.array(dtype=wp.int32)):
 @wp.kernel(enable_backward=False)
 def receivers_kernel(
     first: wp.int32,
+    number: wp.int32,
+    each: wp.int32,
     light: wp.int32,
     facing: wp.bool,
     camera: Camera,
@@ -144,19 +149,23 @@ def receivers_kernel(
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits.
-    ``first``: of the pixels, the first one here (as of the triangles below)."""
-    pixel = first + wp.tid()
-    visibility[light, pixel] = wp.uint8(0)
-    hit = hits.triangle[pixel]
-    if hit < 0:
-        receivers[light, pixel] = wp.uint8(0)
-        return
-    ray = ray_of(camera, pixel)
-    if wp.static(effects.bounced):
-        ray = mirrored_ray(rays, pixel)
-    wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, fronts)
-    receivers[light, pixel] = wp.uint8(wanted)
-    if wanted:
+
+    Of ``number`` pixels from ``first`` on; a thread takes ``each``."""
+    start = wp.tid() * each
+    some = wp.bool(False)
+    for k in range(start, wp.min(start + each, number)):
+        pixel = first + k
+        visibility[light, pixel] = wp.uint8(0)
+        hit = hits.triangle[pixel]
+        wanted = hit >= 0
+        if wanted:
+            ray = ray_of(camera, pixel)
+            if wp.static(effects.bounced):
+                ray = mirrored_ray(rays, pixel)
+            wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, fronts)
+        receivers[light, pixel] = wp.uint8(wanted)
+        some = some or wanted
+    if some:
         note_receiver(reached)
 
 
@@ -169,7 +178,7 @@ def facing_kernel(
     lights: wp.array(dtype=wp.vec3f),
     fronts: wp.array2d(dtype=wp.uint8),
 ):
-    """Which triangles may face a light (:func:`faces_light`)."""
+    """Which triangles may face a light (:func:`faces_light`); ``first``: of them, the first one here."""
     i = first + wp.tid()
     if mesh.valid[i] != wp.uint8(0):
         fronts[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
@@ -209,13 +218,14 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
     """Launch :func:`receivers_kernel` on all pixels, on a CPU in ``threads``."""
     fronts = wp.empty((0, 0), dtype=wp.uint8, device=frame.device) if bounce else frame.fronts
     reached = reached_by(frame, light, bounce)
+    each = 1 if wp.get_device(frame.device).is_cuda else EACH
 
     def launch(first: int, number: int) -> None:
         wp.launch(
             specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
-            dim=number,
+            dim=-(-number // each),
             inputs=[
-                first, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, fronts,
+                first, number, each, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, fronts,
                 frame.hits(bounce), frame.rays(bounce),
             ],
             outputs=[frame.masks(bounce), reached, frame.bits(bounce)],

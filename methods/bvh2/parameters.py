@@ -64,8 +64,8 @@ class Trace:
     """How rays are traced.
 
     precision  "exact": float32 tests with a bound on their error, float64 for what they leave in doubt; "float32": the
-               same tree as it is usually traced, with its errors. Scenes with holes and rays of an orthographic
-               camera are traced exactly in either case
+               same tree as it is usually traced, with its errors. Scenes with holes, rays of an orthographic
+               camera and shadow rays of a directional light are traced exactly in either case
     primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own
     registers  limit of registers per thread of the kernels that trace on the GPU
     shares     parts of the pixels that the GPU traces at once, each with queues of its own: while the last rays of one

@@ -84,11 +84,12 @@ class ShadowRays:
             start = wp.zeros((own, frame.pixels), dtype=wp.vec3f)
             words = 0 if walked(effects) else frame.triangle_count
             self.light_records = {i: wp.zeros(3 * words, dtype=wp.vec4f) for i in self.lights}
-            sided = words if self.exact else 0
-            self.sides = {i: wp.zeros(sided, dtype=wp.vec4f) for i in self.lights}
+            sided = {i: words if self._exactly(i) else 0 for i in self.lights}
+            self.sides = {i: wp.zeros(sided[i], dtype=wp.vec4f) for i in self.lights}
             # Read two at a time.
-            self.facing = {i: wp.zeros(sided + sided % 2, dtype=wp.uint8) for i in self.lights}
-            self.joined = wp.array(records.joined_pairs(frame.prepared) if sided else [], dtype=wp.uint8)
+            self.facing = {i: wp.zeros(sided[i] + sided[i] % 2, dtype=wp.uint8) for i in self.lights}
+            joined = records.joined_pairs(frame.prepared) if any(sided.values()) else []
+            self.joined = wp.array(joined, dtype=wp.uint8)
         kept = [start[k] for k in range(own)]
         self.starts = kept if primary_starts is None else [primary_starts, *kept]
         self.parts = [filled(Part, share=share, shares=self.shares) for share in range(self.shares)]
@@ -107,6 +108,14 @@ class ShadowRays:
                 frame, build, trace, effects, tree, self.bounce_parts, self.bounce_threads, kept, self.doubts,
                 self.starts,
             )  # fmt: skip
+
+    def _exactly(self, light: int) -> bool:
+        """Whether the shadow rays of a light are exact: float32 cannot trace rays from a directional one, which lies where
+        its numbers end."""
+        return self.exact or self.effects.is_directional(light)
+
+    def _precision(self, light: int) -> str:
+        return "exact" if self._exactly(light) else self.trace.precision
 
     def doubtful(self) -> dict[str, int]:
         """The pairs of the last frame that were left to float64, by kind of rays."""
@@ -208,14 +217,13 @@ class ShadowRays:
             return traced_bounces(
                 self.effects, scene, lambda b: closest(b, self.starts[b]), self.careful.launch_shadow
             )
-        planes = tuple(f"light triangles/{i}" for i in self.lights)
         return traced_bounces(
-            self.effects, (*scene, RECORDS, *planes), self.mirrored.launch, self._bounce_shadow
-        )
+            self.effects, (*scene, RECORDS), self.mirrored.launch, self._bounce_shadow, lambda i: (f"light triangles/{i}",)
+        )  # fmt: skip
 
     def _light_records(self, light: int) -> None:
         f = self.frame
-        if self.exact:
+        if self._exactly(light):
             kernel, inputs = records.light_kernel, [f.mesh, light, f.lights, self.extent, self.joined]
             outputs = [self.light_records[light], self.sides[light], self.facing[light]]
         else:
@@ -232,7 +240,9 @@ class ShadowRays:
     def _shadow(self, light: int, bounce: int, share: int) -> None:
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
         build, trace = self.build, self.trace
-        kernel = shadow.make_shadow_kernel(trace.precision, build.node_bytes, trace.registers, self.marks)
+        kernel = shadow.make_shadow_kernel(
+            self._precision(light), build.node_bytes, trace.registers, self.marks
+        )
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
@@ -260,7 +270,7 @@ class ShadowRays:
         assert self.mirrored is not None
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
         kernel = mirrored.make_shadow_kernel(
-            self.trace.precision, self.build.node_bytes, self.trace.registers
+            self._precision(light), self.build.node_bytes, self.trace.registers
         )
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),

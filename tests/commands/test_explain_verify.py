@@ -120,6 +120,7 @@ def test_explain_prints_the_class_that_verify_scored(
             code = explain(str(path), f"{x},{y}", ["uniform_grid"], "cpu", f"{WIDTH}x{HEIGHT}", as_json=True)
         facts = json.loads(capsys.readouterr().out)
         reference, row = facts["answers"]
+        assert not reference["wrong"] or every_pixel.score.reference_errors.true_errors
         bounced = [one["answers"][0] for one in facts["bounces"] if one["answers"]]
         scored = Verdict(every_pixel.classes[pixel])
         assert printed_class(row, bounced) == ("ok" if scored in RIGHT else scored.key), (x, y)

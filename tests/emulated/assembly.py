@@ -34,6 +34,7 @@ INSTRUCTIONS = {
     "st.shared.v2.b32 [%0], {%1, %2};": "emulated_shared<int2>({0}) = make_int2({1}, {2});",
     "st.shared.v4.f32 [%0], {%1, %2, %3, %4};": "emulated_shared<float4>({0}) = make_float4({1}, {2}, {3}, {4});",
     "rcp.approx.ftz.f32 %0, %1;": "{0} = emulated_reciprocal({1});",
+    "sqrt.approx.ftz.f32 %0, %1;": "{0} = sqrtf({1});",
     "rcp.approx.ftz.f64 %0, %1;": "{0} = emulated_reciprocal({1});",
     "@hit st.global.f32 [%0], %1; @hit st.global.f32 [%0 + 4], %2; @hit st.global.f32 [%0 + 2 * 4], %3;": (
         _THREE.format("float")

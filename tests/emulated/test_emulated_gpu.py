@@ -12,8 +12,11 @@ from pathlib import Path
 
 import pytest
 from helpers.judged_hard_cases import EVERYTHING, exact_methods
+from shadowbench import methods
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import all_cases
+
+from emulated.assembly import INSTRUCTIONS
 
 EMULATED = Path(__file__).parent
 EVERY = 1 if EVERYTHING else 13
@@ -51,6 +54,17 @@ def checked(method: str, given: dict[str, str], cases: Sequence[str], seed: int 
     found = re.search(rf"^{method} on cpu: .*", done.stdout, re.MULTILINE)
     assert found, done.stdout + done.stderr
     return found[0]
+
+
+def test_all_assembly_is_known():
+    """Of every snippet, also of those that no hard case here runs."""
+    found = set()
+    for file in Path(methods.__path__[0]).glob("**/*.py"):
+        for statement in re.findall(r"\basm\b[^:]*", file.read_text()):
+            found.update(re.findall(r"(?<![.\w])[a-z]+(?:\.[a-z0-9_]+)+", statement))
+    instructions = {name for name in found if not name.startswith("setp.")}
+    assert {name for name in instructions if not any(name in known for known in INSTRUCTIONS)} == set()
+    assert {"sqrt.approx.ftz.f32", "fence.acq_rel.gpu", "ld.shared.v4.f32"} <= instructions
 
 
 def test_what_threads_exchange_is_what_cuda_defines():

@@ -114,6 +114,19 @@ def test_float32_is_nearly_right(scale, device):
     assert_nearly(NAME, {"precision": "float32"}, prepared, 41, 29, device, share=0.02)
 
 
+def test_float32_has_shadows_of_a_directional_light(device):
+    """Of which rays cannot start in float32: those are traced exactly."""
+    sun = Light((0.2, 1.0, 0.3), directional=True)
+    prepared = make_scene(*soup(21, 150, size=0.2), [sun, (2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
+    assert_nearly(NAME, {"precision": "float32"}, prepared, 41, 29, device, share=0.02)
+    scene = dataclasses.replace(hall_of_mirrors().scene, lights=(sun,))
+    _, exact = answered(NAME, {}, prepare(scene), device)
+    _, got = answered(NAME, {"precision": "float32"}, prepare(scene), device)
+    for key in ("visibility", "bounce_visibility"):
+        assert exact[key].any()
+        assert (got[key] != exact[key]).mean() < 0.02
+
+
 def test_float32_says_that_it_is_inexact():
     assert make_method(NAME, {"precision": "float32"}).known_inexact
     assert not make_method(NAME).known_inexact
