@@ -88,7 +88,7 @@ class ShadowRays:
             self.sides = {i: wp.zeros(sided[i], dtype=wp.vec4f) for i in self.lights}
             # Read two at a time.
             self.facing = {i: wp.zeros(sided[i] + sided[i] % 2, dtype=wp.uint8) for i in self.lights}
-            joined = records.joined_pairs(frame.prepared) if any(sided.values()) else []
+            joined = records.joined_pairs(frame.prepared) if any(sided.values()) else np.zeros(0, dtype=np.uint8)
             self.joined = wp.array(joined, dtype=wp.uint8)
         kept = [start[k] for k in range(own)]
         self.starts = kept if primary_starts is None else [primary_starts, *kept]
