@@ -88,8 +88,8 @@ class ShadowRays:
             self.sides = {i: wp.zeros(sided[i], dtype=wp.vec4f) for i in self.lights}
             # Read two at a time.
             self.facing = {i: wp.zeros(sided[i] + sided[i] % 2, dtype=wp.uint8) for i in self.lights}
-            joined = records.joined_pairs(frame.prepared) if any(sided.values()) else np.zeros(0, dtype=np.uint8)
-            self.joined = wp.array(joined, dtype=wp.uint8)
+            any_sided = any(sided.values())
+            self.joined = wp.array(records.joined_pairs(frame.prepared) if any_sided else [], dtype=wp.uint8)
         kept = [start[k] for k in range(own)]
         self.starts = kept if primary_starts is None else [primary_starts, *kept]
         self.parts = [filled(Part, share=share, shares=self.shares) for share in range(self.shares)]
