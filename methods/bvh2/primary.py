@@ -107,11 +107,13 @@ def make_resolve(holes: bool) -> Any:
                     doubt = entry(doubts, last)
                     last = doubt[1]
                     i = doubt[0]
-                t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
+                corners = triangle_corners(mesh, i)
+                weld = weld_at(mesh, i)
+                t = hit_distance(ray, corners, weld)
                 wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
                 if wp.static(holes):
                     if wanted:
-                        wanted = opaque_at_hit(alpha, i, ray, triangle_corners(mesh, i), weld_at(mesh, i))
+                        wanted = opaque_at_hit(alpha, i, ray, corners, weld)
                 if wanted:
                     nearest = t
                     best = i

@@ -46,19 +46,20 @@ def make_hidden(holes: bool) -> Any:
         i = found[1]
         following = found[2]
         if i >= 0 or last >= 0:
-            corners = triangle_corners(mesh, own)
-            h = hit_point(ray, plane_distance(ray, corners), corners)
+            met = triangle_corners(mesh, own)
+            h = hit_point(ray, plane_distance(ray, met), met)
             size = wp.float64(largest(ray.origin))
             while bit == wp.uint8(0) and (i >= 0 or last >= 0):
                 if i < 0:
                     doubt = entry(doubts, last)
                     last = doubt[1]
                     i = doubt[0]
-                occluded = occludes(h, light, triangle_corners(mesh, i), weld_of(mesh, i), size)
+                corners = triangle_corners(mesh, i)
+                weld = weld_of(mesh, i)
+                occluded = occludes(h, light, corners, weld, size)
                 if wp.static(holes):
                     if occluded:
-                        corners = triangle_corners(mesh, i)
-                        occluded = opaque_to_light(alpha, i, h, light, corners, weld_of(mesh, i), size)
+                        occluded = opaque_to_light(alpha, i, h, light, corners, weld, size)
                 if occluded:
                     bit = wp.uint8(1)
                 i = following

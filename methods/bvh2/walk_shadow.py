@@ -111,12 +111,8 @@ not matter."""
 
 def exact_walk(node_bytes: int, holes: bool) -> str:
     """The traversal of an exact ray."""
-    leaf = (
-        OF_LEAF.replace("TRIANGLE", solid_text(EXACT_LEAF, holes)).replace(
-            "#pragma", UNLESS_SPARED + "#pragma"
-        )
-        + "}\n"
-    )
+    leaf = OF_LEAF.replace("TRIANGLE", solid_text(EXACT_LEAF, holes))
+    leaf = leaf.replace("#pragma", UNLESS_SPARED + "#pragma") + "}\n"
     walk = walk_text(node_bytes, leaf)
     entering = walk.replace("FULL", "").replace("leave(", "enter(").replace("HIDDEN", RETURN_HIDING)
     keeping = walk.replace("FULL", FULL_BREAK).replace("HIDDEN", HIDDEN)

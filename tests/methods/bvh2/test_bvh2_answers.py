@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.drawn_examples import EXAMPLES, some
+from helpers.effect_scenes import all_mirrors
+from helpers.holed_scenes import SIZE as HOLED_SIZE
 from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
 from helpers.lattice_examples import Example, true_errors
@@ -33,7 +35,6 @@ SETTINGS = [
     {"update": "refit"},
     {"update": "static", "node_bytes": "64", "primary": "packet"},
 ]
-LOOK = 24, 18
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
@@ -183,16 +184,14 @@ def test_holes_are_seen_through(settings, mirrors, every, device):
     scene = holed()[0].scene
     scene = dataclasses.replace(scene, alpha=lambda geometry: perforated(geometry, every, 6))
     if mirrors:
-        every_one = np.ones(len(scene.geometry().faces), dtype=np.uint8)
-        scene = dataclasses.replace(scene, mirror=lambda geometry: every_one, bounces=2)
+        scene = dataclasses.replace(scene, mirror=all_mirrors, bounces=2)
     prepared = prepare(scene)
     wanted = holed_answers("uniform_grid", {}, prepared, device=device)
-    got = holed_answers(NAME, settings, prepared, device=device)
+    session = Session(make_method(NAME, settings), prepared, *HOLED_SIZE, device)
+    got = session.answers(prepared.moment(0, *HOLED_SIZE))
     for key, values in wanted.items():
         np.testing.assert_array_equal(got[key], values, key)
-    doubts = Session(make_method(NAME, settings), prepared, *LOOK, device)
-    doubts.answers(prepared.moment(0, *LOOK))
-    assert doubts.method.counters()["primary doubtful pairs"] > 100 // every
+    assert session.method.counters()["primary doubtful pairs"] > 100 // every
 
 
 def test_mirrors_reflect(device):
