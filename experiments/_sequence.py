@@ -163,7 +163,7 @@ class SceneRun:
                 "primary": rays,
                 "shadow": [],
             }
-            counters = {**one.method.counters(), "shadowed rays": int((answers["visibility"] == 1).sum())}
+            counters = {**one.method.counters(), "shadowed rays": int((answers["shadowed"] == 1).sum())}
             frames.append({"frame": frame, "counters": counters, "score": score, "unscored": None})
         spent = time.perf_counter() - start
         return {"event": "prepared", "compile_s": 0.0, "first_frame_s": spent, "frames": frames}

@@ -56,7 +56,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     if len(own):
         rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
         rows = document.arranged(rows.sort_values("other", kind="stable"), "title", done["title"].unique())
-        wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
+        wrong = f"{style.WRONG} n: n wrong pixels and shadow bits" * bool((done["true_errors"] > 0).any())
         across = 1 if done["title"].nunique() <= 3 else 2
         files.append(panels.bars(
             folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=1.75, legend=3 * across,

@@ -56,7 +56,7 @@ PARTS = {
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
 ABOUT = (
-    f"{style.OK} no wrong answer; {style.WRONG} n: n wrong pixels and visibility bits over all frames measured; "
+    f"{style.OK} no wrong answer; {style.WRONG} n: n wrong pixels and shadow bits over all frames measured; "
     f"{style.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
     "structures and work buffers. Where a scene moves, times are means over its frames. What each method built, and why "
     "it declares itself inexact, is in the CSV."

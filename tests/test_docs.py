@@ -51,7 +51,7 @@ def test_the_example_method_answers_exactly(example):
     for light in range(2):
         expected = brute_force.shadowed(prepared, moment, light, triangle, t)
         assert 0 < expected.sum() < (triangle >= 0).sum()
-        assert (answers["visibility"][light] == expected).all()
+        assert (answers["shadowed"][light] == expected).all()
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

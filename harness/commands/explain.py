@@ -168,7 +168,7 @@ def _row(found: Judgement) -> dict[str, Any]:
     return {
         "triangle": int(answers["triangle"][0]),
         **{part: _number(answers[part][0]) for part in ("t", "u", "v")},
-        "shadows": answers["visibility"][:, 0].tolist(),
+        "shadows": answers["shadowed"][:, 0].tolist(),
         "class": primary.key,
         "shadow_classes": [None if kind is None else kind.key for kind in shadow],
         "wrong": any(kind in ERRORS for kind in (primary, *shadow)),

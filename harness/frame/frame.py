@@ -25,7 +25,7 @@ from .materials import LAMP, lamp_rows, reflectances
 MISS = -1
 
 
-BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "visibility")
+BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "shadowed")
 """The fields of :class:`.geometry.Bounces` that are copied to the host, there prefixed with "bounce_"."""
 
 
@@ -36,7 +36,7 @@ class Answers:
     triangle    int32 [pixels]: the closest triangle, ties to the lowest index; -1 at a miss
     t           float32 [pixels]: distance in lengths of the pixel's direction; inf at a miss
     u, v        float32 [pixels]: weights of vertices 1 and 2 (Embree's convention); 0 at a miss
-    visibility  uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
+    shadowed    uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
     bounces     the answers for mirrored rays (:class:`.geometry.Bounces`)
     """
 
@@ -44,13 +44,13 @@ class Answers:
     t: wp.array
     u: wp.array
     v: wp.array
-    visibility: wp.array
+    shadowed: wp.array
     bounces: Any
 
     def to_host(self) -> dict[str, NDArray]:
         """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only if the scene has mirrors."""
         result = {
-            name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")
+            name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "shadowed")
         }
         if self.bounces.active.size:
             result |= {f"bounce_{name}": np.array(getattr(self.bounces, name).numpy()) for name in BOUNCED}
@@ -62,7 +62,7 @@ class Answers:
         self.t.fill_(-77.0)
         self.u.fill_(-77.0)
         self.v.fill_(-77.0)
-        self.visibility.fill_(77)
+        self.shadowed.fill_(77)
         if self.bounces.active.size:
             for name in BOUNCED:
                 array = getattr(self.bounces, name)
@@ -199,7 +199,7 @@ class Frame:
 
     def bits(self, bounce: int) -> wp.array:
         """The shadow bits [light_count, pixels] of the hits of a bounce; bounce 0: of the primary hits."""
-        return self.answers.bounces.visibility[bounce - 1] if bounce else self.answers.visibility
+        return self.answers.bounces.shadowed[bounce - 1] if bounce else self.answers.shadowed
 
     def masks(self, bounce: int) -> wp.array:
         """The receiver flags [light_count, pixels] of the hits of a bounce; empty if every hit is a receiver."""

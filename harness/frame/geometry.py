@@ -79,7 +79,7 @@ class Bounces:
     origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.frame.mirrors`)
     active      uint8 [bounces, pixels]: 1 = the pixel has a ray; where it is 0, the ray is zero
     triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`.frame.Answers`; a miss where there is no ray
-    visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
+    shadowed  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
     receivers   uint8 [bounces, light_count, pixels]: 1 = the hit has a shadow ray; empty if every hit is
                 a receiver
     """
@@ -91,7 +91,7 @@ class Bounces:
     t: wp.array2d(dtype=wp.float32)
     u: wp.array2d(dtype=wp.float32)
     v: wp.array2d(dtype=wp.float32)
-    visibility: wp.array3d(dtype=wp.uint8)
+    shadowed: wp.array3d(dtype=wp.uint8)
     receivers: wp.array3d(dtype=wp.uint8)
 
 
@@ -176,6 +176,6 @@ def bounce_arrays(bounces: int, lights: int, pixels: int, limited: bool) -> Any:
     return filled(
         Bounces,
         **{name: wp.zeros(plane, dtype=kind) for name, kind in kinds.items()},
-        visibility=wp.zeros(bits, dtype=wp.uint8),
+        shadowed=wp.zeros(bits, dtype=wp.uint8),
         receivers=wp.zeros(bits if limited else (0, 0, 0), dtype=wp.uint8),
     )

@@ -130,7 +130,7 @@ class SimpleMethod(BaseMethod):
         raise NotImplementedError
 
     def trace_shadow(self, frame: Frame, light: int) -> None:
-        """Fill row ``light`` of ``frame.answers.visibility``."""
+        """Fill row ``light`` of ``frame.answers.shadowed``."""
         raise NotImplementedError
 
     def trace_bounce(self, frame: Frame, bounce: int) -> None:
@@ -158,7 +158,7 @@ class SimpleMethod(BaseMethod):
                         f"light {i}: shadow rays",
                         "shadow",
                         ("structure", "hits", f"light/{i}"),
-                        (f"visibility/{i}",),
+                        (f"shadowed/{i}",),
                         lambda i=i: self.trace_shadow(frame, i),  # type: ignore[misc]
                         effect=f"shadows/{i}",
                     )

@@ -187,7 +187,7 @@ def traced_bounces(
                     f"bounce {b}, light {i}: shadow rays",
                     "shadow",
                     reads,
-                    (f"visibility/{i}/{b}",),
+                    (f"shadowed/{i}/{b}",),
                     lambda i=i, b=b: shadow(i, b),  # type: ignore[misc]
                     effect="mirror",
                 )

@@ -22,7 +22,7 @@ class Pass:
     name    shown to the user: "light 0: sort pairs"
     part    the column of the time table that it belongs to, one of :data:`PARTS`
     reads   resources that it reads: "points" "triangles" "camera" "light/0" "hits", or the method's own
-    writes  resources that it writes: "hits" "visibility/0" "bvh" "light grid/0" ...
+    writes  resources that it writes: "hits" "shadowed/0" "bvh" "light grid/0" ...
     launch  launches kernels only: no allocation, no read-back, no synchronisation with the host (unless the method is
             declared not capturable)
     effect  the effect that needs it, or None if every frame does

@@ -146,7 +146,7 @@ def receivers_kernel(
     rays: Rays,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits.
 
@@ -155,7 +155,7 @@ def receivers_kernel(
     some = wp.bool(False)
     for k in range(start, wp.min(start + each, number)):
         pixel = first + k
-        visibility[light, pixel] = wp.uint8(0)
+        shadowed[light, pixel] = wp.uint8(0)
         hit = hits.triangle[pixel]
         wanted = hit >= 0
         if wanted:
@@ -253,10 +253,10 @@ def receiver_passes(
         if not masks or not marked.isdisjoint(masks):
             continue
         if b:
-            name, effect, bits = f"bounce {b}, light {i}: receivers", "mirror", f"visibility/{i}/{b}"
+            name, effect, bits = f"bounce {b}, light {i}: receivers", "mirror", f"shadowed/{i}/{b}"
             seen: tuple[str, ...] = (f"hits/{b}", f"rays/{b}")
         else:
-            name, effect, bits = f"light {i}: receivers", "receivers", f"visibility/{i}"
+            name, effect, bits = f"light {i}: receivers", "receivers", f"shadowed/{i}"
             seen = ("hits", "camera", *facing_reads(frame, effects, i))
             passes += facing_passes(frame, effects, i, threads)
         reads = (*seen, "points", "triangles", f"light/{i}")

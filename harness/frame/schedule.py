@@ -26,10 +26,10 @@ class Step:
 
 def wanted_of(effects: Effects) -> tuple[str, ...]:
     """The resources that are the outputs of a frame."""
-    bits = tuple(f"visibility/{i}" for i, wanted in enumerate(effects.shadows) if wanted)
+    bits = tuple(f"shadowed/{i}" for i, wanted in enumerate(effects.shadows) if wanted)
     bounces: tuple[str, ...] = ()
     for b in range(1, effects.bounces + 1):
-        bits_b = (f"visibility/{i}/{b}" for i, wanted in enumerate(effects.shadows) if wanted)
+        bits_b = (f"shadowed/{i}/{b}" for i, wanted in enumerate(effects.shadows) if wanted)
         bounces += (f"rays/{b}", f"hits/{b}", *bits_b)
     return ("hits", *bits, *bounces, *(("color",) if effects.color else ()))
 

@@ -185,13 +185,13 @@ class Session(PassRunner):
         whole = self.passes is self.all_passes or "hits" in written
         if whole:
             answers.poison()
-        for i in range(len(answers.visibility)):  # a frame without lights has one row, too
+        for i in range(len(answers.shadowed)):  # a frame without lights has one row, too
             if whole and (i >= len(self.effects.shadows) or not self.effects.shadows[i]):
-                answers.visibility[i].zero_()
+                answers.shadowed[i].zero_()
                 for bounce in range(1, self.effects.bounces + 1):
                     self.frame.bits(bounce)[i].zero_()
-            elif f"visibility/{i}" in written:
-                answers.visibility[i].fill_(77)
+            elif f"shadowed/{i}" in written:
+                answers.shadowed[i].fill_(77)
 
 
 def changes(before: Moment | None, after: Moment) -> frozenset[str]:

@@ -86,7 +86,7 @@ def radiance(
     pixel: wp.int32,
     mesh: Mesh,
     looks: Looks,
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ) -> wp.vec3d:
     """The radiance from the surface of triangle ``hit`` towards the origin of the ray o + t d."""
     corners = corners_of(mesh, hit)
@@ -103,7 +103,7 @@ def radiance(
     for i in range(looks.lamps.shape[0]):
         way = to_float64(looks.lights[i]) - place
         cosine = wp.dot(n, wp.normalize(way))
-        if looks.lamps[i, 4] != ZERO and visibility[i, pixel] != wp.uint8(0):
+        if looks.lamps[i, 4] != ZERO and shadowed[i, pixel] != wp.uint8(0):
             cosine = ZERO
         if cosine > ZERO and in_spot(looks.spots, i, -way):
             if looks.lamps[i, 3] != ZERO:
@@ -121,7 +121,7 @@ def color_kernel(
     mesh: Mesh,
     looks: Looks,
     hits: Hits,
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
     mirrored: Bounces,
     color: wp.array(dtype=wp.vec3f),
 ):
@@ -136,7 +136,7 @@ def color_kernel(
         if wp.static(effects.orthographic):
             ray = parallel_ray(camera, pixel)
         o = to_float64(ray.origin)
-        seen = radiance(o, to_float64(ray.direction), t, hit, pixel, mesh, looks, visibility)
+        seen = radiance(o, to_float64(ray.direction), t, hit, pixel, mesh, looks, shadowed)
     if wp.static(effects.bounced):
         weight = wp.float64(1.0)
         total = wp.vec3d(ZERO, ZERO, ZERO)
@@ -151,7 +151,7 @@ def color_kernel(
                 hit = mirrored.triangle[b, pixel]
                 t = mirrored.t[b, pixel]
                 if hit >= 0 and hit < looks.count and wp.isfinite(t):
-                    seen = radiance(o, d, t, hit, pixel, mesh, looks, mirrored.visibility[b])
+                    seen = radiance(o, d, t, hit, pixel, mesh, looks, mirrored.shadowed[b])
             else:
                 going = wp.bool(False)
         seen = total + seen * weight
@@ -185,7 +185,7 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
             ),
             dim=frame.pixels,
             inputs=[
-                0, effects.bounces, frame.camera, frame.mesh, looks, frame.hits(0), frame.answers.visibility,
+                0, effects.bounces, frame.camera, frame.mesh, looks, frame.hits(0), frame.answers.shadowed,
                 frame.answers.bounces,
             ],
             outputs=[frame.color],
@@ -201,9 +201,9 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
         "surfaces",
         *(f"light/{i}" for i in range(frame.light_count)),
     ]
-    reads += [f"visibility/{i}" for i in lit]
+    reads += [f"shadowed/{i}" for i in lit]
     for b in range(1, effects.bounces + 1):
-        reads += [f"rays/{b}", f"hits/{b}", *(f"visibility/{i}/{b}" for i in lit)]
+        reads += [f"rays/{b}", f"hits/{b}", *(f"shadowed/{i}/{b}" for i in lit)]
     return [Pass("shade", "trace", tuple(reads), ("color",), launch, effect="color")]
 
 
@@ -226,7 +226,7 @@ def shaded(
         return wp.array(np.ascontiguousarray(values, dtype=scalar), dtype=kind, device=device, copy=False)
 
     pixels = moment.width * moment.height
-    bits = np.asarray(answers["visibility"]).reshape(-1, pixels)
+    bits = np.asarray(answers["shadowed"]).reshape(-1, pixels)
     lamps = lamp_rows(lights, [light.shadows and i < len(bits) for i, light in enumerate(lights)])
     spots = np.zeros((max(1, len(lights)), SPOT))
     given = min(len(spots), len(moment.spots))
@@ -272,6 +272,6 @@ def shaded(
 
 BOUNCED = (
     ("origin", wp.vec3f), ("direction", wp.vec3f), ("active", wp.uint8),
-    ("triangle", wp.int32), ("t", wp.float32), ("visibility", wp.uint8),
+    ("triangle", wp.int32), ("t", wp.float32), ("shadowed", wp.uint8),
 )  # fmt: skip
 """The arrays of mirrored rays that the kernel reads: name and type."""

@@ -244,7 +244,7 @@ def _unasked(name: str, make_method: Callable[[], Method], prepared: Prepared, d
     one = Session(make_method(), prepared, *SIZE, device, effects=Effects(shadows=(False, True))).answers(
         moment
     )
-    both["visibility"][0] = 0
+    both["shadowed"][0] = 0
     unlike = _unlike(one, both)
     return (
         Check(name, "error", f"without light 0's shadows {', '.join(unlike)} differ")

@@ -135,7 +135,7 @@ class Judged:
         if self.trial.watertight:
             holes = self._holes(found[0], shadows)
             add("hole", holes, f"{holes} rays through closed surfaces")
-        bits = answers["visibility"]
+        bits = answers["shadowed"]
         for one, other in self.trial.same_lights if shadows else ():
             differ = int(np.count_nonzero(bits[one] != bits[other]))
             add("differs", differ, f"lights {one} and {other} at one place differ")
@@ -151,7 +151,7 @@ class Judged:
         exact, given, referee = self.exact, found.checked.answers, self.judge.referee
         same = given["triangle"] == exact["triangle"]
         holes = int(np.count_nonzero((given["triangle"] == -1) & ~same))
-        lit = (given["visibility"] == 0) & (exact["visibility"] == 1) & same & shadows
+        lit = (given["shadowed"] == 0) & (exact["shadowed"] == 1) & same & shadows
         for i, light in enumerate(self.trial.moment.lights):
             # Such a bit differs from the reference, so the referee has decided it.
             rows = np.nonzero(lit[i, found.selection.judged])[0]
@@ -165,7 +165,7 @@ class Judged:
 
 def counts_of(answers: Answers, lights: int) -> Counts:
     """The counts of hits and shadowed pixels in a set of answers."""
-    shadowed = tuple(int((answers["visibility"][i] == 1).sum()) for i in range(lights))
+    shadowed = tuple(int((answers["shadowed"][i] == 1).sum()) for i in range(lights))
     return Counts(int((answers["triangle"] >= 0).sum()), shadowed)
 
 

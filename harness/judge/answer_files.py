@@ -27,8 +27,9 @@ from .context import Judge
 from .score import Scored, score_answers
 
 SCHEMA = 1
-ARRAYS = ("triangle", "t", "u", "v", "visibility")
+ARRAYS = ("triangle", "t", "u", "v", "shadowed")
 BOUNCES = tuple(f"bounce_{name}" for name in BOUNCED)
+FORMER = {"shadowed": "visibility", "bounce_shadowed": "bounce_visibility"}  # names of version 0.1
 TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
 
 
@@ -96,7 +97,8 @@ def read_raw(
     try:
         with np.load(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
-            answers = {name: stored[name] for name in (*ARRAYS, *mirrored)}
+            named = {name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)}
+            answers = {name: stored[at] for name, at in named.items()}
             # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:

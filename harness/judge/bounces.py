@@ -65,7 +65,7 @@ def bounce_judge(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Judg
 
 def bounce_answers(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArray]:
     """A method's answers to a bounce, in the form of answers to primary rays; of bounce 0 those themselves."""
-    names = ("triangle", "t", "u", "v", "visibility")
+    names = ("triangle", "t", "u", "v", "shadowed")
     if not bounce:
         return {name: answers[name] for name in names}
     result = {name: answers[f"bounce_{name}"][bounce - 1] for name in names}

@@ -102,7 +102,7 @@ def _classify_bits(
     """
     result = np.full(checked.shadow_invalid.shape, -1, dtype=np.int8)
     for i, light in enumerate(judge.moment.lights):
-        bits, classes = checked.answers["visibility"][i], result[i]
+        bits, classes = checked.answers["shadowed"][i], result[i]
         if not judge.wanted[i]:
             classes[bits != 0] = Verdict.INVALID  # a light without shadows: every bit must be 0
             continue

@@ -26,7 +26,7 @@ BATCH = 1 << 18
 class Checked:
     """Answers, with a flag or an error for each pixel.
 
-    answers          as a method gives them; ``visibility`` uint8 [lights, pixels]
+    answers          as a method gives them; ``shadowed`` uint8 [lights, pixels]
     outside          bool [lights, pixels]: hit points that have no shadow ray to the light (:mod:`.judge.receivers`)
     primary_invalid  bool [pixels]: poison, NaN, an index out of range, a triangle never hit, a miss with other values
     shadow_invalid   bool [lights, pixels]: neither 0 nor 1, or 1 at a miss
@@ -55,7 +55,7 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
     """
     triangle, t = answers["triangle"], answers["t"]
     u, v = answers["u"], answers["v"]
-    visibility = answers["visibility"][: len(moment.lights)]  # a frame without lights has one unused row
+    shadowed = answers["shadowed"][: len(moment.lights)]  # a frame without lights has one unused row
     known = (triangle >= 0) & (triangle < len(prepared.faces))
     never = np.zeros(len(triangle), dtype=bool)
     never[known] = moment.valid[triangle[known]] == 0
@@ -63,9 +63,9 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
     with np.errstate(invalid="ignore"):
         sound_hit = known & ~never & np.isfinite(t) & (t > 0) & np.isfinite(u) & np.isfinite(v)
         sound_miss = miss & np.isposinf(t) & (u == 0) & (v == 0)
-    shadow_invalid = (visibility > 1) | ((visibility != 0) & ~known[None, :])
+    shadow_invalid = (shadowed > 1) | ((shadowed != 0) & ~known[None, :])
     result = Checked(
-        {**answers, "visibility": visibility},
+        {**answers, "shadowed": shadowed},
         not_receivers(prepared, moment, triangle),
         ~(sound_hit | sound_miss),
         shadow_invalid,

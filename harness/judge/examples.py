@@ -34,7 +34,7 @@ def examples_of(found: Judgement) -> list[dict[str, Any]]:
                 entry["exact"] = {"triangle": list(hits.ties[row]) or [-1], "t": _plain(hits.t[row])}
         else:
             entry["light"] = light
-            entry["got"] = int(checked.answers["visibility"][light][pixel])
+            entry["got"] = int(checked.answers["shadowed"][light][pixel])
             if row is not None:
                 outside = checked.outside[light, pixel]
                 occluder = -1 if outside else int(found.exact.occluders[light, row])

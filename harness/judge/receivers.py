@@ -21,7 +21,7 @@ from .planes import plane_numbers
 
 
 def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArray[np.bool_]:
-    """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have visibility bit 0."""
+    """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have shadow bit 0."""
     if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
         return np.ones(len(points), dtype=bool)
     row = moment.spots[light]

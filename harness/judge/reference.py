@@ -54,7 +54,7 @@ NO_FILTER = "triangles have holes, and Embree's Python binding has no filter fun
 class Reference:
     """Embree's answers to one moment, in the form of a method's answers.
 
-    triangle int32 [pixels], t, u, v float32 [pixels] (inf, 0, 0 at a miss), visibility uint8 [lights, pixels];
+    triangle int32 [pixels], t, u, v float32 [pixels] (inf, 0, 0 at a miss), shadowed uint8 [lights, pixels];
     ``provenance`` names Embree, the processor and the hashes of what was traced. ``decided``: the referee's answers that
     these were made from, for images of at most :data:`DECIDED` pixels.
     """
@@ -63,7 +63,7 @@ class Reference:
     t: NDArray[np.float32]
     u: NDArray[np.float32]
     v: NDArray[np.float32]
-    visibility: NDArray[np.uint8]
+    shadowed: NDArray[np.uint8]
     provenance: dict[str, Any]
     decided: Exact | None = None
 
@@ -74,7 +74,7 @@ class Reference:
 
     def answers(self) -> dict[str, NDArray]:
         """The answers in the form of a method's answers."""
-        return {name: getattr(self, name) for name in ("triangle", "t", "u", "v", "visibility")}
+        return {name: getattr(self, name) for name in ("triangle", "t", "u", "v", "shadowed")}
 
 
 def embree_reference(
@@ -126,9 +126,9 @@ def _decide(
     _, u[rows], v[rows], _ = plane_numbers(
         corners, origins[rows].astype(np.float64), directions[rows].astype(np.float64)
     )
-    visibility = (decided.occluders >= 0).astype(np.uint8)
+    shadowed = (decided.occluders >= 0).astype(np.uint8)
     exact = decided if len(pixels) <= DECIDED else None
-    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, visibility, provenance, exact)
+    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, shadowed, provenance, exact)
 
 
 def reference_for(
@@ -222,7 +222,7 @@ def _trace(
     triangle = np.full(pixels, -1, dtype=np.int32)
     t = np.full(pixels, np.inf, dtype=np.float32)
     u, v = np.zeros(pixels, dtype=np.float32), np.zeros(pixels, dtype=np.float32)
-    visibility = np.zeros((len(shadows), pixels), dtype=np.uint8)
+    shadowed = np.zeros((len(shadows), pixels), dtype=np.uint8)
     scene = make_scene(moment.points, prepared.faces, moment.valid)
     if scene is not None:
         # The first query commits the scene: alone, before the threads.
@@ -241,10 +241,10 @@ def _trace(
         hits = np.nonzero(triangle >= 0)[0]
         for i, light in enumerate(moment.lights):
             if shadows[i] and len(hits):
-                visibility[i, hits] = _shadows(
+                shadowed[i, hits] = _shadows(
                     scene, prepared, moment, origins[hits], directions[hits], triangle[hits], light
                 )
-    return Reference(triangle, t, u, v, visibility, provenance)
+    return Reference(triangle, t, u, v, shadowed, provenance)
 
 
 def _shadows(
@@ -322,7 +322,7 @@ def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:
         with np.load(path) as stored:
             if json.loads(str(stored["provenance"])) != provenance:
                 return None
-            names = ("triangle", "t", "u", "v", "visibility")
+            names = ("triangle", "t", "u", "v", "shadowed")
             return Reference(**{name: stored[name] for name in names}, provenance=provenance)
     except DAMAGED:
         return None

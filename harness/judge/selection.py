@@ -41,8 +41,8 @@ def compare(judge: Judge, checked: Checked) -> Agreement:
     reference, given = judge.reference, checked.answers
     agree = same_triangle(given["triangle"], reference.triangle, judge.referee)
     comparable = agree & ~checked.primary_invalid & (given["triangle"] >= 0)
-    expected = np.where(checked.outside, 0, reference.visibility)
-    return Agreement(agree, (given["visibility"] != expected) & comparable & judge.wanted[:, None])
+    expected = np.where(checked.outside, 0, reference.shadowed)
+    return Agreement(agree, (given["shadowed"] != expected) & comparable & judge.wanted[:, None])
 
 
 def same_triangle(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np.bool_]:

@@ -57,7 +57,7 @@ def shade(
 ) -> NDArray[np.uint8]:
     """The picture of a frame, uint8 [height, width, 3].
 
-    answers  as :meth:`.frame.frame.Answers.to_host` gives them: triangle, t, visibility (u and v are not needed), and
+    answers  as :meth:`.frame.frame.Answers.to_host` gives them: triangle, t, shadowed (u and v are not needed), and
              what mirrored rays met, where they are among them
     lights   colour, intensity and fall-off of each light of ``moment``, in the same order; places are the moment's
     """

@@ -103,7 +103,7 @@ def tidy(folder: Path | str) -> DataFrame:
     pass_count, build_count  Int64  passes that the frame launches, and those that build structures
     shadow_rays         Int64     number of shadow rays: one for each light and each pixel that needs one
     mirrored_rays       Int64     of all bounces; <NA>: not judged
-    true_errors         Int64     wrong pixels and visibility bits; <NA>: the frame was not judged
+    true_errors         Int64     wrong pixels and shadow bits; <NA>: the frame was not judged
     unscored            text      why it was not judged
     check               text      ok or failed: no true error, and at most 0.1 % of the pixels excused
     excused_share       float     pixels too close to an edge to decide, over all pixels
@@ -116,7 +116,7 @@ def tidy(folder: Path | str) -> DataFrame:
                                   other: on a GPU a pass is the difference of two graphs, and one was disturbed
     counter.NAME        float     work counters
     primary.CLASS       float     pixels by the class of their primary ray's answer
-    shadow.CLASS        float     visibility bits by class, of all lights
+    shadow.CLASS        float     shadow bits by class, of all lights
     set.NAME            object    settings and all other parameters of the method
     light.NAME          object    what the experiment changed of the scene's lights: distance, target, angle, spot, ...
     point.NAME          object    what the run asked for: samples, rounds, budget_s, ...

@@ -24,7 +24,7 @@ class Switches:
 
 
 OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
-"""The outputs of a frame: t and weights; triangles; visibility bits; shaded colour; counters of the work."""
+"""The outputs of a frame: t and weights; triangles; shadow bits; shaded colour; counters of the work."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class Spot:
     up          what elevation is measured towards; must not be parallel to ``direction``
     falloff     exponent of the cosine from the direction, for pictures only; 0: none
 
-    Hit points outside are not receivers: they have no shadow ray and their visibility bit is 0 (:mod:`.judge.receivers`).
+    Hit points outside are not receivers: they have no shadow ray and their shadow bit is 0 (:mod:`.judge.receivers`).
     """
 
     direction: Vector

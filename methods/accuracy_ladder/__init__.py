@@ -78,7 +78,7 @@ class AccuracyLadder(BaseMethod):
                 frame.mesh, self._tree.box,
                 frame.lights, frame.hits(0), self._hit,
             ],
-            outputs=[frame.answers.visibility],
+            outputs=[frame.answers.shadowed],
             block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip

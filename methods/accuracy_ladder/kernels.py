@@ -157,14 +157,14 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         lights: wp.array(dtype=wp.vec3f),
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
     ):
         pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
         if pixel < 0:
             return
         own = hits.triangle[pixel]
         if own < 0:
-            visibility[light, pixel] = wp.uint8(0)
+            shadowed[light, pixel] = wp.uint8(0)
             return
         ray = ray_of(camera, pixel)
         segment = shadow_segment(hit_points[pixel], lights[light], own, ray.origin)
@@ -180,6 +180,6 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
                 segment.own = -1
         way = segment.light - segment.start
         found = traverse(occluder, tree, records, Alpha(), segment.start, way, segment, nothing_found(SLACK))
-        visibility[light, pixel] = wp.uint8(found.done)
+        shadowed[light, pixel] = wp.uint8(found.done)
 
     return primary_kernel, shadow_kernel

@@ -142,7 +142,7 @@ def make_shadow_kernel(node_bytes: int) -> Any:
         hits: Hits,
         receivers: wp.array2d(dtype=wp.uint8),
         rays: Rays,
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
     ):
         at = tile_pixel(wp.tid(), camera.width, camera.height)
         if at[0] < 0:
@@ -157,7 +157,7 @@ def make_shadow_kernel(node_bytes: int) -> Any:
         if wp.static(effects.receivers):
             if receivers[light, pixel] == wp.uint8(0):
                 now = EMPTY_TREE
-        shadowed = wp.bool(False)
+        occluded = wp.bool(False)
         h = wp.vec3d()
         size = wp.float64(0.0)
         start = wp.vec3f()
@@ -188,16 +188,16 @@ def make_shadow_kernel(node_bytes: int) -> Any:
                 i = now & INDICES
                 corners = triangle_corners(mesh, i)
                 if i != own and may_occlude(start, target, corners, error):
-                    shadowed = occludes(h, target, corners, weld_of(mesh, i), size)
+                    occluded = occludes(h, target, corners, weld_of(mesh, i), size)
                     if wp.static(effects.alpha):
-                        if shadowed:
-                            shadowed = opaque_to_light(alpha, i, h, target, corners, weld_of(mesh, i), size)
-                if (now & PAIRED) != 0 and not shadowed:
+                        if occluded:
+                            occluded = opaque_to_light(alpha, i, h, target, corners, weld_of(mesh, i), size)
+                if (now & PAIRED) != 0 and not occluded:
                     following = (now + 1) & ~PAIRED
-            if following == EMPTY_TREE and held > 0 and not shadowed:
+            if following == EMPTY_TREE and held > 0 and not occluded:
                 held -= 1
                 following = stack[held]
             now = following
-        visibility[light, pixel] = wp.where(shadowed, wp.uint8(1), wp.uint8(0))
+        shadowed[light, pixel] = wp.where(occluded, wp.uint8(1), wp.uint8(0))
 
     return shadow_kernel

@@ -183,7 +183,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         receivers: wp.array2d(dtype=wp.uint8),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
     ):
         k = wp.tid()
         if k >= entry(count, 0):
@@ -209,10 +209,10 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
             if wp.static(exact):
                 ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
                 if wp.static(effects.alpha):
-                    visibility[light, pixel] = hidden_by_opaque(found, ray, hit, place, mesh, alpha, doubts)
+                    shadowed[light, pixel] = hidden_by_opaque(found, ray, hit, place, mesh, alpha, doubts)
                 else:
-                    visibility[light, pixel] = hidden(found, ray, hit, place, mesh, alpha, doubts)
+                    shadowed[light, pixel] = hidden(found, ray, hit, place, mesh, alpha, doubts)
             else:
-                visibility[light, pixel] = wp.uint8(found)
+                shadowed[light, pixel] = wp.uint8(found)
 
     return shadow_kernel

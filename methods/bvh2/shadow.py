@@ -103,7 +103,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         receivers: wp.array2d(dtype=wp.uint8),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
     ):
         at = pixel_at(camera, part, wp.tid())
         if at[0] < 0:
@@ -136,10 +136,10 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         if wp.static(exact):
             ray = ray_of(camera, pixel)
             if wp.static(effects.alpha):
-                visibility[light, pixel] = hidden_by_opaque(found, ray, hit, place, mesh, alpha, doubts)
+                shadowed[light, pixel] = hidden_by_opaque(found, ray, hit, place, mesh, alpha, doubts)
             else:
-                visibility[light, pixel] = hidden(found, ray, hit, place, mesh, alpha, doubts)
+                shadowed[light, pixel] = hidden(found, ray, hit, place, mesh, alpha, doubts)
         else:
-            visibility[light, pixel] = wp.uint8(found)
+            shadowed[light, pixel] = wp.uint8(found)
 
     return shadow_kernel

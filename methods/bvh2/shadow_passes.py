@@ -196,7 +196,7 @@ class ShadowRays:
             masks = self.effects.receiver_reads(i)
             made, given = (masks, facing_reads(self.frame, self.effects, i)) if self.marks else ((), masks)
             reads = (*seen, f"light/{i}", planes, counts, "reach", *given)
-            bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
+            bits, doubts, effect = f"shadowed/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
             passes.append(Pass(name, "shadow", reads, (bits, doubts, counts, *made), launch, effect))
         return passes

@@ -29,8 +29,8 @@ def miss_passes(frame: Frame, effects: Effects) -> list[Pass]:
                     f"light {i}: nothing to shadow",
                     "shadow",
                     ("hits",),
-                    (f"visibility/{i}",),
-                    lambda i=i: frame.answers.visibility[i].zero_(),  # type: ignore[misc]
+                    (f"shadowed/{i}",),
+                    lambda i=i: frame.answers.shadowed[i].zero_(),  # type: ignore[misc]
                     effect=f"shadows/{i}",
                 )
             )

@@ -89,7 +89,7 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
         hit_points: wp.array(dtype=wp.vec3d),
         receivers: wp.array2d(dtype=wp.uint8),
         mirrored: Rays,
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
@@ -97,11 +97,11 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
             return
         own = hits.triangle[pixel]
         if own < 0:
-            visibility[light, pixel] = wp.uint8(0)
+            shadowed[light, pixel] = wp.uint8(0)
             return
         if wp.static(effects.receivers):
             if receivers[light, pixel] == wp.uint8(0):
-                visibility[light, pixel] = wp.uint8(0)
+                shadowed[light, pixel] = wp.uint8(0)
                 return
         origin = camera.eye[0]
         if wp.static(effects.bounced):
@@ -115,6 +115,6 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
             found = walk(any_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
         if tests.shape[0] > 0:
             tests[pixel] = tests[pixel] + found.tests
-        visibility[light, pixel] = wp.uint8(found.done)
+        shadowed[light, pixel] = wp.uint8(found.done)
 
     return shadow_kernel

@@ -16,7 +16,7 @@ def shadow_ray_passes(effects: Effects, reads: tuple[str, ...], launch: Callable
             f"light {i}: shadow rays",
             "shadow",
             (*reads, f"light/{i}", *effects.receiver_reads(i), *effects.surface_reads()),
-            (f"visibility/{i}",),
+            (f"shadowed/{i}",),
             functools.partial(launch, i),
             effect=f"shadows/{i}",
         )

@@ -120,7 +120,7 @@ OCCLUDED = """
         word[128 + lane] = one[8];
     }
     for (int32_t lane = 0; lane < 16; ++lane)
-        if (pixel_of[lane] >= 0) visibility.data[pixel_of[lane]] = valid[lane] && real[128 + lane] < 0.0f;
+        if (pixel_of[lane] >= 0) shadowed.data[pixel_of[lane]] = valid[lane] && real[128 + lane] < 0.0f;
 """
 
 
@@ -162,7 +162,7 @@ def occluded_block(
     origins: wp.array(dtype=wp.vec3f),
     triangle: wp.array(dtype=wp.int32),
     receivers: wp.array(dtype=wp.uint8),
-    visibility: wp.array(dtype=wp.uint8),
+    shadowed: wp.array(dtype=wp.uint8),
 ): ...
 
 
@@ -201,10 +201,10 @@ def occluded_kernel(
     origins: wp.array(dtype=wp.vec3f),
     triangle: wp.array(dtype=wp.int32),
     receivers: wp.array(dtype=wp.uint8),
-    visibility: wp.array(dtype=wp.uint8),
+    shadowed: wp.array(dtype=wp.uint8),
 ):
     """Shadow bits of the pixels of block ``first`` + thread, from ``origins`` to ``end`` of the way to the light."""
     occluded_block(
         first + wp.tid(), packets, limited, query, scene, arguments, camera.width, camera.height, end,
-        lights[light], origins, triangle, receivers, visibility,
+        lights[light], origins, triangle, receivers, shadowed,
     )  # fmt: skip

@@ -123,7 +123,7 @@ class ShadowMap(BaseMethod):
             Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
             Pass(
                 f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.receiver_reads(i)),
-                (f"visibility/{i}",), lambda: self._look_up(i), effect,
+                (f"shadowed/{i}",), lambda: self._look_up(i), effect,
             ),
         ]  # fmt: skip
 
@@ -204,7 +204,7 @@ class ShadowMap(BaseMethod):
                 light, self._lookup, frame.mesh, frame.lights, self._maps[light], frame.hits(0), self._hit,
                 frame.receivers,
             ],
-            outputs=[frame.answers.visibility],
+            outputs=[frame.answers.shadowed],
             device=frame.device,
         )  # fmt: skip
 

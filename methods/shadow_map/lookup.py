@@ -57,21 +57,21 @@ def lookup_kernel(
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """The shadow bit of each pixel's hit point; one pixel per thread."""
     pixel = wp.tid()
     best = hits.triangle[pixel]
     if best < 0:
-        visibility[light, pixel] = wp.uint8(0)
+        shadowed[light, pixel] = wp.uint8(0)
         return
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
-            visibility[light, pixel] = wp.uint8(0)
+            shadowed[light, pixel] = wp.uint8(0)
             return
     m = depths.light[0]
     if m.faces > depths.faces:
-        visibility[light, pixel] = wp.uint8(0)  # the map does not fit: the frame is repeated with room for it
+        shadowed[light, pixel] = wp.uint8(0)  # the map does not fit: the frame is repeated with room for it
         return
     size = depths.size
     p = to_float32(hit_points[pixel])
@@ -109,4 +109,4 @@ def lookup_kernel(
             if wp.cast(depths.texels[(face * size + row) * size + column], wp.float32) < depth:
                 nearer += 1
     side = 2 * lookup.radius + 1
-    visibility[light, pixel] = wp.where(2 * nearer > side * side, wp.uint8(1), wp.uint8(0))
+    shadowed[light, pixel] = wp.where(2 * nearer > side * side, wp.uint8(1), wp.uint8(0))

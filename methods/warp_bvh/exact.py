@@ -77,7 +77,7 @@ def shadow_kernel(
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     mirrored: Rays,
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
     """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
@@ -86,11 +86,11 @@ def shadow_kernel(
         return
     own = hits.triangle[pixel]
     if own < 0:
-        visibility[light, pixel] = wp.uint8(0)
+        shadowed[light, pixel] = wp.uint8(0)
         return
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
-            visibility[light, pixel] = wp.uint8(0)
+            shadowed[light, pixel] = wp.uint8(0)
             return
     origin = camera.eye[0]
     if wp.static(effects.bounced):
@@ -104,7 +104,7 @@ def shadow_kernel(
         found = traverse(any_hit, tree, records, alpha, segment.start, way, segment, found)
     if tests.shape[0] > 0:
         tests[pixel] = tests[pixel] + found.tests
-    visibility[light, pixel] = wp.uint8(found.done)
+    shadowed[light, pixel] = wp.uint8(found.done)
 
 
 class ExactBvh:

@@ -56,7 +56,7 @@ def mesh_shadow_kernel(
     hits: Hits,
     origins: wp.array(dtype=wp.vec3f),
     receivers: wp.array2d(dtype=wp.uint8),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """Whether the wp.Mesh ``tree`` finds anything between each hit, moved off its triangle, and ``end`` of the way.
 
@@ -68,10 +68,10 @@ def mesh_shadow_kernel(
         return
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
-            visibility[light, pixel] = wp.uint8(0)
+            shadowed[light, pixel] = wp.uint8(0)
             return
-    shadowed = wp.bool(False)
+    occluded = wp.bool(False)
     if hits.triangle[pixel] >= 0:
         origin = origins[pixel]
-        shadowed = wp.mesh_query_ray_anyhit(tree, origin, lights[light] - origin, end)
-    visibility[light, pixel] = wp.uint8(shadowed)
+        occluded = wp.mesh_query_ray_anyhit(tree, origin, lights[light] - origin, end)
+    shadowed[light, pixel] = wp.uint8(occluded)

@@ -28,13 +28,13 @@ def plain_shadow_kernel(
     hits: Hits,
     receivers: wp.array2d(dtype=wp.uint8),
     mirrored: Rays,
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """From the point (u, v) of the triangle, moved along its normal as Waechter and Binder do (Ray Tracing Gems, ch. 6)."""
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    shadowed = wp.bool(False)
+    occluded = wp.bool(False)
     best = hits.triangle[pixel]
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
@@ -49,8 +49,8 @@ def plain_shadow_kernel(
         if wp.dot(n, target - p) < 0.0:
             n = -n
         origin = wp.vec3f(stepped(p[0], n[0]), stepped(p[1], n[1]), stepped(p[2], n[2]))
-        shadowed = wp.mesh_query_ray_anyhit(tree, origin, target - origin, end)
-    visibility[light, pixel] = wp.uint8(shadowed)
+        occluded = wp.mesh_query_ray_anyhit(tree, origin, target - origin, end)
+    shadowed[light, pixel] = wp.uint8(occluded)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -65,13 +65,13 @@ def cut_shadow_kernel(
     hits: Hits,
     receivers: wp.array2d(dtype=wp.uint8),
     mirrored: Rays,
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """From the point at t of the ray, moved by :data:`CUT` of the way to the light. ``mesh`` is not read."""
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    shadowed = wp.bool(False)
+    occluded = wp.bool(False)
     best = hits.triangle[pixel]
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
@@ -83,5 +83,5 @@ def cut_shadow_kernel(
         p = ray.origin + hits.t[pixel] * ray.direction
         target = lights[light]
         origin = p + CUT * (target - p)
-        shadowed = wp.mesh_query_ray_anyhit(tree, origin, target - origin, end)
-    visibility[light, pixel] = wp.uint8(shadowed)
+        occluded = wp.mesh_query_ray_anyhit(tree, origin, target - origin, end)
+    shadowed[light, pixel] = wp.uint8(occluded)

@@ -24,7 +24,7 @@ class NoShadows(ExactMethod):
     name = title = "no_shadows"
 
     def spoil(self, answers):
-        answers["visibility"][:] = 0
+        answers["shadowed"][:] = 0
 
 
 class Declared(NoShadows):

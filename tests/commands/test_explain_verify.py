@@ -56,7 +56,7 @@ def spoil(answers: dict, seed: int) -> dict:
     """The answers with every tenth bit turned over, and some triangles lost or replaced."""
     random = np.random.default_rng(seed)
     spoilt = {name: value.copy() for name, value in answers.items()}
-    for name in ("visibility", "bounce_visibility"):
+    for name in ("shadowed", "bounce_shadowed"):
         if name in spoilt:
             spoilt[name] ^= (random.random(spoilt[name].shape) < 0.1).astype(np.uint8)
     for name in ("triangle", "bounce_triangle"):

@@ -11,7 +11,7 @@ from shadowbench.harness.commands.tables import GAP, table_blocks
 NAMES = ["pass", "first frame", "camera", *(f"light {i}" for i in range(5)), "geometry", "nothing"]
 ROWS = [
     ["light 0: clear counts", 'read by "light 0: shadow rays"', *["(shadow counts/0)"] * 6, "points", "."],
-    ["mirrors: triangles", "output visibility/0/1", *["light rectangle/0"] * 6, "light triangles/0", "."],
+    ["mirrors: triangles", "output shadowed/0/1", *["light rectangle/0"] * 6, "light triangles/0", "."],
 ]
 
 
@@ -56,6 +56,6 @@ def test_plan_breaks_no_word_at_80_columns(call, monkeypatch):
     code, out, _ = call(*command)
     assert code == 0
     words = out.split()
-    for word in ("rectangle/0", "visibility/0", "triangles", "geometry", "nothing", "camera"):
+    for word in ("rectangle/0", "shadowed/0", "triangles", "geometry", "nothing", "camera"):
         assert word in words
     assert max(map(len, out.splitlines())) <= 80

@@ -33,7 +33,7 @@ CHANGED = "repeat {} of the same frame gave different answers: {}"
         ("steady", 1 << 20, "ok", ""),
         ("once", None, "failed", CHANGED.format(1, "triangle, t, u, v")),
         ("slow_start", None, "failed", CHANGED.format(1, "triangle, t")),
-        ("fickle", None, "failed", CHANGED.format(8, "visibility")),
+        ("fickle", None, "failed", CHANGED.format(8, "shadowed")),
         ("greedy", 1 << 20, "rejected", "the limit is 1,048,576"),
         ("hoards", 1 << 20, "rejected", "the limit is 1,048,576"),
         ("greedy", None, "ok", ""),

@@ -54,7 +54,7 @@ def rendered(scene, facts):
     """The hash of the answers that ``render`` makes its picture from."""
     made = made_by_render(scene, facts)
     answers = made.session.answers(made.prepared.moment(0, *SIZE))
-    return array_hash(answers["triangle"], answers["visibility"])
+    return array_hash(answers["triangle"], answers["shadowed"])
 
 
 def test_partial_frames_have_the_bits_of_render(scene):

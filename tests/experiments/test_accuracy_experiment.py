@@ -80,11 +80,11 @@ def planted(answers):
     """The answers with 3 lit pixels said to be shadowed, 2 shadowed ones said to be lit, and a wrong triangle."""
     wrong = copy.deepcopy(answers)
     hit = np.nonzero(answers["triangle"] >= 0)[0]
-    lit = hit[answers["visibility"][0][hit] == 0]
-    dark = hit[answers["visibility"][0][hit] == 1]
+    lit = hit[answers["shadowed"][0][hit] == 0]
+    dark = hit[answers["shadowed"][0][hit] == 1]
     chosen = {Verdict.ACNE: lit[:3], Verdict.LEAK: dark[:2], Verdict.TRUE: lit[-1:]}
-    wrong["visibility"][0][chosen[Verdict.ACNE]] = 1
-    wrong["visibility"][0][chosen[Verdict.LEAK]] = 0
+    wrong["shadowed"][0][chosen[Verdict.ACNE]] = 1
+    wrong["shadowed"][0][chosen[Verdict.LEAK]] = 0
     wrong["triangle"][chosen[Verdict.TRUE]] = -1
     for name, value in (("t", np.inf), ("u", 0.0), ("v", 0.0)):
         wrong[name][chosen[Verdict.TRUE]] = value

@@ -70,8 +70,8 @@ def test_a_timed_frame_finds_what_the_one_before_it_left(cloth, device):
 
 
 def test_differing_counts_bits():
-    given = {"t": np.array([1.0, -0.0, np.nan], np.float32), "visibility": np.array([[0, 1]], np.uint8)}
-    other = {"t": np.array([1.0, 0.0, np.nan], np.float32), "visibility": np.array([[1, 1]], np.uint8)}
+    given = {"t": np.array([1.0, -0.0, np.nan], np.float32), "shadowed": np.array([[0, 1]], np.uint8)}
+    other = {"t": np.array([1.0, 0.0, np.nan], np.float32), "shadowed": np.array([[1, 1]], np.uint8)}
     assert _sequence.differing(given, given) == 0
     assert _sequence.differing(given, other) == 2
 

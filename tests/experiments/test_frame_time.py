@@ -151,7 +151,7 @@ def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
     show("frame_time", tmp_path, quiet=True)
     text = (tmp_path / "frame_time.svg").read_text()
     assert "✗ 4" in text
-    assert "n wrong pixels and visibility bits" in text
+    assert "n wrong pixels and shadow bits" in text
     assert "twice the time of ray grids" in text
     assert all(f">{part}<" in text for part in ("build", "trace", "light build", "shadow"))
 

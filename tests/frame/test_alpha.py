@@ -141,7 +141,7 @@ def test_exact_methods_are_right_and_alike(name, settings):
     assert not same(answers, answers_of(*EXACT[0], prepared))
     plain = answers_of(name, settings, make(ball_on_floor(), None))
     assert np.count_nonzero(plain["triangle"] != answers["triangle"]) > 20
-    assert np.count_nonzero(plain["visibility"] != answers["visibility"]) > 20
+    assert np.count_nonzero(plain["shadowed"] != answers["shadowed"]) > 20
 
 
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=NAMES)
@@ -182,14 +182,14 @@ def test_a_shadow_map_is_drawn_with_holes():
     answers = answers_of("shadow_map", {"size": "1024"}, prepared)
     hits = exact["triangle"] >= 0
     assert (answers["triangle"] == exact["triangle"]).all()
-    wrong = np.count_nonzero((answers["visibility"] != exact["visibility"])[:, hits])
+    wrong = np.count_nonzero((answers["shadowed"] != exact["shadowed"])[:, hits])
     solid = replace(Effects.of(prepared.scene), alpha=False)
     moment = prepared.moment(0, *SIZE)
     blind = Session(
         make_method("shadow_map", {"size": "1024"}), prepared, *SIZE, "cpu", effects=solid
     ).answers(moment)
     same_hits = hits & (blind["triangle"] == exact["triangle"])
-    ignored = np.count_nonzero((blind["visibility"] != exact["visibility"])[:, same_hits])
+    ignored = np.count_nonzero((blind["shadowed"] != exact["shadowed"])[:, same_hits])
     assert wrong < 0.05 * 2 * np.count_nonzero(hits)
     assert ignored > 4 * wrong
 

@@ -186,9 +186,9 @@ def test_receivers_are_the_same_for_every_method_and_the_reference(label, facing
         np.testing.assert_array_equal(answers[name], wanted[name])
     # Of t and weights another device may round the last place differently.
     elsewhere = session_of(EXACT[0], prepared, "cpu").answers(moment)
-    for name in ("triangle", "visibility"):
+    for name in ("triangle", "shadowed"):
         np.testing.assert_array_equal(answers[name], elsewhere[name])
-    assert answers["visibility"].any(axis=1).all()
+    assert answers["shadowed"].any(axis=1).all()
 
 
 def test_bits_where_nothing_receives_are_errors():
@@ -197,7 +197,7 @@ def test_bits_where_nothing_receives_are_errors():
     answers = session_of("uniform_grid", prepared).answers(moment)
     plain = scene((POINT,)).moment(0, *SIZE)
     unlimited = session_of("uniform_grid", scene((POINT,))).answers(plain)
-    assert (unlimited["visibility"] > answers["visibility"]).any()
+    assert (unlimited["shadowed"] > answers["shadowed"]).any()
     assert score_answers(Judge.of(prepared, moment), unlimited).score.true_errors > 0
 
 
@@ -207,7 +207,7 @@ def test_a_light_that_reaches_nothing_is_skipped(label, device, monkeypatch):
     prepared = scene((away, BEHIND))
     session = session_of(label, prepared, device)
     answers = session.answers(prepared.moment(0, *SIZE))
-    assert not answers["visibility"][0].any()
+    assert not answers["shadowed"][0].any()
     seen = launches(session, monkeypatch)
     launched = {kernel for effect, kernel in seen if effect == "shadows/0"}
     if device != "cpu" and label in MARK_ON_A_GPU:
@@ -239,7 +239,7 @@ def test_a_directional_light_is_the_limit_of_a_far_one():
     wanted = session_of("uniform_grid", prepared).answers(prepared.moment(0, *SIZE))
     far = scene((Light(tuple(1e9 * x for x in way)),))
     got = session_of("uniform_grid", far).answers(far.moment(0, *SIZE))
-    np.testing.assert_array_equal(wanted["visibility"], got["visibility"])
+    np.testing.assert_array_equal(wanted["shadowed"], got["shadowed"])
     point = prepared.moment(0, *SIZE).lights[0].astype(np.float64)
     corners = prepared.points(0)[0].astype(np.float64)
     np.testing.assert_array_equal(corners - point, np.broadcast_to(-point, corners.shape))

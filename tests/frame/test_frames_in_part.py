@@ -53,7 +53,7 @@ def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label
     back = prepared.moment(0, *SIZE, lights=moved)
     assert session.advance(back) == {"camera"}
     whole = session_of(label, prepared).answers(back)
-    assert whole["visibility"].any()
+    assert whole["shadowed"].any()
     for name, values in session.frame.answers.to_host().items():
         np.testing.assert_array_equal(values, whole[name], err_msg=name)
     kept = stale(session.all_passes, {"camera"})
@@ -313,7 +313,7 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(
             session.method.counters()
             for key, values in session.frame.answers.to_host().items():
                 np.testing.assert_array_equal(values, wanted[k][key], f"{key}, {k} of {order}")
-    assert wanted[0]["visibility"][0].any()
+    assert wanted[0]["shadowed"][0].any()
 
 
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)

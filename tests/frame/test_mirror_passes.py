@@ -41,7 +41,7 @@ def test_without_mirrors_a_bounce_changes_no_bit(name, settings):
     assert not answers["bounce_active"].any()
     assert (answers["bounce_triangle"] == -1).all()
     assert np.isposinf(answers["bounce_t"]).all()
-    assert not answers["bounce_visibility"].any()
+    assert not answers["bounce_shadowed"].any()
 
 
 @pytest.mark.parametrize(("name", "settings"), EXACT + INEXACT)
@@ -68,7 +68,7 @@ def test_no_bounce_leaves_launches_memory_and_answers_as_they_were(name, setting
     assert all(getattr(frame.answers.bounces, name).size == 0 for name in (*BOUNCED, "receivers"))
     moment = plain.moment(0, SIZE, SIZE)
     expected, got = (session.answers(moment) for session in sessions[:2])
-    assert list(got) == list(expected) == ["triangle", "t", "u", "v", "visibility"]
+    assert list(got) == list(expected) == ["triangle", "t", "u", "v", "shadowed"]
     for key in expected:
         np.testing.assert_array_equal(got[key], expected[key], key)
 
@@ -155,7 +155,7 @@ def test_a_simple_method_takes_part_by_two_functions():
     assert ByTheReferee().applies(prepared.scene, "cpu") is None
     given = Session(ByTheReferee(), prepared, SIZE, SIZE, "cpu").answers(moment)
     _, expected = answered("uniform_grid", {}, prepared)
-    for name in ("active", "origin", "direction", "triangle", "visibility"):
+    for name in ("active", "origin", "direction", "triangle", "shadowed"):
         np.testing.assert_array_equal(given[f"bounce_{name}"], expected[f"bounce_{name}"], name)
     assert (given["bounce_triangle"][0] >= 0).sum() > 10
 
@@ -228,7 +228,7 @@ def test_nothing_to_hit_is_a_miss_at_every_bounce(broken):
     _, answers = answered("uniform_grid", {}, with_mirrors(empty, np.ones(len(faces), dtype=np.uint8), 2))
     assert (answers["bounce_triangle"] == -1).all()
     assert np.isposinf(answers["bounce_t"]).all()
-    assert not answers["bounce_visibility"].any()
+    assert not answers["bounce_shadowed"].any()
 
 
 def test_mirrors_of_another_length_are_refused():

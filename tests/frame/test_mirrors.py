@@ -72,7 +72,7 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
         assert one.primary.judged == SIZE * SIZE
     rays = [one.rays for one in score.bounces]
     assert rays == sorted(rays, reverse=True), "a ray that met something else does not go on"
-    bits = first["bounce_visibility"]
+    bits = first["bounce_shadowed"]
     for light in range(3):
         assert 5 < bits[0][light].sum() < (first["bounce_triangle"][0] >= 0).sum() - 20
     assert not bits[:, 3].any(), "a light without shadows has none in a mirror either"
@@ -208,10 +208,10 @@ def test_the_score_finds_wrong_rays_hits_and_bits():
     bounces = changed("triangle", lambda a: a[0].__setitem__(there, (a[0][there] + 7) % 40))
     assert bounces[0].primary.true + bounces[0].primary.invalid == 6
     assert bounces[1].rays_wrong > 0, "the next bounce's rays are not those of what was answered"
-    bounces = changed("visibility", lambda a: a[1][3].fill(1))
+    bounces = changed("shadowed", lambda a: a[1][3].fill(1))
     assert bounces[1].true_errors > 0, "a bit of a light that asks for no shadows"
-    lit = np.nonzero((answers["bounce_visibility"][0][0] == 0) & (answers["bounce_triangle"][0] >= 0))[0]
-    bounces = changed("visibility", lambda a: a[0][0].__setitem__(lit, 1))
+    lit = np.nonzero((answers["bounce_shadowed"][0][0] == 0) & (answers["bounce_triangle"][0] >= 0))[0]
+    bounces = changed("shadowed", lambda a: a[0][0].__setitem__(lit, 1))
     assert bounces[0].shadow[0].acne > len(lit) / 2
 
 

@@ -187,7 +187,7 @@ class Brute(SimpleMethod):
         where = self.o + self.d * np.where(hit, self.t, 0)[:, None]
         to_light = frame.lights.numpy()[light].astype(np.float64) - where
         t = self._closest(frame, where + 1e-6 * to_light, to_light)[0]
-        frame.answers.visibility[light].assign((hit & (t.min(axis=1) < 1)).astype(np.uint8))
+        frame.answers.shadowed[light].assign((hit & (t.min(axis=1) < 1)).astype(np.uint8))
 '''
 
 
@@ -223,7 +223,7 @@ def test_a_method_of_another_package_is_found_and_runs(installed):
     assert [step.name for step in session.passes] == ["build", "primary rays", "light 0: shadow rays"]
     moment = prepared.moment(0, 16, 16)
     answers = session.answers(moment)
-    triangle, shadowed = answers["triangle"].reshape(16, 16), answers["visibility"][0].reshape(16, 16)
+    triangle, shadowed = answers["triangle"].reshape(16, 16), answers["shadowed"][0].reshape(16, 16)
     assert triangle[8, 8] in (2, 3)
     assert triangle[2, 2] in (0, 1)
     assert triangle[0, 0] == -1

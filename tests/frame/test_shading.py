@@ -71,7 +71,7 @@ def by_hand(prepared, moment, answers, lights) -> np.ndarray:
     going = np.ones(len(pixels), dtype=bool)
     for b in range(len(answers["bounce_active"])):
         going &= answers["bounce_active"][b] == 1
-        met = {name: answers[f"bounce_{name}"][b] for name in ("triangle", "t", "visibility")}
+        met = {name: answers[f"bounce_{name}"][b] for name in ("triangle", "t", "shadowed")}
         ways = answers["bounce_direction"][b].astype(np.float64)
         share = (0.5 * (1 - unit(ways) @ np.array(prepared.scene.camera.up)))[:, None]
         onward = surface(
@@ -108,7 +108,7 @@ def surface(prepared, moment, lights, origins, ways, answers, sky):
         toward = moment.lights[i].astype(np.float64) - place
         cosine = np.maximum((normal * unit(toward)).sum(axis=1), 0.0)
         if light.shadows:
-            cosine[answers["visibility"][i, hit] != 0] = 0.0
+            cosine[answers["shadowed"][i, hit] != 0] = 0.0
         cosine *= strength(light.spot, -toward)
         total += cosine[:, None] * np.array(light.color) * light.intensity / most
     result[hit] = total * reflectances(prepared)[answers["triangle"][hit]]
@@ -122,7 +122,7 @@ def test_the_kernel_is_the_rule(device, bounces):
     color = session.frame.color.numpy()
     assert color.shape == (SIZE * SIZE, 3)
     assert answers["bounce_active"].any(axis=1).all()
-    assert answers["visibility"].any(axis=1)[:3].all()
+    assert answers["shadowed"].any(axis=1)[:3].all()
     np.testing.assert_allclose(color, by_hand(prepared, moment, answers, LIGHTS), rtol=1e-5, atol=1e-6)
 
 

@@ -41,8 +41,8 @@ def test_only_what_the_spot_holds_has_a_shadow(name, device):
     for light_map in LIGHT_MAPS:
         settings = drawn(random, light_map=light_map)
         session, _, got = answers_of(prepared, 47, 33, settings, device)
-        assert (got["visibility"][0] == (bits & held)).all(), settings
-        assert (got["visibility"][1] == shadowed(prepared, moment, 1, best, t)).all()
+        assert (got["shadowed"][0] == (bits & held)).all(), settings
+        assert (got["shadowed"][1] == shadowed(prepared, moment, 1, best, t)).all()
         assert session.method.counters()["light 0 rays"] == held.sum()
 
 

@@ -55,7 +55,7 @@ def test_the_answers_have_the_same_bits_with_every_number_of_threads(name, facin
                 np.testing.assert_array_equal(got[key], array, f"{threads} threads: {key}")
         assert session.method.built()["threads"] == threads
     assert (expected["triangle"] >= 0).any()
-    assert expected["visibility"].any(axis=1).all()
+    assert expected["shadowed"].any(axis=1).all()
 
 
 def test_parts_run_at_the_same_time_after_the_first_time():

@@ -113,7 +113,7 @@ def test_a_spot_over_the_seam_is_the_same_spot_turned_away_from_it(name: str, tu
     for case in (f"S17{turn}", f"S17r{turn}"):
         trial = judged(case).trial
         both.append(Session(make_method(name), trial.prepared, 16, 16, "cpu").answers(trial.moment))
-    for key in ("triangle", "t", "visibility"):
+    for key in ("triangle", "t", "shadowed"):
         np.testing.assert_array_equal(both[0][key], both[1][key], key)
 
 

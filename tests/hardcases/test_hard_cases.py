@@ -130,7 +130,7 @@ class Forger(SimpleMethod):
             getattr(frame.answers, key).assign(self.answers[key])
 
     def trace_shadow(self, frame, light):
-        frame.answers.visibility[light].assign(self.answers["visibility"][light])
+        frame.answers.shadowed[light].assign(self.answers["shadowed"][light])
 
 
 def forged(name: str, change) -> dict[str, int]:
@@ -168,7 +168,7 @@ class MirrorForger(Forger):
             getattr(frame.hits(bounce), key).assign(self.answers[f"bounce_{key}"][bounce - 1])
 
     def trace_bounce_shadow(self, frame, light, bounce):
-        frame.bits(bounce)[light].assign(self.answers["bounce_visibility"][bounce - 1][light])
+        frame.bits(bounce)[light].assign(self.answers["bounce_shadowed"][bounce - 1][light])
 
 
 def test_errors_in_a_mirror_are_found() -> None:
@@ -176,14 +176,14 @@ def test_errors_in_a_mirror_are_found() -> None:
     moment = one.trial.moment
     session = Session(make_method("uniform_grid"), one.trial.prepared, moment.width, moment.height, "cpu")
     answers = session.answers(moment)
-    shadowed = np.nonzero(answers["bounce_visibility"][0][0])[0]
+    shadowed = np.nonzero(answers["bounce_shadowed"][0][0])[0]
     assert len(shadowed) > 9
 
     def found(change):
         return judge_case(one, MirrorForger(answers, change), "cpu").classes
 
     assert set(found(lambda a: None)) & set(ERROR_NAMES) == set()
-    assert found(change("bounce_visibility", (0, 0, shadowed[:9]), 0))["leak"] == 9
+    assert found(change("bounce_shadowed", (0, 0, shadowed[:9]), 0))["leak"] == 9
     assert found(change("bounce_triangle", (0, 40), 0))["true"] == 1
     assert found(change("bounce_triangle", (0, 40), 99))["invalid"] >= 1
 
@@ -198,19 +198,19 @@ def change(key: str, index, value):
 def miss(answers):
     answers["triangle"][40], answers["t"][40] = -1, np.inf
     answers["u"][40] = answers["v"][40] = 0
-    answers["visibility"][:, 40] = 0
+    answers["shadowed"][:, 40] = 0
 
 
 @pytest.mark.parametrize(
     ("name", "apply", "kind"),
     [
-        ("S01", change("visibility", (0, 9), 0), "leak"),
-        ("S12", change("visibility", (0, 300), 1), "acne"),
-        ("S01", change("visibility", (0, 9), 77), "invalid"),
+        ("S01", change("shadowed", (0, 9), 0), "leak"),
+        ("S12", change("shadowed", (0, 300), 1), "acne"),
+        ("S01", change("shadowed", (0, 9), 77), "invalid"),
         ("P16", change("triangle", 300, 3), "true"),
         ("P16", change("t", 300, 1.0), "true"),
         ("P12", miss, "hole"),
-        ("S15", change("visibility", (2, 2), 1), "differs"),
+        ("S15", change("shadowed", (2, 2), 1), "differs"),
         ("P16", change("triangle", 300, -77), "invalid"),
     ],
 )
@@ -225,8 +225,8 @@ def test_a_bit_outside_a_spot_is_found() -> None:
     one = judged("S17")
     good = judge_case(one, SpotForger(one.exact, lambda answers: None), "cpu")
     assert good.status == "ok"
-    lit = int(np.nonzero((one.exact["visibility"][0] == 0) & (one.judge.reference.visibility[0] == 1))[0][0])
-    bad = judge_case(one, SpotForger(one.exact, change("visibility", (0, lit), 1)), "cpu")
+    lit = int(np.nonzero((one.exact["shadowed"][0] == 0) & (one.judge.reference.shadowed[0] == 1))[0][0])
+    bad = judge_case(one, SpotForger(one.exact, change("shadowed", (0, lit), 1)), "cpu")
     assert bad.classes.get("acne") == 1
 
 
@@ -281,7 +281,7 @@ def test_passes_that_hide_what_they_read_are_found() -> None:
 
     found = {one.name: one for one in conformance(lambda: Hides(), "cpu")}
     assert found["partial frames"].status == "error"
-    assert "light 0 moved: visibility" in found["partial frames"].reason
+    assert "light 0 moved: shadowed" in found["partial frames"].reason
 
 
 def test_a_structure_that_was_skipped_and_forgotten_is_found(monkeypatch) -> None:

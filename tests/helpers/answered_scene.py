@@ -53,4 +53,4 @@ def lose(answers: dict[str, np.ndarray], pixel: int) -> None:
     """A pixel misses."""
     answers["triangle"][pixel], answers["t"][pixel] = -1, np.inf
     answers["u"][pixel] = answers["v"][pixel] = 0
-    answers["visibility"][:, pixel] = 0
+    answers["shadowed"][:, pixel] = 0

@@ -31,7 +31,7 @@ def traced(example: Example) -> dict[str, dict[str, np.ndarray]]:
     return {name: answers_of(example, name, trial) for name in METHODS}
 
 
-def assert_same(some: dict, others: dict, keys=("triangle", "t", "u", "v", "visibility")) -> None:
+def assert_same(some: dict, others: dict, keys=("triangle", "t", "u", "v", "shadowed")) -> None:
     """Two times :func:`traced` with the same bits."""
     for name in METHODS:
         for key in keys:

@@ -31,4 +31,4 @@ class ExactMethod(SimpleMethod):
             getattr(frame.answers, part).assign(self.answers[part])
 
     def trace_shadow(self, frame, light):
-        frame.answers.visibility[light].assign(self.answers["visibility"][light])
+        frame.answers.shadowed[light].assign(self.answers["shadowed"][light])

@@ -301,7 +301,7 @@ def true_errors(example: Example, names: Sequence[str] = METHODS, device: str = 
         except Exception as error:
             found[name] = f"{type(error).__name__}: {error}"
             continue
-        if all(same_bits(answers[key], exact[key]) for key in ("triangle", "t", "visibility")):
+        if all(same_bits(answers[key], exact[key]) for key in ("triangle", "t", "shadowed")):
             continue
         classes, examples, _ = judged.count(answers)
         wrong = {key: n for key, n in classes.items() if key in ERROR_NAMES}

@@ -37,7 +37,7 @@ def assert_exact(
     assert_weights(got, prepared, moment, 1e-6)
     for light in range(len(moment.lights)):
         np.testing.assert_array_equal(
-            got["visibility"][light], shadowed(prepared, moment, light, best, t), str(light)
+            got["shadowed"][light], shadowed(prepared, moment, light, best, t), str(light)
         )
     return got
 
@@ -66,7 +66,7 @@ def assert_nearly(
     assert_weights(got, prepared, moment, 1e-3)
     for light in range(len(moment.lights) if lights is None else lights):
         wanted = shadowed(prepared, moment, light, best, t)
-        assert (got["visibility"][light] != wanted)[same].sum() <= share * len(same), light
+        assert (got["shadowed"][light] != wanted)[same].sum() <= share * len(same), light
     return got
 
 
@@ -78,8 +78,8 @@ def assert_misses(got: Answers) -> None:
     assert np.isfinite(got["t"][~missed]).all()
     assert (got["u"][missed] == 0).all()
     assert (got["v"][missed] == 0).all()
-    assert (got["visibility"][:, missed] == 0).all()
-    assert np.isin(got["visibility"], (0, 1)).all()
+    assert (got["shadowed"][:, missed] == 0).all()
+    assert np.isin(got["shadowed"], (0, 1)).all()
 
 
 def assert_weights(got: Answers, prepared: Prepared, moment: Moment, tolerance: float) -> None:

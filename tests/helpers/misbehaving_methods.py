@@ -38,7 +38,7 @@ class Steady(SimpleMethod):
         answers.v.zero_()
 
     def trace_shadow(self, frame, light):
-        frame.answers.visibility[light].zero_()
+        frame.answers.shadowed[light].zero_()
 
     def built(self):
         return {"pace": self.trace.ms}
@@ -112,7 +112,7 @@ class Fickle(Steady):
 
     def trace_shadow(self, frame, light):
         self.runs += 1
-        frame.answers.visibility[light].fill_(int(self.runs > 1 + 7))
+        frame.answers.shadowed[light].fill_(int(self.runs > 1 + 7))
 
 
 class Hangs(Steady):

@@ -115,7 +115,7 @@ def exact_answers(prepared: Prepared, moment: Moment, referee: Referee) -> dict[
         "t": hits.t.astype(np.float32),
         "u": np.zeros(len(pixels), dtype=np.float32),
         "v": np.zeros(len(pixels), dtype=np.float32),
-        "visibility": np.stack([referee.occluded(hits, light) for light in moment.lights]),
+        "shadowed": np.stack([referee.occluded(hits, light) for light in moment.lights]),
     }
     for i in np.nonzero(hits.triangle >= 0)[0]:
         corners = [rational(moment.points[v]) for v in prepared.faces[hits.triangle[i]]]

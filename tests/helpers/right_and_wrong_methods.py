@@ -27,7 +27,7 @@ class Wrong(Right):
     name = title = "wrong"
 
     def spoil(self, answers):
-        bits = answers["visibility"][0]
+        bits = answers["shadowed"][0]
         bits[np.argmax(bits)] = 0
 
 

@@ -175,9 +175,9 @@ def answers_of_case(name: str, most: int, count: Count) -> list[str]:
         bits = second.shadowed(seen, moment.lights[i]) if light.shadows else [False] * len(seen)
         for row, (pixel, bit) in enumerate(zip(pixels, bits, strict=True)):
             lit = _receives(trial, second, seen[row], i, exactly(origins[row]))
-            if lit is not None and exact["visibility"][i, pixel] != (bit and lit):
+            if lit is not None and exact["shadowed"][i, pixel] != (bit and lit):
                 found.append(
-                    f"{name}: pixel {pixel}, light {i}: {exact['visibility'][i, pixel]}, not {bit and lit}"
+                    f"{name}: pixel {pixel}, light {i}: {exact['shadowed'][i, pixel]}, not {bit and lit}"
                 )
         count.segments += sum(hit is not None for hit in seen)
         count.shadows += sum(bits)

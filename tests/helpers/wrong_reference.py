@@ -19,11 +19,11 @@ class WrongReference(AnsweredScene):
         self.wrong = self.answers()
         right, floor = self.right, self.right["triangle"] == 0
         self.lost = self.pixel(floor)
-        self.acne = self.pixel((right["triangle"] == 1) & (right["visibility"][0] == 0))
-        self.leak = self.pixel((right["triangle"] <= 1) & (right["visibility"][1] == 1))
+        self.acne = self.pixel((right["triangle"] == 1) & (right["shadowed"][0] == 0))
+        self.leak = self.pixel((right["triangle"] <= 1) & (right["shadowed"][1] == 1))
         lose(self.wrong, self.lost)
-        self.wrong["visibility"][0, self.acne] = 1
-        self.wrong["visibility"][1, self.leak] = 0
+        self.wrong["shadowed"][0, self.acne] = 1
+        self.wrong["shadowed"][1, self.leak] = 0
 
     @property
     def reference(self) -> Reference:

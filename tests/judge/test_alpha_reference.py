@@ -38,8 +38,8 @@ def test_ignoring_holes_is_a_true_error():
     assert score.primary.true == wrong
     assert score.primary.edge == score.primary.near_tie == 0
     right = {**judge.reference.answers()}
-    right["visibility"] = 1 - right["visibility"]
-    right["visibility"][:, right["triangle"] < 0] = 0
+    right["shadowed"] = 1 - right["shadowed"]
+    right["shadowed"][:, right["triangle"] < 0] = 0
     bits = score_answers(judge, right).score.shadow
     assert sum(light.acne + light.leak for light in bits) == 2 * np.count_nonzero(right["triangle"] >= 0)
 

@@ -58,7 +58,7 @@ def test_shadowed_if_and_only_if_something_is_hit_before_the_light(drawn: Exampl
         closest = answers_of(from_light, name)["triangle"].reshape(SIDE, SIDE)
         answers = answers_of(from_beyond, name)
         assert (answers["triangle"] >= first).all(), name
-        bits = answers["visibility"][0].reshape(SIDE, SIDE)[:, ::-1]  # seen from the other side
+        bits = answers["shadowed"][0].reshape(SIDE, SIDE)[:, ::-1]  # seen from the other side
         np.testing.assert_array_equal(bits, closest < first, name)
 
 

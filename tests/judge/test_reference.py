@@ -27,14 +27,14 @@ def test_reference_equals_the_exact_answer_on_an_ordinary_scene(ball):
     referee = Referee(moment.points, prepared.faces, moment.valid)
     right = cases.exact_answers(prepared, moment, referee)
     np.testing.assert_array_equal(reference.triangle, right["triangle"])
-    np.testing.assert_array_equal(reference.visibility, right["visibility"])
+    np.testing.assert_array_equal(reference.shadowed, right["shadowed"])
     np.testing.assert_allclose(reference.t, right["t"], rtol=2e-6)
     np.testing.assert_allclose(reference.u, right["u"], atol=2e-5)
     np.testing.assert_allclose(reference.v, right["v"], atol=2e-5)
     # The picture holds what the test is about: sky, floor, ball, and shadows of both lights.
     assert (reference.triangle == -1).sum() > 100
     assert (reference.triangle > 1).sum() > 100
-    assert (reference.visibility.sum(axis=1) > 100).all()
+    assert (reference.shadowed.sum(axis=1) > 100).all()
 
 
 def test_a_miss_is_filled_as_the_conventions_say(ball):
@@ -44,14 +44,14 @@ def test_a_miss_is_filled_as_the_conventions_say(ball):
     assert np.isposinf(reference.t[miss]).all()
     assert not reference.u[miss].any()
     assert not reference.v[miss].any()
-    assert not reference.visibility[:, miss].any()
+    assert not reference.shadowed[:, miss].any()
 
 
 def test_a_light_without_shadows_gets_zeros(ball):
     prepared, moment = ball
     reference = embree_reference(prepared, moment, Effects((False, True)))
-    assert reference.visibility[0].sum() == 0
-    assert reference.visibility[1].sum() > 100
+    assert reference.shadowed[0].sum() == 0
+    assert reference.shadowed[1].sum() > 100
     assert reference.provenance["shadows"] == [False, True]
 
 
@@ -68,7 +68,7 @@ def test_invalid_triangles_keep_the_ids_of_the_others():
     assert moment.valid.tolist() == [0, 0, 1, 0, 0, 1, 0]
     reference = embree_reference(prepared, moment)
     assert set(reference.triangle.tolist()) == {-1, 2, 5}
-    assert reference.visibility.sum() == 0
+    assert reference.shadowed.sum() == 0
 
 
 def test_nothing_to_hit():
@@ -78,7 +78,7 @@ def test_nothing_to_hit():
     prepared = prepare(scene)
     reference = embree_reference(prepared, prepared.moment(0, 5, 3))
     assert (reference.triangle == -1).all()
-    assert reference.visibility.shape == (1, 15)
+    assert reference.shadowed.shape == (1, 15)
 
 
 def test_an_index_out_of_range_is_refused():
@@ -108,7 +108,7 @@ def test_no_scale_loses_shadows_or_gains_acne(scale):
     hits = referee.closest(moment.eye, moment.directions(np.arange(64 * 48)))
     bits = referee.occluded(hits, moment.lights[0])
     assert bits.sum() > 50
-    assert (bits != reference.visibility[0]).sum() == 0
+    assert (bits != reference.shadowed[0]).sum() == 0
 
 
 def test_the_folder_is_used_only_for_the_same_inputs(ball, tmp_path, monkeypatch):

@@ -169,8 +169,8 @@ def test_a_miss_must_be_filled_as_a_miss(ball, name, value):
 
 
 def test_unwritten_answers_are_all_invalid(ball):
-    answers = {name: np.full_like(value, -77) for name, value in ball.right.items() if name != "visibility"}
-    answers["visibility"] = np.full_like(ball.right["visibility"], 77)
+    answers = {name: np.full_like(value, -77) for name, value in ball.right.items() if name != "shadowed"}
+    answers["shadowed"] = np.full_like(ball.right["shadowed"], 77)
     score = score_answers(ball.judge, answers).score
     assert score.primary.invalid == WIDTH * HEIGHT
     assert [light.invalid for light in score.shadow] == [WIDTH * HEIGHT] * 2
@@ -179,11 +179,11 @@ def test_unwritten_answers_are_all_invalid(ball):
 
 @pytest.mark.parametrize("light", [0, 1])
 def test_acne_and_leaks_are_distinguished(ball, light):
-    lit = ball.pixel((ball.right["triangle"] == 0) & (ball.right["visibility"][light] == 0))
-    dark = ball.pixel((ball.right["triangle"] <= 1) & (ball.right["visibility"][light] == 1))
+    lit = ball.pixel((ball.right["triangle"] == 0) & (ball.right["shadowed"][light] == 0))
+    dark = ball.pixel((ball.right["triangle"] <= 1) & (ball.right["shadowed"][light] == 1))
     answers = ball.answers()
-    answers["visibility"][light, lit] = 1
-    answers["visibility"][light, dark] = 0
+    answers["shadowed"][light, lit] = 1
+    answers["shadowed"][light, dark] = 0
     score = score_answers(ball.judge, answers).score
     assert (score.shadow[light].acne, score.shadow[light].leak) == (1, 1)
     assert score.shadow[light].disputed == 2
@@ -196,8 +196,8 @@ def test_acne_and_leaks_are_distinguished(ball, light):
 
 def test_bits_that_are_none_are_invalid(ball):
     answers = ball.answers()
-    answers["visibility"][0, floor_pixel(ball)] = 77
-    answers["visibility"][1, sky_pixel(ball)] = 1
+    answers["shadowed"][0, floor_pixel(ball)] = 77
+    answers["shadowed"][1, sky_pixel(ball)] = 1
     score = score_answers(ball.judge, answers).score
     assert [light.invalid for light in score.shadow] == [1, 1]
     assert score.check == "failed"
@@ -206,10 +206,10 @@ def test_bits_that_are_none_are_invalid(ball):
 def test_a_light_without_shadows_must_stay_zero(ball):
     judge = Judge.of(ball.prepared, ball.moment, Effects((True, False)))
     answers = ball.answers()
-    answers["visibility"][1] = 0
+    answers["shadowed"][1] = 0
     assert score_answers(judge, answers).score.check == "ok"
     assert [light.light for light in score_answers(judge, answers).score.shadow] == [0]
-    answers["visibility"][1, floor_pixel(ball)] = 1
+    answers["shadowed"][1, floor_pixel(ball)] = 1
     assert score_answers(judge, answers).score.true_errors == 1
 
 
@@ -220,7 +220,7 @@ def test_a_scene_without_lights():
     moment = prepared.moment(0, 20, 15)
     judge = Judge.of(prepared, moment)
     answers = judge.reference.answers()
-    answers["visibility"] = np.full((1, 300), 77, dtype=np.uint8)  # the unused row of a frame without lights
+    answers["shadowed"] = np.full((1, 300), 77, dtype=np.uint8)  # the unused row of a frame without lights
     score = score_answers(judge, answers).score
     assert (score.check, score.shadow) == ("ok", ())
     assert score.primary.ok == 300
@@ -233,11 +233,11 @@ def test_the_references_own_errors_stand_apart(ball):
     broken = type(reference)(**{**reference.answers(), "provenance": reference.provenance})
     broken.triangle, broken.t = reference.triangle.copy(), reference.t.copy()
     broken.u, broken.v = reference.u.copy(), reference.v.copy()
-    broken.visibility = reference.visibility.copy()
+    broken.shadowed = reference.shadowed.copy()
     broken.triangle[pixel], broken.t[pixel], broken.u[pixel], broken.v[pixel] = -1, np.inf, 0, 0
-    broken.visibility[:, pixel] = 0
-    other = ball.pixel((ball.right["triangle"] == 1) & (ball.right["visibility"][0] == 0))
-    broken.visibility[0, other] = 1
+    broken.shadowed[:, pixel] = 0
+    other = ball.pixel((ball.right["triangle"] == 1) & (ball.right["shadowed"][0] == 0))
+    broken.shadowed[0, other] = 1
     score = score_answers(replace(ball.judge, reference=broken), ball.answers()).score
     assert score.check == "ok"
     assert score.primary.disputed == 1
@@ -251,7 +251,7 @@ def test_disputes_beyond_the_limit_count_as_errors(ball):
     pixels = np.nonzero(ball.right["triangle"] == 0)[0][:50]
     answers["triangle"][pixels], answers["t"][pixels] = -1, np.inf
     answers["u"][pixels] = answers["v"][pixels] = 0
-    answers["visibility"][:, pixels] = 0
+    answers["shadowed"][:, pixels] = 0
     score = score_answers(replace(ball.judge, limit=20), answers).score
     assert score.primary.unjudged == 30
     assert score.primary.true == 20
@@ -313,7 +313,7 @@ def test_slivers_and_grazing_rays_get_a_wider_tolerance_of_t_but_squares_do_not(
             "t": np.full(33 * 33, np.inf, np.float32),
             "u": np.zeros(33 * 33, np.float32),
             "v": np.zeros(33 * 33, np.float32),
-            "visibility": np.zeros((1, 33 * 33), np.uint8),
+            "shadowed": np.zeros((1, 33 * 33), np.uint8),
         }
         answers["triangle"][middle], answers["t"][middle] = triangle, float(t) * (1 + 1e-4)
         answers["u"][middle], answers["v"][middle] = float(u), float(v)

@@ -88,7 +88,7 @@ def test_a_wrong_distance_of_the_reference_is_nobody_elses(ball):
     tilted.wrong = ball.answers()
     tilted.wrong["t"][ball.lost] *= np.float32(1.01)
     asked = ball.answers()
-    asked["visibility"][0, ball.lost] ^= 1
+    asked["shadowed"][0, ball.lost] ^= 1
     rows = [tilted.score(asked), tilted.score(ball.right), tilted.score(tilted.wrong)]
     assert rows[0][0].reference_errors.primary.true == 1
     scores = share_errors(rows)
@@ -171,21 +171,19 @@ def test_mirrored_rays_that_are_the_same_are_charged_too(monkeypatch):
     right = Session(make_method("uniform_grid"), trial.prepared, moment.width, moment.height, "cpu").answers(
         moment
     )
-    pixel = int(np.nonzero(right["bounce_visibility"][0][0])[0][40])
+    pixel = int(np.nonzero(right["bounce_shadowed"][0][0])[0][40])
     plain = context.reference_for
 
     def blind_to_one(prepared, rays, referee, effects):
         """Embree's answers to mirrored rays, but for everyone's right ones and one shadow that is lost."""
         reference = plain(prepared, rays, referee, effects)
-        given = {
-            name: right[f"bounce_{name}"][0].copy() for name in ("triangle", "t", "u", "v", "visibility")
-        }
-        given["visibility"][0, pixel] = 0
+        given = {name: right[f"bounce_{name}"][0].copy() for name in ("triangle", "t", "u", "v", "shadowed")}
+        given["shadowed"][0, pixel] = 0
         return Reference(**given, provenance=reference.provenance)
 
     monkeypatch.setattr(context, "reference_for", blind_to_one)
     wrong = {name: value.copy() for name, value in right.items()}
-    wrong["bounce_visibility"][0, 0, pixel] = 0
+    wrong["bounce_shadowed"][0, 0, pixel] = 0
     moved = {name: value.copy() for name, value in wrong.items()}
     moved["bounce_direction"][0, pixel] *= np.float32(1 + 2.0**-22)  # other rays: nothing is known of them
     rows = []

@@ -43,16 +43,16 @@ def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
     hit = answers["triangle"] >= 0
     assert 20 < outside.sum() < hit.sum() - 20
     assert not outside[~hit].any()
-    assert answers["visibility"][0][hit & ~outside].sum() > 5
+    assert answers["shadowed"][0][hit & ~outside].sum() > 5
     assert score_answers(judge, answers).score.true_errors == 0
 
 
 def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
     moment, answers, judge = judged
     outside = np.nonzero(not_receivers(scene, moment, answers["triangle"])[0])[0]
-    bits = answers["visibility"].copy()
+    bits = answers["shadowed"].copy()
     bits[0, outside[:7]] = 1
-    found = score_answers(judge, {**answers, "visibility": bits}).score
+    found = score_answers(judge, {**answers, "shadowed": bits}).score
     assert found.true_errors == 7
     assert found.shadow[0].acne == 7
 
@@ -74,8 +74,8 @@ def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_pat
 
     monkeypatch.setattr(score, "score_answers", count)
     grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu")
-    other = {**answers, "visibility": answers["visibility"].copy()}
-    other["visibility"][0, 5] ^= 1
+    other = {**answers, "shadowed": answers["shadowed"].copy()}
+    other["shadowed"][0, 5] ^= 1
     found = []
     for key, given in (("a", answers), ("b", answers), ("c", other)):
         hand_over(handed_path(tmp_path, key, 0), given)

@@ -69,7 +69,7 @@ def test_the_stories_have_shadows_in_every_frame() -> None:
     for name, story in STORIES.items():
         for frame in range(len(story.moments)):
             exact = JUDGING[name].judged(frame).exact
-            seen, dark = (exact["triangle"] >= 0).sum(), exact["visibility"][0].sum()
+            seen, dark = (exact["triangle"] >= 0).sum(), exact["shadowed"][0].sum()
             assert 5 < dark < seen - 5, (name, frame)
 
 

@@ -78,7 +78,7 @@ def test_culling_answers_up_to_ties_whatever_the_other_knobs(example: Example) -
         assert method.applies(trial.prepared.scene, "cpu") is None
         assert true_errors(culled, (NAME,)) == {}
         got = answers_of(culled, NAME, trial)
-        for key in ("triangle", "t", "u", "v", "visibility"):
+        for key in ("triangle", "t", "u", "v", "shadowed"):
             assert same_bits(got[key][..., alone], given_[key][..., alone]), (cull, key)
         for pixel in pixels[got["triangle"] != given_["triangle"]]:
             assert got["triangle"][pixel] in hits.ties[pixel], (cull, pixel)

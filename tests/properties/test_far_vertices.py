@@ -40,4 +40,4 @@ def test_far_vertices_cost_no_shadow(name: str, directional: bool, exponent: int
     )
     judging = Judging(story)
     assert judging.wrong(0, answers) == ""
-    assert judging.judged(0).exact["visibility"][0].sum() > 10
+    assert judging.judged(0).exact["shadowed"][0].sum() > 10

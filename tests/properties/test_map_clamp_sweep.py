@@ -59,7 +59,7 @@ class Lit:
         self.prepared = under(whole, replace(whole.scene, lights=tuple(lights), light_path=None))
         exact = self.traced("warp_bvh", {"update": "bvh_rebuild"}, self.prepared.moment(0, SIZE, SIZE))
         self.exact = {
-            radii: {**exact, "visibility": exact["visibility"][i : i + 1]} for i, radii in enumerate(RADII)
+            radii: {**exact, "shadowed": exact["shadowed"][i : i + 1]} for i, radii in enumerate(RADII)
         }
 
     def answers(self, settings: dict[str, str], radii: float) -> dict[str, NDArray]:
@@ -97,7 +97,7 @@ def check(name: str, turn: int) -> None:
     count = lit.prepared.triangle_count
     hits = int((lit.exact[2.0]["triangle"] >= 0).sum())
     assert hits > 0.05 * SIZE**2
-    assert any(exact["visibility"].sum() > 0 for exact in lit.exact.values()), "nothing casts a shadow"
+    assert any(exact["shadowed"].sum() > 0 for exact in lit.exact.values()), "nothing casts a shadow"
     for light_map, clamp, aimed, radii in combinations(count <= SMALL, None if EVERYTHING else turn):
         settings = {**COARSE, "light_map": light_map, "clamp": clamp, "aimed": aimed}
         same(lit.answers(settings, radii), lit.exact[radii], (light_map, clamp, aimed, radii))

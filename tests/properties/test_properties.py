@@ -40,7 +40,7 @@ def test_every_method_answers_exactly(example: Example) -> None:
 def test_exact_methods_agree_bit_for_bit(example: Example) -> None:
     found = traced(example)
     for name in METHODS[1:]:
-        for key in ("triangle", "t", "u", "v", "visibility"):
+        for key in ("triangle", "t", "u", "v", "shadowed"):
             assert same_bits(found[name][key], found[METHODS[0]][key]), (name, key)
 
 
@@ -58,7 +58,7 @@ def scaled(example: Example, factor: float) -> Example:
 def test_a_power_of_two_changes_t_only_by_it(example: Example, power: int) -> None:
     factor = 2.0**power
     one, other = traced(example), traced(scaled(example, factor))
-    assert_same(one, other, ("triangle", "u", "v", "visibility"))
+    assert_same(one, other, ("triangle", "u", "v", "shadowed"))
     for name in METHODS:
         np.testing.assert_array_equal(other[name]["t"], one[name]["t"] * np.float32(factor))
 
@@ -79,7 +79,7 @@ def turned(example: Example, turn: int) -> Example:
 def test_cycling_the_axes_changes_nothing(example: Example, turn: int) -> None:
     """Sums run in another order, so only what is exact must agree: triangles, bits, and t to its last place."""
     one, other = traced(example), traced(turned(example, turn))
-    assert_same(one, other, ("triangle", "visibility"))
+    assert_same(one, other, ("triangle", "shadowed"))
     for name in METHODS:
         np.testing.assert_allclose(other[name]["t"], one[name]["t"], rtol=2**-23)
 
@@ -103,8 +103,8 @@ def test_mirroring_turns_the_image_over(example: Example) -> None:
     for name in METHODS:
         flipped = other[name]["triangle"].reshape(height, width)[:, ::-1].ravel()
         np.testing.assert_array_equal(flipped, one[name]["triangle"], name)
-        bits = other[name]["visibility"].reshape(-1, height, width)[:, :, ::-1].reshape(-1, width * height)
-        np.testing.assert_array_equal(bits, one[name]["visibility"], name)
+        bits = other[name]["shadowed"].reshape(-1, height, width)[:, :, ::-1].reshape(-1, width * height)
+        np.testing.assert_array_equal(bits, one[name]["shadowed"], name)
 
 
 def moved(example: Example, angles: tuple[float, float], offset: float) -> Example:
@@ -174,9 +174,7 @@ def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> N
         at_edge = np.any(np.array(verdicts) == Verdict.EDGE, axis=0)
         assert all(len(hits.ties[i]) > 1 or at_edge[i] for i in np.nonzero(changed)[0]), name
         same = ~changed
-        np.testing.assert_array_equal(
-            other[name]["visibility"][:, same], one[name]["visibility"][:, same], name
-        )
+        np.testing.assert_array_equal(other[name]["shadowed"][:, same], one[name]["shadowed"][:, same], name)
 
 
 @some(20)
@@ -193,7 +191,7 @@ def test_adding_triangles_brings_nothing_to_light(example: Example, more: Exampl
     for name in METHODS:
         assert (other[name]["t"] <= one[name]["t"]).all(), name
         same = other[name]["triangle"] == one[name]["triangle"]
-        lit_again = (one[name]["visibility"] == 1) & (other[name]["visibility"] == 0) & same
+        lit_again = (one[name]["shadowed"] == 1) & (other[name]["shadowed"] == 0) & same
         assert not lit_again.any(), name
 
 
@@ -232,7 +230,7 @@ def test_lights_at_one_place_agree(example: Example, count: int) -> None:
     together = replace(example, lights=np.concatenate([example.lights, np.repeat(light, count - 1, axis=0)]))
     for name, answers in traced(together).items():
         for other in range(len(example.lights), len(together.lights)):
-            np.testing.assert_array_equal(answers["visibility"][other], answers["visibility"][0], name)
+            np.testing.assert_array_equal(answers["shadowed"][other], answers["shadowed"][0], name)
 
 
 @some(20)
@@ -276,8 +274,8 @@ def test_a_crop_equals_its_window(example: Example) -> None:
         for key in ("triangle", "t", "u", "v"):
             middle = one[name][key].reshape(16, 16)[4:12, 4:12].ravel()
             assert same_bits(np.ascontiguousarray(middle), other[name][key]), (name, key)
-        bits = one[name]["visibility"].reshape(-1, 16, 16)[:, 4:12, 4:12].reshape(-1, 64)
-        np.testing.assert_array_equal(bits, other[name]["visibility"], name)
+        bits = one[name]["shadowed"].reshape(-1, 16, 16)[:, 4:12, 4:12].reshape(-1, 64)
+        np.testing.assert_array_equal(bits, other[name]["shadowed"], name)
 
 
 def test_examples_are_worth_drawing() -> None:
@@ -292,7 +290,7 @@ def test_examples_are_worth_drawing() -> None:
         pixels += count
         hits += int((found.triangle >= 0).sum())
         ties += sum(len(one) > 1 for one in found.ties)
-        shadowed += int(one.exact["visibility"].sum())
+        shadowed += int(one.exact["shadowed"].sum())
     assert hits > 0.25 * pixels
     assert ties > 0.1 * hits
     assert 0.1 * hits < shadowed < 2 * hits

@@ -53,7 +53,7 @@ def test_stories_tell_of_everything() -> None:
         answers = [Judging(story).judged(frame).exact for frame in range(FRAMES)]
         seen = np.array([one["triangle"] >= 0 for one in answers])
         assert 0.1 < seen.mean() < 0.95, seed
-        bits.append(np.mean([one["visibility"][0].mean() for one in answers]) / seen.mean())
+        bits.append(np.mean([one["shadowed"][0].mean() for one in answers]) / seen.mean())
     assert 0.1 < np.mean(bits) < 0.9
 
 

@@ -39,22 +39,22 @@ def kept(folder: Path, scene: str, size: tuple[int, int] = (60, 40)) -> Path:
     return folder / "images" / image_name(scene, "", *size)
 
 
-def answers_to(prepared: Prepared, shadowed: np.ndarray | None = None):
+def answers_to(prepared: Prepared, marked: np.ndarray | None = None):
     """The moment, and the answers worked out by hand: the square's plane is z = 0, so t is 4 everywhere."""
     moment = prepared.moment(0, SIZE, SIZE)
     x = np.tile(np.arange(SIZE), SIZE)
     hit = x < SIZE // 2
     t = np.where(hit, 4.0, np.inf).astype(np.float32)
-    visibility = np.zeros((len(moment.lights), SIZE * SIZE), dtype=np.uint8)
-    if shadowed is not None:
-        visibility[:, shadowed] = 1
+    shadowed = np.zeros((len(moment.lights), SIZE * SIZE), dtype=np.uint8)
+    if marked is not None:
+        shadowed[:, marked] = 1
     zero = np.zeros(SIZE * SIZE, dtype=np.float32)
     return moment, {
         "triangle": np.where(hit, 0, -1).astype(np.int32),
         "t": t,
         "u": zero,
         "v": zero,
-        "visibility": visibility,
+        "shadowed": shadowed,
     }
 
 
@@ -62,7 +62,7 @@ def test_shading_lights_what_is_lit_and_darkens_what_is_shadowed():
     lights = (Light((0.0, 0.0, 6.0)),)
     prepared = square(lights)
     upper = np.repeat(np.arange(SIZE), SIZE) < SIZE // 2
-    moment, answers = answers_to(prepared, shadowed=upper)
+    moment, answers = answers_to(prepared, marked=upper)
     picture = shade(prepared, moment, answers, lights)
     assert picture.shape == (SIZE, SIZE, 3)
     assert picture.dtype == np.uint8
@@ -95,9 +95,9 @@ def test_each_light_has_its_colour_and_its_own_shadow_bit():
     prepared = square(lights)
     moment, answers = answers_to(prepared)
     both = shade(prepared, moment, answers, lights)[0, 0].astype(int)
-    answers["visibility"][0] = 1
+    answers["shadowed"][0] = 1
     blue = shade(prepared, moment, answers, lights)[0, 0].astype(int)
-    answers["visibility"][:] = [[0], [1]]
+    answers["shadowed"][:] = [[0], [1]]
     red = shade(prepared, moment, answers, lights)[0, 0].astype(int)
     assert red[0] - red[2] > blue[0] - blue[2] + 40
     assert both.sum() > max(red.sum(), blue.sum())
@@ -108,7 +108,7 @@ def test_a_light_without_shadows_ignores_its_bits():
     prepared = square(lights)
     moment, answers = answers_to(prepared)
     lit = shade(prepared, moment, answers, lights)
-    answers["visibility"][:] = 1
+    answers["shadowed"][:] = 1
     assert (shade(prepared, moment, answers, lights) == lit).all()
 
 
@@ -128,7 +128,7 @@ def test_an_empty_mesh_is_a_picture_of_the_background():
     answers = {
         "triangle": np.full(12, -1, dtype=np.int32),
         "t": np.full(12, np.inf, dtype=np.float32),
-        "visibility": np.zeros((1, 12), dtype=np.uint8),
+        "shadowed": np.zeros((1, 12), dtype=np.uint8),
     }
     assert shade(prepared, moment, answers, ()).shape == (3, 4, 3)
 
@@ -232,7 +232,7 @@ def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
     answers = {
         "triangle": np.full(width * height, -1),
         "t": np.full(width * height, np.inf),
-        "visibility": np.zeros((1, width * height), dtype=np.uint8),
+        "shadowed": np.zeros((1, width * height), dtype=np.uint8),
     }
     path = pictures.scene_picture(prepared, moment, answers, (), kept(tmp_path, "odd"))
     with Image.open(path) as image:

@@ -55,7 +55,7 @@ UNSTEADY = "the timed frames gave other answers than the frame that was judged"
         ("late", "failed", "ArithmeticError: tired"),
         ("once", "failed", f"{UNSTEADY} (frame 0: triangle, t, u, v)"),
         ("slow_start", "failed", f"{UNSTEADY} (frame 0: triangle, t)"),
-        ("fickle", "failed", f"{UNSTEADY} (frame 0: visibility)"),
+        ("fickle", "failed", f"{UNSTEADY} (frame 0: shadowed)"),
         ("hangs", "timeout", "no answer within 3 s; the worker was stopped"),
         ("hangs again", "timeout", "no answer within 3 s; the worker was stopped"),
         ("exits", "failed", "the worker exited with code 3: leaving"),

@@ -1,4 +1,4 @@
-"""GLB and USD files, which hold scenes: transforms, instances and visibility; broken ones are one line."""
+"""GLB and USD files, which hold scenes: transforms, instances and shadowed; broken ones are one line."""
 
 import numpy as np
 import pytest

@@ -29,7 +29,7 @@ SIDE = 1024
 
 def borders(reference: Reference, count: int) -> np.ndarray:
     """A seeded choice of pixels whose right neighbour has another shadow bit or sees another triangle."""
-    bits = reference.visibility[0].reshape(SIDE, SIDE)
+    bits = reference.shadowed[0].reshape(SIDE, SIDE)
     seen = reference.triangle.reshape(SIDE, SIDE)
     edge = np.zeros((SIDE, SIDE), dtype=bool)
     edge[:, :-1] = (bits[:, :-1] != bits[:, 1:]) | (seen[:, :-1] != seen[:, 1:])
@@ -44,7 +44,7 @@ def decided(referee: Referee, moment: Moment, reference: Reference, pixels: np.n
     given[::7] = -1
     wrong = int((referee.classify_primary(hits, given) > 1).sum())
     bits = 0
-    for light, row in zip(moment.lights, reference.visibility, strict=True):
+    for light, row in zip(moment.lights, reference.shadowed, strict=True):
         bits += int((referee.classify_shadow(hits, light, 1 - row[pixels]) > 1).sum())
     return {"triangles": wrong, "bits": bits}
 

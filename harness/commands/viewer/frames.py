@@ -165,7 +165,7 @@ class Frames:
             answers = session.frame.answers.to_host()
             facts: dict[str, Any] = {
                 "method": wish.method, "frame": frame, "changed": sorted(changed), "ms": whole,
-                "stages": session.stages(), "answers": array_hash(answers["triangle"], answers["visibility"]),
+                "stages": session.stages(), "answers": array_hash(answers["triangle"], answers["shadowed"]),
                 "eye": list(camera.eye), "target": list(camera.target),
                 "light": list(lights[0].position) if lights else None,
             }  # fmt: skip

@@ -209,7 +209,7 @@ def key_kernel(
     values: wp.array(dtype=wp.int32),
     last_slice: wp.array(dtype=wp.int32),
     tile_count: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
 
@@ -218,7 +218,7 @@ def key_kernel(
     tile_count  int32 [tiles], raised from 0 if ``counted``: then a ray's value is its number in its tile instead
     """
     pixel = wp.tid()
-    visibility[space.index, pixel] = wp.uint8(0)
+    shadowed[space.index, pixel] = wp.uint8(0)
     if not counted:
         values[pixel] = pixel
     if receiver[pixel] == wp.uint8(0):

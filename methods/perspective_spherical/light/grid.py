@@ -149,7 +149,7 @@ class LightGrid:
                 (
                     "points", "triangles", "hits", light, grid_name, ray_name, *parts, *self.effects.surface_reads(),
                 ),
-                (f"visibility/{i}",), self.launch_trace, effect,
+                (f"shadowed/{i}",), self.launch_trace, effect,
             ),
         ]  # fmt: skip
 
@@ -163,7 +163,7 @@ class LightGrid:
             rays.key_kernel,
             f.pixels,
             [self.counted, places.space, self.tiles, places.receiver, places.place],
-            [self.pixel_keys, self.pixel_values, self.last_slice, self.tile_rays, f.answers.visibility],
+            [self.pixel_keys, self.pixel_values, self.last_slice, self.tile_rays, f.answers.shadowed],
         )
         if not self.counted:
             wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
@@ -221,7 +221,7 @@ class LightGrid:
             blocks = self.items.capacity
             if tests is not None:
                 # Set by an earlier trace: rays whose bit is set would be skipped.
-                f.answers.visibility[self.index].zero_()
+                f.answers.shadowed[self.index].zero_()
         variant = Variant.of(self.build)
         in_blocks = staged(self.trace, f.device)
         lanes = self.block if in_blocks else self.lanes
@@ -233,7 +233,7 @@ class LightGrid:
                 lanes, self.build.light_slices, self.places.space, f.camera, f.mesh, f.alpha, f.hits(0),
                 self.camera.hit, self.last_slice, self.ray_chunks, self.bins.lists, self.records, self.items.parts,
             ],
-            outputs=[f.answers.visibility, self.no_tests if tests is None else tests],
+            outputs=[f.answers.shadowed, self.no_tests if tests is None else tests],
             block_dim=self.block,
             device=f.device,
         )  # fmt: skip

@@ -64,7 +64,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         lists: TileLists,
         records: wp.array(dtype=wp.vec4f),
         parts: ListParts,
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         k = wp.tid()
@@ -86,11 +86,11 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
             own = hits.triangle[pixel]
             behind = tile * slices + last_slice[pixel] + 1
             number = wp.int32(0)
-            shadowed = wp.bool(False)
+            occluded = wp.bool(False)
             j = pairs[0]
             stop = pairs[1]
             if parts.split > 0:
-                if visibility[space.index, pixel] != wp.uint8(0):
+                if shadowed[space.index, pixel] != wp.uint8(0):
                     stop = j
             while j < stop:
                 i = wp.int32(-1)
@@ -105,7 +105,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                             if verdict == YES and alpha.masked[lists.values[j]] != wp.uint8(0):
                                 verdict = DOUBT
                         if verdict == YES:
-                            shadowed = wp.bool(True)
+                            occluded = wp.bool(True)
                             stop = j
                         if verdict == DOUBT:
                             i = lists.values[j]
@@ -113,14 +113,14 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                 if i >= 0:
                     corners = corners_of(mesh, i)
                     weld = weld_of(mesh, i)
-                    shadowed = decide(h64, light, corners, weld, origin_size)
+                    occluded = decide(h64, light, corners, weld, origin_size)
                     if wp.static(effects.alpha):
-                        if shadowed:
-                            shadowed = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
-                    if shadowed:
+                        if occluded:
+                            occluded = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
+                    if occluded:
                         stop = j
-            if shadowed:
-                visibility[space.index, pixel] = wp.uint8(1)
+            if occluded:
+                shadowed[space.index, pixel] = wp.uint8(1)
             count_tests(tests, pixel, number)
 
     return shadow_kernel

@@ -64,7 +64,7 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
         lists: TileLists,
         records: wp.array(dtype=wp.vec4f),
         parts: ListParts,
-        visibility: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         thread = wp.tid()
@@ -93,12 +93,12 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                 own = hits.triangle[pixel]
                 deepest = last_slice[pixel]
                 if parts.split > 0:
-                    if visibility[space.index, pixel] != wp.uint8(0):
+                    if shadowed[space.index, pixel] != wp.uint8(0):
                         deepest = -1
             h = to_float32(h64)
             h_error = hit_error(h)
             number = wp.int32(0)
-            shadowed = wp.bool(False)
+            occluded = wp.bool(False)
             load = pairs[0]
             active = deepest >= 0
             going = any_of_block(active)
@@ -145,7 +145,7 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                                 if verdict == YES and alpha.masked[here[0]] != wp.uint8(0):
                                     verdict = DOUBT
                             if verdict == YES:
-                                shadowed = wp.bool(True)
+                                occluded = wp.bool(True)
                                 active = wp.bool(False)
                                 held = 0
                             if verdict == DOUBT:
@@ -154,17 +154,17 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                     if i >= 0:
                         corners = corners_of(mesh, i)
                         weld = weld_of(mesh, i)
-                        shadowed = decide(h64, light, corners, weld, origin_size)
+                        occluded = decide(h64, light, corners, weld, origin_size)
                         if wp.static(effects.alpha):
-                            if shadowed:
-                                shadowed = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
-                        if shadowed:
+                            if occluded:
+                                occluded = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
+                        if occluded:
                             active = wp.bool(False)
                             held = 0
                 load += wp.static(slots)
                 going = any_of_block(active)
-            if shadowed:
-                visibility[space.index, pixel] = wp.uint8(1)
+            if occluded:
+                shadowed[space.index, pixel] = wp.uint8(1)
             if number > 0:
                 count_tests(tests, pixel, number)
 

@@ -131,7 +131,7 @@ def map_kernel(
     receivers: wp.array2d(dtype=wp.uint8),
     keeps: wp.bool,
     cells: RayCells,
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """Places of rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits, unless
     the receivers' pass of the harness has. ``first``: of an image's threads, the first one here (as in the passes below).
@@ -149,7 +149,7 @@ def map_kernel(
         if wp.static(effects.receivers):
             wanted = entry(receivers, light, pixel) != wp.uint8(0)
         else:
-            set_entry(visibility, light, pixel, wp.uint8(0))
+            set_entry(shadowed, light, pixel, wp.uint8(0))
             wanted = point.triangle >= 0
     place_ray(
         rays, point, wanted, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), keeps, cells

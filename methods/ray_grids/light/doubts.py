@@ -74,7 +74,7 @@ def make_doubt_kernel(stored: bool, outside: bool) -> wp.Kernel:
                 if stray >= 0:
                     wanted = i != entry(bits.triangle, stray) and entry(mesh.valid, i) != wp.uint8(0)
                 elif asks:
-                    wanted = entry(bits.visibility, bits.light, pair[1]) == wp.uint8(0)
+                    wanted = entry(bits.shadowed, bits.light, pair[1]) == wp.uint8(0)
                 if wanted:
                     corners = corners_at(mesh, i)
                     weld = weld_at(mesh, i)
@@ -86,11 +86,11 @@ def make_doubt_kernel(stored: bool, outside: bool) -> wp.Kernel:
                         ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
                         own = corners_at(mesh, entry(bits.triangle, pair[1]))
                         h = hit_point(ray, plane_distance(ray, own), own)
-                    shadowed = occludes(h, light, corners, weld, origin_size)
+                    occluded = occludes(h, light, corners, weld, origin_size)
                     if wp.static(effects.alpha):
-                        if shadowed:
-                            shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
-                    if shadowed:
+                        if occluded:
+                            occluded = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
+                    if occluded:
                         set_shadowed(bits, pair[1], i)
 
     return doubt_kernel

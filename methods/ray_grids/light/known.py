@@ -85,7 +85,7 @@ class KnownRegionLight(LightStream):
             inputs=[
                 threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.facing,
             ],
-            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed],
             device=f.device,
         )  # fmt: skip
 
@@ -140,6 +140,6 @@ class SpotLight(KnownRegionLight):
                 threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, f.fronts, a.cones, a.posts, a.axes,
                 self.rays,
             ],
-            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed, self.strays],
             device=f.device,
         )  # fmt: skip

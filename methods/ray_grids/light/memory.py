@@ -69,7 +69,7 @@ def settle_kernel(
     receivers: wp.array2d(dtype=wp.uint8),
     last: wp.array(dtype=wp.int32),
     sought: wp.array2d(dtype=wp.uint8),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """Bits of the rays that their remembered occluder settles, 0 for others. An occluder that fails is forgotten.
 
@@ -97,7 +97,7 @@ def settle_kernel(
             wanted = False
         else:
             set_entry(last, pixel, 0)
-    visibility[light, pixel] = bit
+    shadowed[light, pixel] = bit
     sought[light, pixel] = wp.uint8(wanted)
 
 
@@ -127,13 +127,13 @@ class RememberingLight(LightStream):
             RememberedBits,
             light=index,
             triangle=self.bits.triangle,
-            visibility=self.bits.visibility,
+            shadowed=self.bits.shadowed,
             last=self.last,
         )
 
     def settled(self) -> int:
         """Rays of the last frame that their remembered occluder still shadowed."""
-        bits = self.frame.answers.visibility[self.index].numpy()
+        bits = self.frame.answers.shadowed[self.index].numpy()
         return int(((bits == 1) & (self.sought[self.index].numpy() == 0)).sum())
 
     def variant(self, kernel: wp.Kernel) -> wp.Kernel:
@@ -145,7 +145,7 @@ class RememberingLight(LightStream):
     def passes(self, branch: int = 0) -> list[Pass]:
         """The light's passes: the rays' places follow from the occluders, which the stream's steps write."""
         i, made = self.index, super().passes(branch)
-        memory, bits, effect = f"occluders/{i}", f"visibility/{i}", f"shadows/{i}"
+        memory, bits, effect = f"occluders/{i}", f"shadowed/{i}", f"shadows/{i}"
         reads = ("points", "triangles", "camera", WORDS, f"light/{i}", memory, *self.effects.surface_reads())
         settle = Pass(
             f"light {i}: last occluders",
@@ -166,7 +166,7 @@ class RememberingLight(LightStream):
             specialised(settle_kernel, self.given),
             dim=thread_count(f.width, f.height, True),
             inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, self.rays, f.receivers],
-            outputs=[self.last, self.sought, f.answers.visibility],
+            outputs=[self.last, self.sought, f.answers.shadowed],
             device=f.device,
             block_dim=BLOCK_DIM,
         )

@@ -91,7 +91,7 @@ class LightStream:
             ShadowBits,
             light=index,
             triangle=self.cells.triangle,
-            visibility=frame.answers.visibility,
+            shadowed=frame.answers.shadowed,
         )
         self.rays = filled(Words, nearest=queues.nearest, careful=queues.careful)
 
@@ -113,7 +113,7 @@ class LightStream:
         who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
         seen = (WORDS, f"light aim/{i}", *self.receiver_reads())
-        aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
+        aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"shadowed/{i}"
         scene = ("points", "triangles", light, aim, rays, *self.effects.surface_reads())
         fronts = self.facing_passes()
         passes = [
@@ -213,7 +213,7 @@ class LightStream:
                 threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.receivers,
                 self.keeps,
             ],
-            outputs=[self.cells, f.answers.visibility],
+            outputs=[self.cells, f.answers.shadowed],
             device=f.device,
         )  # fmt: skip
 
@@ -232,7 +232,7 @@ class LightStream:
                 threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, f.fronts, a.cones,
                 a.posts, a.axes, self.rays, self.keeps,
             ],
-            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed],
             device=f.device,
         )  # fmt: skip
 

@@ -45,13 +45,13 @@ class Occluder:
 class ShadowBits:
     """The shadow bits of one light.
 
-    light       its row of ``visibility``      triangle  int32 [pixels]: what each pixel's ray hit
-    visibility  uint8 [lights, pixels]: 1 = shadowed
+    light       its row of ``shadowed``      triangle  int32 [pixels]: what each pixel's ray hit
+    shadowed  uint8 [lights, pixels]: 1 = shadowed
     """
 
     light: wp.int32
     triangle: wp.array(dtype=wp.int32)
-    visibility: wp.array2d(dtype=wp.uint8)
+    shadowed: wp.array2d(dtype=wp.uint8)
 
 
 @wp.struct
@@ -60,7 +60,7 @@ class RememberedBits:
 
     light: wp.int32
     triangle: wp.array(dtype=wp.int32)
-    visibility: wp.array2d(dtype=wp.uint8)
+    shadowed: wp.array2d(dtype=wp.uint8)
     last: wp.array(dtype=wp.int32)
 
 
@@ -223,13 +223,13 @@ def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
 @wp.func
 def set_shadowed(bits: ShadowBits, pixel: wp.int32, i: wp.int32):
     """Set the pixel's bit: triangle i shadows it."""
-    set_entry(bits.visibility, bits.light, pixel, wp.uint8(1))
+    set_entry(bits.shadowed, bits.light, pixel, wp.uint8(1))
 
 
 @wp.func
 def set_shadowed(bits: RememberedBits, pixel: wp.int32, i: wp.int32):
     """Set the pixel's bit: triangle i shadows it. Of several triangles any one is remembered."""
-    set_entry(bits.visibility, bits.light, pixel, wp.uint8(1))
+    set_entry(bits.shadowed, bits.light, pixel, wp.uint8(1))
     set_entry(bits.last, pixel, i + 1)
 
 
@@ -239,7 +239,7 @@ def set_bit_or_doubt(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32)
     if verdict == YES:
         set_shadowed(bits, pixel, i)
         return False
-    return entry(bits.triangle, pixel) != i and entry(bits.visibility, bits.light, pixel) == wp.uint8(0)
+    return entry(bits.triangle, pixel) != i and entry(bits.shadowed, bits.light, pixel) == wp.uint8(0)
 
 
 @wp.func
@@ -256,7 +256,7 @@ def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h:
 @wp.func
 def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
     """Queue a doubtful pair for float64, unless the pixel is shadowed already."""
-    if entry(bits.visibility, bits.light, pixel) == wp.uint8(0):
+    if entry(bits.shadowed, bits.light, pixel) == wp.uint8(0):
         queue_doubt(queue, i, pixel)
 
 

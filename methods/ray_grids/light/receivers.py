@@ -125,7 +125,7 @@ def map_kernel(
     cells: RayCells,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """:func:`.bins.map_kernel`, which also marks the receivers (:func:`mark_receiver`)."""
     empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
@@ -134,7 +134,7 @@ def map_kernel(
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
     if at[0] >= 0:
-        set_entry(visibility, light, pixel, wp.uint8(0))
+        set_entry(shadowed, light, pixel, wp.uint8(0))
         point = point_of(rays, pixel, at, camera, mesh)
         wanted = mark_receiver(
             light, facing, pixel, at, point, camera, mesh, lights, spots, fronts, cones, receivers, reached

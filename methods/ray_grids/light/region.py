@@ -265,7 +265,7 @@ def place_kernel(
     cells: RayCells,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known. Sets where rows begin.
 
@@ -277,7 +277,7 @@ def place_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    set_entry(visibility, light, pixel, wp.uint8(0))
+    set_entry(shadowed, light, pixel, wp.uint8(0))
     faces = wp.uint8(0)
     if wp.static(effects.receivers):
         # Before the point is computed: the byte is then on its way together with what that reads of the triangle.

@@ -133,7 +133,7 @@ def place_kernel(
     cells: RayCells,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
+    shadowed: wp.array2d(dtype=wp.uint8),
     strays: wp.array(dtype=wp.int32),
 ):
     """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.bins.count_kernel` in one.
@@ -144,7 +144,7 @@ def place_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    set_entry(visibility, light, pixel, wp.uint8(0))
+    set_entry(shadowed, light, pixel, wp.uint8(0))
     point = point_of(rays, pixel, at, camera, mesh)
     if not mark_receiver(
         light, False, pixel, at, point, camera, mesh, lights, spots, fronts, cones, receivers, reached

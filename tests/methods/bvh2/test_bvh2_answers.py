@@ -123,7 +123,7 @@ def test_float32_has_shadows_of_a_directional_light(device):
     scene = dataclasses.replace(hall_of_mirrors().scene, lights=(sun,))
     _, exact = answered(NAME, {}, prepare(scene), device)
     _, got = answered(NAME, {"precision": "float32"}, prepare(scene), device)
-    for key in ("visibility", "bounce_visibility"):
+    for key in ("shadowed", "bounce_shadowed"):
         assert exact[key].any()
         assert (got[key] != exact[key]).mean() < 0.02
 
@@ -164,7 +164,7 @@ def test_moving_geometry_replayed_equals_a_fresh_start(settings, broken, device)
         session.replay()
         got = session.frame.answers.to_host()
         fresh = Session(make_method("uniform_grid"), prepared, 24, 16, device).answers(moment)
-        for key in ("triangle", "visibility"):
+        for key in ("triangle", "shadowed"):
             np.testing.assert_array_equal(got[key], fresh[key], f"{key} of frame {k}")
     assert session.method.counters().get("frames since the tree was made", 0) == 0
 
@@ -198,7 +198,7 @@ def test_mirrors_reflect(device):
     prepared = hall_of_mirrors()
     _, wanted = answered("uniform_grid", {}, prepared, device)
     _, got = answered(NAME, {}, prepared, device)
-    for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
+    for key in ("triangle", "shadowed", "bounce_triangle", "bounce_shadowed"):
         np.testing.assert_array_equal(got[key], wanted[key], key)
 
 

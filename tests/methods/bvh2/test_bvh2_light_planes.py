@@ -38,7 +38,7 @@ def test_a_small_triangle_of_a_small_scene_hides_the_floor_under_it(width, gap, 
         edge / 8,
     ]  # from below, since from above the triangle covers what it hides
     got = assert_exact("bvh2", {}, over_floor(scale, corners, light, eye, middle, 80.0), 24, 24, device)
-    assert got["visibility"][0].any()
+    assert got["shadowed"][0].any()
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -52,7 +52,7 @@ def test_a_triangle_close_to_a_light_of_a_large_scene_hides_the_floor(side, devi
         "bvh2", {}, over_floor(scale, corners, light, (0.0, 2.5, 0.1), (0.0, 0.7, 0.0), 60.0), 24, 24, device
     )
     under = got["triangle"] == 0
-    assert 0 < got["visibility"][0][under].sum() < under.sum()
+    assert 0 < got["shadowed"][0][under].sum() < under.sum()
 
 
 @pytest.mark.parametrize("scale", [1.0e-3, 1.0, 300.0])
@@ -68,7 +68,7 @@ def test_float32_decides_nearly_all_rays_to_a_light_however_far_away(distance, s
     prepared = make_scene(vertices, faces, [sun], tuple(np.array([0.3, 1.0, 3.0]) * scale))
     got = assert_exact("bvh2", {}, prepared, 40, 30, device)
     hits = int((got["triangle"] >= 0).sum())
-    assert 0 < got["visibility"][0].sum() < hits
+    assert 0 < got["shadowed"][0].sum() < hits
     session = Session(make_method("bvh2", {}), prepared, 40, 30, device)
     session.answers(prepared.moment(0, 40, 30))
     assert session.method.counters()["shadow doubtful pairs"] < hits / 20

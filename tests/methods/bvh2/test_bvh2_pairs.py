@@ -35,7 +35,7 @@ def test_a_fold_hides_what_lies_under_it():
     """The light sees the back of the upper triangle: leaving out every neighbour would find no shadow."""
     answers = assert_exact("bvh2", {"pair": "1000"}, folded(20, OPPOSITE), 40, 30)
     under = answers["triangle"] == 0
-    assert answers["visibility"][0][under].any()
+    assert answers["shadowed"][0][under].any()
 
 
 def facing_of(angle: float) -> list[int]:

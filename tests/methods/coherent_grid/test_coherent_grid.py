@@ -51,7 +51,7 @@ def test_mirrored_rays_have_the_bits_of_the_uniform_grid():
     mirrors = hall_of_mirrors()
     _, wanted = answered("uniform_grid", {}, mirrors, "cpu")
     _, got = answered(NAME, {}, mirrors, "cpu")
-    for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
+    for key in ("triangle", "shadowed", "bounce_triangle", "bounce_shadowed"):
         np.testing.assert_array_equal(got[key], wanted[key], key)
 
 

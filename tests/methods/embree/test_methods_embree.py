@@ -68,7 +68,7 @@ def test_a_lit_plane_does_not_shadow_itself(scale, height):
     prepared = make_scene(vertices, faces, lights, eye, (0.0, 0.0, height * scale))
     got = trace(NAME, {}, prepared, 32, 32)[2]
     assert (got["triangle"] >= 0).sum() > 500
-    assert got["visibility"].sum() == 0
+    assert got["shadowed"].sum() == 0
 
 
 def test_a_surface_at_the_light_does_not_count():
@@ -79,8 +79,8 @@ def test_a_surface_at_the_light_does_not_count():
     got = trace(NAME, {}, make_scene(*both, lights, (0.0, 0.0, 0.9)), 16, 16)[2]
     below = got["triangle"] < len(faces)
     assert below.all()
-    assert (got["visibility"][0] == 0).all()
-    assert (got["visibility"][1] == 1).all()
+    assert (got["shadowed"][0] == 0).all()
+    assert (got["shadowed"][1] == 1).all()
 
 
 def test_threads_and_runs_agree_bit_for_bit():
@@ -112,7 +112,7 @@ def test_answers_are_embreex_own_bit_for_bit(rays, robust):
     starts, ends = session.method._origins.numpy()[hit], np.full(hit.sum(), SHADOW_END, dtype=np.float32)
     bits = scene.run(starts, moment.lights[1] - starts, dists=ends, query="OCCLUDED") == 0
     assert 30 < bits.sum() < len(bits)
-    np.testing.assert_array_equal(got["visibility"][1][hit], bits)
+    np.testing.assert_array_equal(got["shadowed"][1][hit], bits)
 
 
 SETTINGS = (
@@ -217,8 +217,8 @@ def test_a_light_without_shadows_has_no_pass_and_no_bit():
     session = Session(make_method(NAME), prepared, 16, 16, "cpu", effects=Effects(shadows=(False, True)))
     got = session.answers(prepared.moment(0, 16, 16))
     assert [step.effect for step in session.passes] == [None, None, "shadows/1"]
-    assert (got["visibility"][0] == 0).all()
-    assert got["visibility"][1].sum() > 0
+    assert (got["shadowed"][0] == 0).all()
+    assert got["shadowed"][1].sum() > 0
 
 
 def test_refit_has_a_quality_of_its_own():

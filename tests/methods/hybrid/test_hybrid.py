@@ -52,12 +52,12 @@ def test_effects_have_the_bits_of_other_methods(settings, device):
     prepared, _, _ = holed()
     wanted = holed_answers("ray_grids", {}, prepared, device=device)
     got = holed_answers(NAME, settings, prepared, device=device)
-    for key in ("triangle", "visibility"):
+    for key in ("triangle", "shadowed"):
         np.testing.assert_array_equal(got[key], wanted[key], key)
     mirrors = hall_of_mirrors()
     _, wanted = answered("uniform_grid", {}, mirrors, device)
     _, got = answered(NAME, settings, mirrors, device)
-    for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
+    for key in ("triangle", "shadowed", "bounce_triangle", "bounce_shadowed"):
         np.testing.assert_array_equal(got[key], wanted[key], key)
 
 

@@ -43,7 +43,7 @@ def test_settings_that_mean_nothing_are_refused():
 def pairs(prepared, **settings: str) -> tuple[dict[str, int], np.ndarray]:
     session = Session(make_method("perspective_spherical", settings), prepared, 64, 64, "cpu")
     answers = session.answers(prepared.moment(0, 64, 64))
-    return session.method.counters(), answers["visibility"]
+    return session.method.counters(), answers["shadowed"]
 
 
 @pytest.mark.parametrize("radii", [3.0, 1e3, 1e5, 1e7])

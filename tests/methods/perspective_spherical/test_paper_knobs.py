@@ -38,7 +38,7 @@ def test_every_map_equals_brute_force(seed, light_map, device):
     assert (got["triangle"] == best).all()
     for light in range(len(lights)):
         expected = shadowed(prepared, moment, light, best, t)
-        assert (got["visibility"][light] == expected).all(), (light, settings)
+        assert (got["shadowed"][light] == expected).all(), (light, settings)
 
 
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
@@ -66,7 +66,7 @@ def test_inexact_tests_differ_from_the_exact_one_at_edges_only():
     for name in TRIANGLE_TESTS[1:]:
         session, _, got = answers_of(prepared, 200, 200, {"triangle_test": name})
         assert session.method.built()["triangle test"] == name
-        for answer in ("triangle", "visibility"):
+        for answer in ("triangle", "shadowed"):
             assert (got[answer] != exact[answer]).mean() < 1e-3, (name, answer)
 
 
@@ -79,7 +79,7 @@ def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     )
     _, _, got = answers_of(prepared, 33, 33, {"triangle_test": name})
     assert (got["triangle"] >= 0).all()
-    assert (got["visibility"] == 0).all()
+    assert (got["shadowed"] == 0).all()
 
 
 @pytest.mark.parametrize("light_map", LIGHT_MAPS)
@@ -225,7 +225,7 @@ def test_what_float32_accepts_beside_an_edge_is_listed_in_every_tile():
         settings = {"triangle_test": "edge_planes", "light_tiles": str(tiles), "aimed": "false"}
         _, _, got = answers_of(prepared, 5, 5, settings)
         assert (got["triangle"].reshape(5, 5)[:, 2] == 1).all()
-        seen.add(tuple(got["visibility"][0].reshape(5, 5)[:, 2].tolist()))
+        seen.add(tuple(got["shadowed"][0].reshape(5, 5)[:, 2].tolist()))
     assert seen == {(1, 1, 1, 1, 1)}
     _, _, exact = answers_of(prepared, 5, 5, {})
-    assert (exact["visibility"][0].reshape(5, 5)[:, 2] == 0).all()
+    assert (exact["shadowed"][0].reshape(5, 5)[:, 2] == 0).all()

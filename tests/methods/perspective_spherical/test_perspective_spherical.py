@@ -46,7 +46,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
     assert np.isinf(got["t"][~hit]).all()
     assert (got["u"][~hit] == 0).all()
     for light in range(len(lights)):
-        assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
+        assert (got["shadowed"][light] == shadowed(prepared, moment, light, best, t)).all(), light
 
 
 def test_knobs_change_no_bit():
@@ -104,7 +104,7 @@ def test_nothing_to_see(vertices, faces):
     _, _, got = answers_of(make_scene(vertices, faces, [(0.0, 5.0, 0.0)]), 9, 7, {})
     assert (got["triangle"] == -1).all()
     assert np.isinf(got["t"]).all()
-    assert (got["visibility"] == 0).all()
+    assert (got["shadowed"] == 0).all()
 
 
 def test_duplicate_triangles_answer_with_the_lowest_index():
@@ -114,7 +114,7 @@ def test_duplicate_triangles_answer_with_the_lowest_index():
     best, t = closest(prepared, moment)
     assert (got["triangle"] == best).all()
     assert got["triangle"].max() < len(faces)
-    assert (got["visibility"][0] == shadowed(prepared, moment, 0, best, t)).all()
+    assert (got["shadowed"][0] == shadowed(prepared, moment, 0, best, t)).all()
 
 
 def test_two_runs_agree_bit_for_bit_and_a_moved_frame_equals_a_fresh_one():
@@ -177,11 +177,11 @@ def test_light_inside_a_closed_box_lights_the_inside_and_a_light_outside_darkens
     corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
-    # The wall behind the eye's back is nearer the outside light than the wall in view; visibility is geometric, so
+    # The wall behind the eye's back is nearer the outside light than the wall in view; shadowed is geometric, so
     # only a segment that crosses another wall is shadowed.
     lights = [(0.3, 0.2, -0.4), (5.0, 0.2, 0.1)]
     prepared = make_scene(corner, faces, lights, eye=(0.2, 0.1, 0.3), target=(-1.0, 0.1, 0.3), fov=40.0)
     _, _, got = answers_of(prepared, 33, 33, {})
     assert (got["triangle"] >= 0).all()
-    assert (got["visibility"][0] == 0).all()
-    assert (got["visibility"][1] == 1).all()
+    assert (got["shadowed"][0] == 0).all()
+    assert (got["shadowed"][1] == 1).all()

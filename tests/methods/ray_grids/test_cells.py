@@ -78,7 +78,7 @@ def test_answers_do_not_depend_on_how_many_faces_are_few(most, queue, device, mo
     best, t = closest(prepared, moment)
     assert (got["triangle"] == best).all()
     for light in range(len(lights)):
-        assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
+        assert (got["shadowed"][light] == shadowed(prepared, moment, light, best, t)).all(), light
     aims = lights_of_session(session)[0].aims
     used = (aims.rectangles.numpy()[:, FACE : FACE + FACES] == 0).sum(axis=1).tolist()
     assert {1, 6} <= set(used)

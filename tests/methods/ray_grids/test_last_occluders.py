@@ -115,7 +115,7 @@ def test_a_repeated_frame_places_fewer_rays(queue, device):
     moment = prepared.moment(0, *SIZE)
     session = session_of(prepared, {**LAST, "queue": queue}, device)
     first = session.answers(moment)
-    shadowed = int(first["visibility"].sum())
+    shadowed = int(first["shadowed"].sum())
     assert shadowed > 300
     assert settled(session) == 0
     assert_same(session.answers(moment), first, "again")
@@ -170,7 +170,7 @@ def test_passes_say_that_they_keep_occluders():
         readers = [work.name for work in session.planned if name in work.reads]
         assert readers == [f"light {i}: last occluders"]
         writers = {work.name for work in session.planned if name in work.writes}
-        setting = [work for work in session.planned if f"visibility/{i}" in work.writes]
+        setting = [work for work in session.planned if f"shadowed/{i}" in work.writes]
         assert writers == {work.name for work in setting} - {f"light {i}: map rays"}
     assert not any("occluders/0" in work.writes for work in session_of(SCENES["plain"](), {}).planned)
 

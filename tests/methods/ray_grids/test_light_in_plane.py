@@ -43,7 +43,7 @@ def test_few_pairs_are_left_to_float64(light, groups, queue, device):
     answers = session.answers(moment)
     best, t = closest(prepared, moment)
     assert (answers["triangle"].ravel() == best).all()
-    assert (answers["visibility"][0].ravel() == shadowed(prepared, moment, 0, best, t)).all()
+    assert (answers["shadowed"][0].ravel() == shadowed(prepared, moment, 0, best, t)).all()
     assert (best >= 0).all()
     # A light nearly in the square sees both of its triangles through each of its points.
     on_square = int((best >= 12).sum()) if abs(light[0]) == 2.0**-30 else 0

@@ -76,7 +76,7 @@ def light_items(vertices: np.ndarray) -> tuple[int, np.ndarray]:
     prepared = make_scene(vertices, faces, [(0.1, 3.0, 0.2)], (0.0, 3.5, 0.3), (0.0, 0.0, 0.0), 40.0)
     settings = {"queue": "always", "inline_rays": "0", "cells": "64"}
     session = Session(make_method("ray_grids", settings), prepared, 64, 64, "cpu")
-    bits = session.answers(prepared.moment(0, 64, 64))["visibility"]
+    bits = session.answers(prepared.moment(0, 64, 64))["shadowed"]
     return session.method.counters()["light 0 items"], bits
 
 

@@ -138,4 +138,4 @@ def test_a_light_that_nothing_faces_has_no_receivers(region, device):
         hits = answers["triangle"] >= 0
         assert 0 < hits.sum() < hits.size
         np.testing.assert_array_equal(session.frame.receivers.numpy() != 0, np.stack([0 * hits, hits]) != 0)
-        assert not answers["visibility"].any()
+        assert not answers["shadowed"].any()

@@ -60,7 +60,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
     np.testing.assert_allclose(got["t"][hit], t[hit], rtol=2**-23)
     assert np.isinf(got["t"][~hit]).all()
     for light in range(len(lights)):
-        assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
+        assert (got["shadowed"][light] == shadowed(prepared, moment, light, best, t)).all(), light
     session.frame.answers.poison()
     session.replay()  # on the GPU a graph, in which lights run beside each other
     for name, values in session.frame.answers.to_host().items():
@@ -154,7 +154,7 @@ def test_nothing_to_see(vertices, faces, queue):
     _, _, got = answers_of(make_scene(vertices, faces, [(0.0, 5.0, 0.0)]), 9, 7, {"queue": queue})
     assert (got["triangle"] == -1).all()
     assert np.isinf(got["t"]).all()
-    assert (got["visibility"] == 0).all()
+    assert (got["shadowed"] == 0).all()
 
 
 def test_a_moved_frame_equals_a_fresh_one():

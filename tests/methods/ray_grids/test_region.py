@@ -243,16 +243,16 @@ def test_strays_get_the_bits_of_other_rays(holes, device):
     if holes:
         prepared = prepare(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
     session = Session(make_method("ray_grids", {"region": "triangles"}), prepared, *SIZE, device)
-    wanted = session.answers(prepared.moment(0, *SIZE))["visibility"].ravel().copy()
+    wanted = session.answers(prepared.moment(0, *SIZE))["shadowed"].ravel().copy()
     (light,) = lights_of_session(session)
     assert isinstance(light, KnownRegionLight)
     pixels = np.flatnonzero(session.frame.receivers.numpy()[0])
-    session.frame.answers.visibility.zero_()
+    session.frame.answers.shadowed.zero_()
     listed = np.zeros(light.strays.size, dtype=np.int32)
     listed[0] = len(pixels)
     listed[1 : 1 + len(pixels)] = pixels
     light.strays.assign(listed)
     light.counts.zero_()  # no other doubtful pairs
     light.launch_doubts(0)
-    np.testing.assert_array_equal(session.frame.answers.visibility.numpy()[0], wanted)
+    np.testing.assert_array_equal(session.frame.answers.shadowed.numpy()[0], wanted)
     assert 0 < wanted.sum() < len(pixels)

@@ -39,4 +39,4 @@ def test_more_rays_in_a_cell_than_a_slot_has_room_for(region, device):
     wanted = Session(make_method("uniform_grid", {}), prepared, *SIZE, device).answers(moment)
     for name in wanted:
         np.testing.assert_array_equal(answers[name], wanted[name])
-    assert 0 < wanted["visibility"].sum() < hit.sum()
+    assert 0 < wanted["shadowed"].sum() < hit.sum()

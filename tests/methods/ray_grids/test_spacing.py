@@ -169,4 +169,4 @@ def test_answers_do_not_depend_on_the_spacing(queue, region, groups, device):
     best, t = closest(prepared, moment)
     assert (got["triangle"] == best).all()
     for light in range(len(lights)):
-        assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
+        assert (got["shadowed"][light] == shadowed(prepared, moment, light, best, t)).all(), light

@@ -31,7 +31,7 @@ def wrong_share(settings, prepared, width=48, height=48, light=0, device="cpu"):
     best, t = closest(prepared, moment)
     np.testing.assert_array_equal(got["triangle"], best)
     wanted = shadowed(prepared, moment, light, best, t)
-    return float((got["visibility"][light] != wanted)[best >= 0].mean())
+    return float((got["shadowed"][light] != wanted)[best >= 0].mean())
 
 
 @pytest.mark.parametrize("shape", ["aimed", "cube"])
@@ -46,8 +46,8 @@ def test_the_shadow_of_a_square_lies_where_it_must(shape, device):
     dark = floor & (reach < 0.58)  # the square's shadow has half width 0.625
     light = floor & (reach > 0.67)
     assert dark.sum() > 20
-    assert got["visibility"][0][dark].all()
-    assert not got["visibility"][0][light].any()
+    assert got["shadowed"][0][dark].all()
+    assert not got["shadowed"][0][light].any()
 
 
 def test_error_falls_with_the_size_of_the_map(device):
@@ -75,7 +75,7 @@ def test_a_light_inside_the_scene_gets_a_cube(position):
 def test_the_aimed_map_keeps_its_detail_at_any_distance_of_the_light(distance):
     direction = np.array([0.3, 0.5, 0.8]) / np.linalg.norm([0.3, 0.5, 0.8])
     prepared = make_scene(*blocker(), [tuple(direction * distance * 5.7)], (0.1, -4.0, 4.0))
-    assert trace(NAME, {"size": "2048"}, prepared, 48, 48)[2]["visibility"].sum() > 20
+    assert trace(NAME, {"size": "2048"}, prepared, 48, 48)[2]["shadowed"].sum() > 20
     assert wrong_share({"size": "2048"}, prepared) < 0.003
 
 
@@ -90,15 +90,15 @@ def test_bias_none_has_acne_and_the_others_take_it_away(device):
             settings = {"size": "256", "bias": bias, "filter": filter}
             if bias == "constant":
                 settings["amount"] = "0.02"
-            dark[bias, filter] = int(trace(NAME, settings, prepared, 64, 64, device)[2]["visibility"].sum())
+            dark[bias, filter] = int(trace(NAME, settings, prepared, 64, 64, device)[2]["shadowed"].sum())
     assert dark["none", "nearest"] > 300
     assert all(count == 0 for (bias, _), count in dark.items() if bias != "none"), dark
 
 
 def test_pcf_is_a_majority_of_nine():
     prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)], (0.1, -4.0, 4.0))
-    nearest = trace(NAME, {"size": "256"}, prepared, 64, 64)[2]["visibility"]
-    smooth = trace(NAME, {"size": "256", "filter": "pcf"}, prepared, 64, 64)[2]["visibility"]
+    nearest = trace(NAME, {"size": "256"}, prepared, 64, 64)[2]["shadowed"]
+    smooth = trace(NAME, {"size": "256", "filter": "pcf"}, prepared, 64, 64)[2]["shadowed"]
     changed = int((nearest != smooth).sum())
     assert 0 < changed < 0.1 * nearest.sum()
 
@@ -127,8 +127,8 @@ def test_two_runs_agree_and_lights_do_not_disturb_each_other(device):
         np.testing.assert_array_equal(second[name], value, name)
     for i, light in enumerate(lights):
         alone = make_scene(vertices, faces, [light], (0.0, 0.5, 3.0))
-        bits = trace(NAME, settings, alone, 33, 17, device)[2]["visibility"][0]
-        np.testing.assert_array_equal(bits, first["visibility"][i])
+        bits = trace(NAME, settings, alone, 33, 17, device)[2]["shadowed"][0]
+        np.testing.assert_array_equal(bits, first["shadowed"][i])
 
 
 @needs_gpu
@@ -139,7 +139,7 @@ def test_queued_strips_draw_what_one_thread_draws():
     session, _, got = trace(NAME, settings, prepared, 64, 64, "cuda:0")
     expected = trace(NAME, {"size": "1024"}, prepared, 64, 64, "cpu")[2]
     assert session.regrown >= 1
-    assert (got["visibility"] != expected["visibility"]).mean() < 1e-3
+    assert (got["shadowed"] != expected["shadowed"]).mean() < 1e-3
 
 
 def test_it_declares_itself_inexact_and_says_what_it_built():
@@ -197,7 +197,7 @@ def test_float32_tests_are_right_on_an_ordinary_scene_and_say_that_they_need_not
     best, t = closest(prepared, moment)
     assert (got["triangle"] != best).sum() <= 2
     wanted = shadowed(prepared, moment, 0, best, t)
-    assert (got["visibility"][0] != wanted).sum() <= 5
+    assert (got["shadowed"][0] != wanted).sum() <= 5
     assert "float32" in make_method(LADDER, {"test": test}).known_inexact
 
 
@@ -232,7 +232,7 @@ def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     _, moment, got = trace(LADDER, settings, prepared, 48, 48)
     best, t = closest(prepared, moment)
     wanted = shadowed(prepared, moment, 0, best, t).astype(bool)
-    bits = got["visibility"][0].astype(bool)
+    bits = got["shadowed"][0].astype(bool)
     assert bool((bits & ~wanted).any()) == acne
     below = best < len(faces)
     assert bool((~bits & wanted & below).any()) == leak

@@ -79,7 +79,7 @@ def test_plain_shadow_rays_are_nearly_right_on_a_scene_of_ordinary_size(settings
     assert method.capturable == (settings["update"] == "refit")
     # Waechter and Binder's fixed step near zero is longer than a scene of this size; a share of the way is not.
     small = make_scene(vertices * 1e-6, faces, [(2e-6, 3e-6, 4e-6)], (0.0, 5e-7, 3e-6))
-    got, right = (trace(NAME, x, small, 41, 29, device)[2]["visibility"].sum() for x in (settings, EXACT))
+    got, right = (trace(NAME, x, small, 41, 29, device)[2]["shadowed"].sum() for x in (settings, EXACT))
     assert (got < 0.5 * right) == (settings["origin"] == "plain")
 
 
@@ -133,7 +133,7 @@ def test_moving_geometry_replayed_equals_a_fresh_start(update, broken, device):
         fresh = Session(make_method(NAME, EXACT), prepared, 24, 16, device).answers(moment)
         allowed = 0 if update == "bvh_rebuild" else 2
         assert (got["triangle"] != fresh["triangle"]).sum() <= allowed, k
-        assert (got["visibility"] != fresh["visibility"]).sum() <= allowed, k
+        assert (got["shadowed"] != fresh["shadowed"]).sum() <= allowed, k
 
 
 def test_static_refuses_moving_geometry():
