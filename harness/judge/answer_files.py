@@ -97,7 +97,9 @@ def read_raw(
     try:
         with np.load(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
-            named = {name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)}
+            named = {
+                name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)
+            }
             answers = {name: stored[at] for name, at in named.items()}
             # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}

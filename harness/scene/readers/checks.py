@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ..scene import Geometry, Vector
+from ..scene import Camera, Geometry, Light, Vector
 
 MAX_LINE = 1 << 20
 """Longest line of a text file, bytes. A longer line is not part of a mesh, and splitting it takes much memory."""
@@ -36,29 +36,57 @@ from a camera outside the mesh overflow.
 class Mesh:
     """What a reader returns for one file.
 
-    points  float32 or float64 [vertex_count, 3], as stored, nothing merged or dropped; may hold NaN
-    faces   int32 [triangle_count, 3], in the order of the file; polygons as fans (0, i, i + 1)
-    up      the up direction that the file declares, or None
+    points   float32 or float64 [vertex_count, 3], as stored, nothing merged or dropped; may hold NaN
+    faces    int32 [triangle_count, 3], in the order of the file
+    up       the up direction that the file declares, or None
+    later    positions [vertex_count, 3] of each further frame of the file's own animation; ``points`` are the first
+    rate     frames a second of that animation, or None
+    files    every file that was read beside the one that was named: layers, buffers, images
+    notes    what was left out or approximated, a clause each: "2 skins read in their rest pose"
+    cameras  the cameras that the file holds, by name
+    lights   the lights that the file holds, by name
     """
 
     points: NDArray[np.floating]
     faces: NDArray[np.int32]
     up: Vector | None = None
+    later: tuple[NDArray[np.floating], ...] = ()
+    rate: float | None = None
+    files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    lights: dict[str, Light] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked of a file beyond its triangles.
+
+    frames         first, last and step of its animation's frames, counted from 0; None: all
+    allow_missing  whether a file that it refers to may be absent: what it would have held is left out, with a note
+    """
+
+    frames: tuple[int, int | None, int] | None = None
+    allow_missing: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
     """A file, or a sequence of files with the same connectivity.
 
-    frames  one array of positions [vertex_count, 3] per frame
-    files   the files read, in frame order (one file for an ``.npz``)
+    frames   one array of positions [vertex_count, 3] per frame
+    files    every file read: those of the frames in their order, then what these refer to. All count in the record's key
+    up, rate, notes, cameras, lights   as in :class:`Mesh`
     """
 
     faces: NDArray[np.int32]
     frames: tuple[NDArray[np.floating], ...]
     files: tuple[Path, ...]
     up: Vector | None = None
-    notes: str = field(default="")
+    rate: float | None = None
+    notes: tuple[str, ...] = ()
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    lights: dict[str, Light] = field(default_factory=dict)
 
     def geometry(self) -> Geometry:
         """The mesh over time."""

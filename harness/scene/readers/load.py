@@ -53,7 +53,16 @@ def load(path: str | Path) -> Loaded:
             raise UserError(f"{path}: no such file; check the path")
         raise UserError(f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, SUFFIXES)}")
     mesh = READERS[suffix](path)
-    return Loaded(mesh.faces, (mesh.points,), (path,), mesh.up)
+    return Loaded(
+        mesh.faces,
+        (mesh.points, *mesh.later),
+        (path, *mesh.files),
+        mesh.up,
+        mesh.rate,
+        mesh.notes,
+        mesh.cameras,
+        mesh.lights,
+    )
 
 
 def load_sequence(paths: list[Path]) -> Loaded:
