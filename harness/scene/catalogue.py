@@ -138,7 +138,13 @@ def _from_files(files: Path | list[Path], name: str, title: str) -> Scene:
     within_range(loaded)
     camera, lights = VIEWS.get(name, view)(shape_of(loaded))
     return Scene(
-        name, title, loaded.geometry, camera, lights, source=source(loaded.files), notes=loaded.notes
+        name,
+        title,
+        loaded.geometry,
+        camera,
+        lights,
+        source=source(loaded.files),
+        notes="; ".join(loaded.notes),
     )
 
 
