@@ -29,7 +29,7 @@ CHOOSE = -1
 FEW_TRIANGLES = 65536
 """With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle leaves to a queue,
 many threads do at the same time: so a triangle tests fewer pixels itself the fewer there are. Measured on an H200, as are
-the numbers below (``docs/optimisation-log.md``)."""
+the numbers below (``results/notebook.md``)."""
 
 ONE_SHARE_BELOW = 16384
 """Of fewer triangles the passes of two shares would take the time of their launches, each."""

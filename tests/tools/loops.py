@@ -2,7 +2,7 @@
 
 A traversal whose steps and tests are one loop keeps the lanes of a warp together. Where the compiler makes a loop of the
 steps inside one of the tests, the lanes test one by one, and a frame takes up to three times as long
-(docs/optimisation-log.md, "Trees of Warp").
+(results/notebook.md, "Trees of Warp").
 """
 
 from __future__ import annotations
