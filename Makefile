@@ -8,9 +8,10 @@ STAMP := $(VENV)/.installed
 # Tests run side by side: processes, one for each of the two cores that are asked for.
 JOBS ?= 2
 LINT_STAMP := $(VENV)/.lint-installed
+DOCS_STAMP := $(VENV)/.docs-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help table1 test fuzz lint format clean
+.PHONY: help table1 test fuzz lint docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -18,6 +19,7 @@ help:
 	@echo "make test     set everything up, run the tests (ten minutes on two cores; JOBS=8 where there are more)"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
 	@echo "make lint     ruff and mypy"
+	@echo "make docs     the documentation as a site: build/site/index.html"
 	@echo "make format   let ruff put the code in shape"
 	@echo "make clean    remove .venv and caches (results stay)"
 
@@ -40,6 +42,11 @@ lint: $(LINT_STAMP) build/lint/shadowbench
 	$(BIN)/ruff format --check .
 	cd build/lint && ../../$(BIN)/mypy --config-file ../../pyproject.toml -p shadowbench
 
+docs: $(DOCS_STAMP) build/lint/shadowbench
+	rm -rf build/docs && mkdir -p build/docs
+	ln -s $(addprefix ../../,docs results LICENSE $(wildcard *.md)) build/docs/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 format: $(LINT_STAMP)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -60,6 +67,10 @@ $(STAMP): pyproject.toml constraints.txt | $(BIN)/python
 
 $(LINT_STAMP): $(STAMP)
 	$(PIP) install -c constraints.txt -e '.[lint]'
+	@touch $@
+
+$(DOCS_STAMP): $(STAMP)
+	$(PIP) install -c constraints.txt -e '.[docs]'
 	@touch $@
 
 # mypy does not follow setuptools' package-dir, so it is shown the folders under their import names.
