@@ -8,6 +8,7 @@ import shutil
 import pytest
 from helpers import import_graph
 from helpers.import_graph import ROOT, circles, imports, modules
+from shadowbench.harness.frame.registry import built_in_names
 
 ORDER = (
     "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame", "harness.judge",
@@ -17,9 +18,7 @@ ORDER = (
 """Each imports only from those before it. Methods may import only the harness's scene and frame."""
 
 FOR_METHODS = ("harness.errors", "harness.files", "harness.scene", "harness.frame", "methods")
-NAMES = sorted(
-    path.parent.name for path in (ROOT / "methods").glob("*/__init__.py") if path.parent.name != "common"
-)
+NAMES = built_in_names()
 
 
 def place(module: str) -> int:

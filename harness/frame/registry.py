@@ -1,7 +1,8 @@
 """Find methods by name: subpackages of ``shadowbench.methods``, and entry points of other packages.
 
-A built-in method is a subpackage of ``shadowbench.methods`` with an attribute ``METHOD``; the harness itself names no
-method. Another package declares ``[project.entry-points."shadowbench.methods"]  name = "package:Class"``.
+A built-in method is a subpackage of ``shadowbench.methods`` that sets ``METHOD``; those that do not are libraries. The
+harness itself names no method. Another package declares
+``[project.entry-points."shadowbench.methods"]  name = "package:Class"``.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ import importlib
 import importlib.metadata
 import inspect
 import math
-import pkgutil
 import sys
 import typing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..errors import UserError, did_you_mean
@@ -27,13 +28,15 @@ PACKAGE = __name__.rsplit(".", 3)[0] + ".methods"
 
 def method_names() -> list[str]:
     """The names of all methods, built-in ones first."""
-    return [*_built_in(), *(name for name in sorted(_entry_points()) if name not in _built_in())]
+    return [*built_in_names(), *(name for name in sorted(_entry_points()) if name not in built_in_names())]
 
 
 @functools.cache
-def _built_in() -> list[str]:
-    package = importlib.import_module(PACKAGE)
-    return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if m.ispkg and m.name != "common")
+def built_in_names() -> list[str]:
+    """The names of the methods that come with the project, from the sources: a method is imported when it is asked for."""
+    folders = importlib.import_module(PACKAGE).__path__
+    files = [file for folder in folders for file in Path(folder).glob("*/__init__.py")]
+    return sorted(file.parent.name for file in files if "\nMETHOD = " in file.read_text(encoding="utf-8"))
 
 
 def _entry_points() -> dict[str, Any]:
@@ -48,7 +51,7 @@ def _installed(path: tuple[str, ...]) -> dict[str, Any]:
 
 def method_class(name: str) -> type[Method]:
     """The class of a method. Raises :class:`UserError` for an unknown name."""
-    if name in _built_in():
+    if name in built_in_names():
         return importlib.import_module(f"{PACKAGE}.{name}").METHOD
     points = _entry_points()
     if name in points:
@@ -71,7 +74,7 @@ def current_name(name: str) -> str:
 
     Records keep the name that a method had when they were measured; on reading they get the present one.
     """
-    if name in _built_in():
+    if name in built_in_names():
         return name
     for other in method_names():
         try:

@@ -11,9 +11,9 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of
 from ..common.box_tree import traverse
 from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
-from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
-from ..common.ray_queries import (
+from ..exact.hit_point import hit_point, plane_distance
+from ..exact.ray_queries import (
     SLACK,
     Found,
     Segment,
@@ -23,15 +23,15 @@ from ..common.ray_queries import (
     shadow_segment,
     with_hit,
 )
-from ..common.segment import occludes
-from ..common.triangle import hit_distance, nearer_of, to_float64, write_hit, write_miss
+from ..exact.segment import occludes
+from ..exact.triangle import hit_distance, nearer_of, to_float64, write_hit, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
 
 
 def closest_hit_by(test: str) -> Any:
-    """A test of a traversal (:mod:`..common.ray_queries`) that finds the closest hit by the triangle test named ``test``.
+    """A test of a traversal (:mod:`..exact.ray_queries`) that finds the closest hit by the triangle test named ``test``.
 
     Those in float64 leave the weights to the end: in the loop their divisions would change its layout.
     """
@@ -59,7 +59,7 @@ def closest_hit_by(test: str) -> Any:
 def closest_hit_in_float64(
     records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
 ) -> Found:
-    """:func:`..common.ray_queries.closest_hit` without its test in float32."""
+    """:func:`..exact.ray_queries.closest_hit` without its test in float32."""
     t = hit_distance(ray, corners_in(records, i), weld_in(records, i))
     if t > wp.float64(0.0) and nearer_of(triangles_in(records), t, i, found.t, found.triangle):
         found = with_hit(found, i, t)
@@ -91,7 +91,7 @@ def any_hit_by(test: str) -> Any:
 def any_hit_in_float64(
     records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
 ) -> Found:
-    """:func:`..common.ray_queries.any_hit` without its test in float32."""
+    """:func:`..exact.ray_queries.any_hit` without its test in float32."""
     if i != segment.own:
         found.done = occludes(
             segment.hit, segment.light, corners_in(records, i), weld_in(records, i), segment.origin_size

@@ -10,7 +10,7 @@ import warp as wp
 from ...harness.frame.geometry import Corners, Ray
 from ..common.bounds import box_high, box_low
 from ..common.offset import shadow_origin, stepped
-from ..common.triangle import to_float32, to_float64
+from ..exact.triangle import to_float32, to_float64
 from .parameters import ORIGINS
 
 HIT_POINT, IDENTITY, BARYCENTRIC, RAY = (

@@ -13,12 +13,12 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
 from ...harness.frame.specialise import effects
-from ..common.alpha import opaque_at_hit, opaque_to_light
 from ..common.entries import entry
-from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import tile_pixel
-from ..common.segment import may_occlude, occludes
-from ..common.triangle import (
+from ..exact.hit_point import hit_point, plane_distance
+from ..exact.holes import opaque_at_hit, opaque_to_light
+from ..exact.segment import may_occlude, occludes
+from ..exact.triangle import (
     NO_HIT,
     U32,
     hit_distance,

@@ -29,7 +29,7 @@ from typing import Any
 
 import warp as wp
 
-from ..common.triangle import U32
+from ..exact.triangle import U32
 from .snippets import BASICS
 
 EMPTY_EXTENT = -1.0e30

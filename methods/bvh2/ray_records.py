@@ -16,7 +16,7 @@ n, S of P and D = |d|_1, the numbers of :mod:`.walk_ray` are known to
 
 So weights beyond :data:`WEIGHT_UNITS` = 16 units of (S + N) D have a certain sign, n . d beyond 6 units of N D, n . P beyond
 6 units of the sum. What is left of these bounds is more than float64's own verdict may differ by
-(:func:`..common.triangle.hit_distance`): in this scale its edge functions with their slack by less than 2^-46 D (S + E), its
+(:func:`..exact.triangle.hit_distance`): in this scale its edge functions with their slack by less than 2^-46 D (S + E), its
 n . d by 2^-47 E D, its n . P with its threshold by 2^-46 E S. N is at least :data:`SLIVER` = 2^-16 E. For n . P
 :data:`DEPTH_SLACK` = 2^-28 of N S is added where a hit is accepted or its t bounded. To reject a triangle behind the origin,
 the sign of the exact n . P suffices: float64's threshold is more than float64's error.
@@ -37,8 +37,8 @@ import warp as wp
 
 from ...harness.frame.geometry import Mesh
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import fused, lost_in_sum, rounded
-from ..common.triangle import largest, to_float64
+from ..exact.hit_point import fused, lost_in_sum, rounded
+from ..exact.triangle import largest, to_float64
 from .records import REGISTERS, near32, triangle_corners
 
 WEIGHT_UNITS = 16.0

@@ -6,7 +6,7 @@ light's side, for hit points p; 48 bytes, and 16 in an array apart, which few te
 would be as short as the eye's, but wrong where the light is far. Here all errors are relative to the size of the scene.
 
 Planes are computed in float64, rounded, and scaled in float32: two roundings. Each is scaled by its own largest part, or by
-a little more where the slack that closed triangles have (:func:`..common.triangle.hit_distance`: 2^-30 of the sum s of the
+a little more where the slack that closed triangles have (:func:`..exact.triangle.hit_distance`: 2^-30 of the sum s of the
 unscaled edge functions) would otherwise be more than a part of the bound, or where float64's own rounding would show. So
 with u = 2^-24, of directions d, and of hit points and corners whose coordinates the scene's box bounds by M:
 
@@ -15,13 +15,13 @@ with u = 2^-24, of directions d, and of hit points and corners whose coordinates
   2^-30 |n|_1 |d|_1 / (2^-6 |n|_1) = u |d|_1: beyond :data:`EYE_UNITS` = 5.5 or 6.5 units its sign is that of float64's
   verdict.
 * n . p + c is known to 25.1 u M (6 for n, 6 for c, 3 for p's own rounding, 1 for its error before
-  (:func:`..common.hitpoint.is_vague`), 9 for fused products and sums from c on, 0.1 for a light that is brought nearer), or
+  (:func:`..exact.hit_point.is_vague`), 9 for fused products and sums from c on, 0.1 for a light that is brought nearer), or
   to 34.1 u M where they are not fused. The
   sum s is at most |n|_1 (M + |light|), so that here planes are scaled by at least 2^-6 |n|_1 (M + |light|) / M, and the
   slack is at most u M again: :data:`LIGHT_UNITS` = 27 or 36 units of M.
   The triangle's own plane has no slack, but float64's own rounding shows: heights of less than 2^-21 of reach times edge^2
   are not used, so that |n|_1 is at least 2^-21 edge^2. Then the rounding of n and float64's threshold
-  (:func:`..common.segment.plane_crosses_segment`) are less than 1.7 u M.
+  (:func:`..exact.segment.plane_crosses_segment`) are less than 1.7 u M.
 * What float32 loses of n and c where they are below its normal numbers is 2^-150 times the scale, of which the scale may
   make 0.05 u M at most (:func:`plane_word`).
 * m . d is known to 7 u |m|_max |d|_1 (four roundings of m, three of products and sums) where the triangle's height over the
@@ -54,7 +54,7 @@ from ...harness.frame.geometry import Corners, Mesh
 from ...harness.scene.prepared import Prepared
 from ..common.axes import brought_nearer
 from ..common.entries import entry, set_entry
-from ..common.triangle import largest, to_float64, total
+from ..exact.triangle import largest, to_float64, total
 from .snippets import BASICS
 
 EYE_UNITS = "(FUSED ? 5.5f : 6.5f)"

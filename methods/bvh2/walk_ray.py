@@ -65,7 +65,7 @@ if (!(inside < -bound)) {
 }
 """
 """``bound`` is that of the weights. ``from`` and ``to`` bound t; the factors cover the rounding of both and the ties of
-:func:`..common.triangle.depth_key`. ``from`` is above ``limit`` only of a triangle certainly behind the closest hit, also
+:func:`..exact.triangle.depth_key`. ``from`` is above ``limit`` only of a triangle certainly behind the closest hit, also
 where the sign of ``det`` is in doubt: with the other sign t is negative. With ``long8`` the bound is infinite where a
 product could be."""
 

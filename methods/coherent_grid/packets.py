@@ -17,7 +17,7 @@ from ...harness.frame.geometry import Camera, Mesh
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.grid import Grid, cell_index, cell_of, to_grid
-from ..common.triangle import spare_bits, to_float64
+from ..exact.triangle import spare_bits, to_float64
 from ..ray_grids.camera.pixels import (
     Candidate,
     edge_planes,

@@ -1,1 +1,1 @@
-"""Code shared by methods: the triangle test, hit points, binning."""
+"""Code shared by methods: boxes, binning, pixels, passes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .triangle import largest
+from ..exact.triangle import largest
 
 
 @wp.func

@@ -9,8 +9,8 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, corners_of, weld_of
+from ..exact.triangle import U32
 from .corner_records import CornerRecords, store_invalid, store_record
-from .triangle import U32
 
 BLOCK = 256
 BLOCKS = 264

@@ -15,9 +15,9 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
+from ..exact.ray_queries import Found
 from .bounds import PADDED_UNITS, launch_boxes
 from .corner_records import CornerRecords, valid_in
-from .ray_queries import Found
 
 QUERY_BLOCK = 128
 """Threads of a block of a kernel that traverses. With 80 to 96 registers a thread, blocks of 256 fill a multiprocessor to a
@@ -37,8 +37,8 @@ def traverse(
 ) -> Found:
     """Call ``test`` for every valid triangle whose box the ray start + t direction meets, and return what was found.
 
-    ``test`` is compiled in. It is called as test(records, alpha, i, query, found), as in :mod:`.ray_queries`; it may lower
-    ``found.limit``, and sets ``found.done`` to end the query. ``records``: of the tree.
+    ``test`` is compiled in. It is called as test(records, alpha, i, query, found), as in :mod:`..exact.ray_queries`; it may
+    lower ``found.limit``, and sets ``found.done`` to end the query. ``records``: of the tree.
     """
     # What the loop depends on is in variables of its own, and it is left by a break right after the test. Then the
     # compiler makes one loop of steps down the tree and tests, in which the lanes of a warp stay together. With fields

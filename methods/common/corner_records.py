@@ -1,7 +1,7 @@
 """A triangle's corners and weld indices in 48 contiguous bytes, for structures that find triangles in no order of the mesh.
 
 Through the mesh, a test reads the triangle, then its points and their weld indices: thirteen addresses, most of them known
-only after the first. A record takes three reads of 16 bytes. Tests of triangles (:mod:`.ray_queries`) take either.
+only after the first. A record takes three reads of 16 bytes. Tests of triangles (:mod:`..exact.ray_queries`) take either.
 """
 
 from __future__ import annotations

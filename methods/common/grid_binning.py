@@ -14,9 +14,9 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Mesh, corners_of
+from ..exact.triangle import largest, to_float64
 from .grid import Grid, cell_index, cell_of, to_grid
 from .pairs import pair_place
-from .triangle import largest, to_float64
 
 LARGE_COLUMNS = wp.constant(256)
 """A triangle whose box has more columns of cells than this is binned by many threads."""

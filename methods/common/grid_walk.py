@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..exact.triangle import largest
 from .grid import Grid, cell_of, to_grid
-from .triangle import largest
 
 FOREVER = wp.constant(wp.float64(wp.inf))
 TIE = wp.constant(wp.float64(1.0 + 2.0**-28))  # hits this close may be a tie: see nearer

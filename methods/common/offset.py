@@ -17,8 +17,8 @@ from ...harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray, Rays, co
 from ...harness.frame.mirrors import FINE, GAMMA7, outward, spread
 from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Switches
-from .hitpoint import hit_point, plane_distance
-from .triangle import largest, to_float32, to_float64
+from ..exact.hit_point import hit_point, plane_distance
+from ..exact.triangle import largest, to_float32, to_float64
 
 UNIT = wp.constant(wp.float64(2.0**-24))
 

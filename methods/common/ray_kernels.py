@@ -1,7 +1,7 @@
 """The kernels that trace one ray per pixel through any structure: closest hits and shadow bits.
 
-A structure brings its struct of arrays and a ``walk``: walk(test, structure, mesh, alpha, start, direction, end, own,
-query) calls ``test`` (:mod:`.ray_queries`) for the triangles that the ray start + t direction, 0 <= t <= end, may meet,
+A structure brings its struct of arrays and a ``walk``: walk(test, structure, mesh, alpha, start, direction, end, own, query)
+calls ``test`` (:mod:`..exact.ray_queries`) for the triangles that the ray start + t direction, 0 <= t <= end, may meet,
 nearest first where it can, and returns what was found. start and direction are vec3d; triangle ``own`` is left out (-1:
 none).
 """
@@ -16,15 +16,15 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
 from ...harness.frame.specialise import effects
-from .pixels import pixel_of
-from .ray_queries import (
+from ..exact.ray_queries import (
     any_hit,
     any_opaque_hit,
     closest_hit,
     closest_opaque_hit,
     shadow_segment,
 )
-from .triangle import to_float64, write_hit, write_miss
+from ..exact.triangle import to_float64, write_hit, write_miss
+from .pixels import pixel_of
 
 FOREVER = wp.constant(wp.float64(wp.inf))
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Corners
+from ..exact.triangle import U32, largest, total
 from .division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
-from .triangle import U32, largest, total
 
 
 @wp.func

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Mesh, corners_of
-from ..common.triangle import U32
+from ..exact.triangle import U32
 
 
 @wp.struct

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...harness.frame.geometry import Corners
 from ...harness.scene.prepared import recentre
 from ...harness.scene.scene import Scene, Vector
-from ..common.triangle import U64, largest, to_float64, total
+from ..exact.triangle import U64, largest, to_float64, total
 
 NEAR = 1e-6
 """Distance from the surface, relative to that of a triangle's corners, within which a point counts as on it: more than

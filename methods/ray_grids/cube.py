@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from ..common.triangle import to_float64
+from ..exact.triangle import to_float64
 from .aim import EMPTY, FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
 
 

@@ -6,7 +6,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Corners, Hits, Mesh, corners_of
 from ...harness.frame.specialise import effects
-from ..common.triangle import to_float32, to_float64
+from ..exact.triangle import to_float32, to_float64
 from .projection import face_axes, face_of, map_point
 from .raster import DepthMap
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..common.bounds import box_high, box_low
-from ..common.triangle import largest, to_float32, to_float64
+from ..exact.triangle import largest, to_float32, to_float64
 
 FACES = 6
 WIDEST = wp.constant(1.7320508)

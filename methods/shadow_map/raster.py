@@ -13,7 +13,7 @@ from ...harness.frame.alpha import Alpha, texels_near
 from ...harness.frame.geometry import Corners, Mesh, corners_of
 from ...harness.frame.specialise import effects
 from ..common.reserve import reserve
-from ..common.triangle import U32, largest
+from ..exact.triangle import U32, largest
 from .projection import LightMap, map_point
 
 EMPTY = 0x3F800000

@@ -15,7 +15,7 @@ from ...harness.frame.geometry import Mesh
 from ..common.grid import Grid, cell_index, cell_of
 from ..common.grid_walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
 from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
-from ..common.ray_queries import Found, nothing_found
+from ..exact.ray_queries import Found, nothing_found
 from .leaves import unpacked_res
 
 

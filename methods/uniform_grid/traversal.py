@@ -11,7 +11,7 @@ from ...harness.frame.geometry import Mesh
 from ..common.grid import Grid, cell_index
 from ..common.grid_walk import FOREVER, TIE, advance, enter, inside, next_leave
 from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
-from ..common.ray_queries import Found, nothing_found
+from ..exact.ray_queries import Found, nothing_found
 
 
 @wp.struct
@@ -41,7 +41,7 @@ def walk(
 ) -> Found:
     """Call ``test`` for the triangles in the cells of the ray start + t direction, 0 <= t <= end; return what was found.
 
-    ``test`` is compiled in, and called as test(mesh, alpha, i, query, found): see :mod:`..common.ray_queries`. Triangle
+    ``test`` is compiled in, and called as test(mesh, alpha, i, query, found): see :mod:`..exact.ray_queries`. Triangle
     ``own`` is left out (-1: none). The walk ends behind the closest hit and all that may tie with it, or when ``test``
     sets ``found.done``.
     """

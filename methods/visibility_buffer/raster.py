@@ -12,7 +12,7 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Corners, Mesh
 from ...harness.frame.specialise import effects
 from ..common.entries import entry, entry_now, entry_of_four, set_entry_of_four
-from ..common.triangle import spare_bits
+from ..exact.triangle import spare_bits
 from ..ray_grids.camera.pixels import (
     Candidate,
     Planes,

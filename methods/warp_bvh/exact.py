@@ -19,7 +19,7 @@ from ..common.box_tree import QUERY_BLOCK, BoxTree, traverse
 from ..common.corner_records import CornerRecords
 from ..common.pixels import pixel_of
 from ..common.ray_passes import shadow_ray_passes
-from ..common.ray_queries import (
+from ..exact.ray_queries import (
     SLACK,
     any_hit,
     any_opaque_hit,
@@ -28,7 +28,7 @@ from ..common.ray_queries import (
     nothing_found,
     shadow_segment,
 )
-from ..common.triangle import write_hit, write_miss
+from ..exact.triangle import write_hit, write_miss
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -7,7 +7,7 @@ import warp as wp
 from ...harness.frame.geometry import Camera, Hits, Rays, mirrored_ray, ray_of
 from ...harness.frame.specialise import effects
 from ..common.pixels import pixel_of
-from ..common.triangle import write_miss
+from ..exact.triangle import write_miss
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)

@@ -48,7 +48,7 @@ class Sample(SimpleMethod):
 
 @pytest.fixture
 def sample(monkeypatch):
-    monkeypatch.setattr(registry, "_built_in", list)
+    monkeypatch.setattr(registry, "built_in_names", list)
     monkeypatch.setattr(registry, "_entry_points", lambda: {"sample": Point(Sample)})
     return "sample"
 
@@ -132,7 +132,7 @@ def test_only_a_misspelt_name_has_a_guess(word, known, hint):
 def test_every_built_in_method_can_be_made():
     names = registry.method_names()
     assert names, "no method found in the methods package"
-    for name in registry._built_in():
+    for name in registry.built_in_names():
         method = registry.make_method(name)
         assert method.name == name
         assert method.title

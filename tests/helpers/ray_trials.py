@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shadowbench.harness.frame.geometry import Hits, Mesh, Rays, corners_of, mirrored_ray, weld_of
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.common.triangle import hit_distance, hit_weights, nearer
+from shadowbench.methods.exact.triangle import hit_distance, hit_weights, nearer
 
 SIDE = 64
 """Rays are those of an image of this side."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners, Ray
-from shadowbench.methods.common.triangle import hit_distance
+from shadowbench.methods.exact.triangle import hit_distance
 
 COUNT = 20_000
 

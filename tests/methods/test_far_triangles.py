@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners, Ray
-from shadowbench.methods.common.segment import may_occlude, occludes
-from shadowbench.methods.common.triangle import hit_distance, may_hit
+from shadowbench.methods.exact.segment import may_occlude, occludes
+from shadowbench.methods.exact.triangle import hit_distance, may_hit
 
 FAN = 6
 COUNT = 20_000

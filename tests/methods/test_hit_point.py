@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners, Ray
-from shadowbench.methods.common.hitpoint import along, hit_point, is_vague, plane_distance
+from shadowbench.methods.exact.hit_point import along, hit_point, is_vague, plane_distance
 
 U64 = 2.0**-53
 COUNT = 400

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.common.triangle import depth_key, nearer_of, spare_bits
+from shadowbench.methods.exact.triangle import depth_key, nearer_of, spare_bits
 
 
 @wp.kernel(enable_backward=False)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners
-from shadowbench.methods.common.segment import occludes
-from shadowbench.methods.common.triangle import largest, to_float32
+from shadowbench.methods.exact.segment import occludes
+from shadowbench.methods.exact.triangle import largest, to_float32
 from shadowbench.methods.perspective_spherical.light.segment_tests import (
     DOUBT,
     NO,

@@ -17,7 +17,8 @@ import warp as wp
 from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
-from shadowbench.methods.common import bounds, grid, grid_build, hitpoint, ray_queries, segment, triangle
+from shadowbench.methods.common import bounds, grid, grid_build
+from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
@@ -160,7 +161,7 @@ MUTATIONS = (
     ),
     Mutation(
         "flat hit points off by their rounding, and along by the angle",
-        (Planted(hitpoint, "is_flat", (("slope > 0.125", "slope > 0.0"),), hitpoint),),
+        (Planted(hit_point, "is_flat", (("slope > 0.125", "slope > 0.0"),), hit_point),),
         "warp_bvh",
         EXACT_BVH,
         ("S35",),

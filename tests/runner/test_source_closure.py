@@ -20,7 +20,7 @@ from shadowbench.harness.runner.source_closure import (
     source_hash,
 )
 
-METHODS = registry._built_in()
+METHODS = registry.built_in_names()
 
 
 def copied(folder: Path) -> Path:
@@ -101,7 +101,7 @@ def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
         "harness.frame.alpha", "harness.frame.mirrors", "harness.frame.shading", "harness.frame.receivers",
         "harness.frame.frame", "harness.frame.session", "harness.frame.passes", "harness.frame.schedule",
         "harness.frame.specialise", "harness.frame.vectors", "harness.scene.prepared", "harness.scene.moment",
-        "harness.runner.measure", "harness.runner.timing", "harness.runner.memory", "methods.common.hitpoint",
+        "harness.runner.measure", "harness.runner.timing", "harness.runner.memory", "methods.exact.hit_point",
     ],
 )  # fmt: skip
 def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> None:

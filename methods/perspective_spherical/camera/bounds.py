@@ -10,7 +10,7 @@ import warp as wp
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, weld_of
 from ...common.entries import set_entry
 from ...common.screen import in_camera_space, out_of_view, pixel_box
-from ...common.triangle import largest
+from ...exact.triangle import largest
 from ..culling import faces_away
 from ..lists.binning import PieceQueue, queue_large
 from .ray_tests import plane_record, vertex_record

@@ -18,7 +18,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Ray
-from ...common.triangle import (
+from ...exact.triangle import (
     FLOOR32,
     NO_HIT,
     OVERFLOW,

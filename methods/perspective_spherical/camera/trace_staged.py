@@ -15,8 +15,8 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, direction_through, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import opaque_at_hit
-from ...common.triangle import NO_HIT, nearer, total
+from ...exact.holes import opaque_at_hit
+from ...exact.triangle import NO_HIT, nearer, total
 from ..lists.binning import TileLists
 from ..lists.items import ListParts, pairs_of_part, part_of
 from ..lists.staging import any_of_block, make_shared, wait_for_block

@@ -12,7 +12,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
 from ...common.entries import set_entry
-from ...common.triangle import U64, largest, to_float64, total
+from ...exact.triangle import U64, largest, to_float64, total
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
 from .mapping import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame

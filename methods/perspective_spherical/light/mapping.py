@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.triangle import largest, to_float32
+from ...exact.triangle import largest, to_float32
 from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles, wrapped
 
 AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = 0, 1, 2

@@ -6,7 +6,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera
 from ...common.bounds import box_high, box_low
-from ...common.triangle import to_float64
+from ...exact.triangle import to_float64
 from .mapping import face_frame, map_bounds, whole, wraps
 from .space import EXTENT, LightSpace
 from .sphere import HALF_PI, PI, ROUNDING

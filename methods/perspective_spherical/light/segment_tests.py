@@ -13,8 +13,8 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...common.segment import light_edge_functions, occludes, plane_crosses_segment
-from ...common.triangle import FLOOR32, U32, largest, to_float64, total
+from ...exact.segment import light_edge_functions, occludes, plane_crosses_segment
+from ...exact.triangle import FLOOR32, U32, largest, to_float64, total
 from ..camera.ray_tests import dot3, near_inside
 
 RECORD = wp.constant(6)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.triangle import largest
+from ...exact.triangle import largest
 
 PI = wp.constant(wp.float64(3.141592653589793))
 TWO_PI = wp.constant(wp.float64(6.283185307179586))

@@ -14,8 +14,8 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import opaque_to_light
-from ...common.triangle import largest, to_float32
+from ...exact.holes import opaque_to_light
+from ...exact.triangle import largest, to_float32
 from ..camera.ray_tests import count_tests
 from ..lists.binning import TileLists
 from ..lists.chunks import RayChunks

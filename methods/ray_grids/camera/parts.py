@@ -12,9 +12,9 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.specialise import effects
-from ...common.alpha import opaque_at_hit
 from ...common.entries import entry, raise_entry
-from ...common.triangle import hit_distance, spare_bits
+from ...exact.holes import opaque_at_hit
+from ...exact.triangle import hit_distance, spare_bits
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, PARTS, Queue
 from ..warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of

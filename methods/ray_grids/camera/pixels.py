@@ -2,7 +2,7 @@
 
 The nearest hit of a pixel is stored as one 64-bit word, 1 / t and the complemented index, by atomic maximum: the order in
 which triangles arrive does not matter. 1 / t has 40 bits, and up to eight that the index does not need. Edge functions in
-float32 with an error bound decide all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
+float32 with an error bound decide all but a few pixels; those, and every 1 / t, are float64 (:mod:`..exact.triangle`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ...common.bits import lowest_bit, without_lowest_bit
 from ...common.division import about_inverse, quotient, reciprocal
 from ...common.entries import entry_now, raise_entry
 from ...common.pixels import whole_quotient
-from ...common.triangle import U32, U64, largest, nearness_key, to_float64
+from ...exact.triangle import U32, U64, largest, nearness_key, to_float64
 from ..fetch import direction_at
 from ..queues import Queue, queue_doubt
 
@@ -32,7 +32,7 @@ class Planes:
     steep: whether 1 / t of a :func:`hit_word` gives hit points to 2^-29 of their way from the eye, and that way is at most
     32 times the largest coordinate of the triangle. The word cuts 1 / t at 2^-29 of itself, so that the middle is off by
     2^-30. Rounding adds at most 2 NORMAL_UNITS S / |height|, with S at most 6 reach edge^2
-    (:func:`...common.triangle.hit_distance`): 2^-31 with the least height that is asked for.
+    (:func:`...exact.triangle.hit_distance`): 2^-31 with the least height that is asked for.
     """
 
     n0: wp.vec3f
@@ -49,7 +49,7 @@ class Candidate:
     bound  a pixel with an edge function below -bound is certainly outside (:func:`sign_bound`)
     sure   three edge functions above this are a certain hit: the bound, or infinite where the triangle has holes
     m      1 / t = m . direction on its plane (:func:`inverse_depth`)
-    spare  :func:`..common.triangle.spare_bits`
+    spare  :func:`..exact.triangle.spare_bits`
     """
 
     i: wp.int32
@@ -94,7 +94,7 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
 
 @wp.func
 def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
-    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..common.triangle`), 6 u |d|_1 of the scale. What the
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..exact.triangle`), 6 u |d|_1 of the scale. What the
     scale itself is off is the same for the three parts of n, so it moves no plane.
 
     Forward, right and up have length 1, so each sums to at most sqrt 3.
@@ -120,7 +120,7 @@ def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
 @wp.func
 def hit_word(inverse: wp.float64, i: wp.int32, spare: wp.int32) -> wp.uint64:
     """A hit as one word: a larger one is nearer, or as near with a lower index. ``spare``: see
-    :func:`..common.triangle.spare_bits`.
+    :func:`..exact.triangle.spare_bits`.
     """
     bits = wp.uint64(24 - spare)
     return (nearness_key(inverse, spare) << bits) | wp.uint64((0xFFFFFF >> spare) - i)

@@ -10,7 +10,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_now, entry_of_four
-from ...common.triangle import spare_bits
+from ...exact.triangle import spare_bits
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
 from ..warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of

@@ -7,11 +7,11 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
-from ...common.certain_hit import certain_hit
 from ...common.entries import entry, set_entry, set_entry_last
-from ...common.hitpoint import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
-from ...common.triangle import spare_bits, to_float32
+from ...exact.certain_hit import certain_hit
+from ...exact.hit_point import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
+from ...exact.triangle import spare_bits, to_float32
 from ..fetch import corners_at, direction_at, weld_at
 from .pixels import index_of
 
@@ -73,7 +73,7 @@ def quick_point(points: wp.array(dtype=wp.vec3f), ray: Ray, t: wp.float64, corne
 
 @wp.func
 def takes_care(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
-    """Whether the hit point is one that :func:`...common.hitpoint.flat_hit_point` computes."""
+    """Whether the hit point is one that :func:`...exact.hit_point.flat_hit_point` computes."""
     return is_flat(ray, t, corners)
 
 
@@ -154,7 +154,7 @@ def resolve_kernel(
     hits: Hits,
     hit_points: wp.array(dtype=Any),
 ):
-    """A thread for each pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
+    """A thread for each pixel, 8 x 4 per warp. Writes the same bits as :func:`..exact.triangle.write_hit`.
 
     hit_points: vec3d, or vec3f where they are needed rounded, or empty and :data:`NO_POINT`; nothing is written at a miss.
     """

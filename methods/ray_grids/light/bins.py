@@ -11,7 +11,7 @@ from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_if, set_entry
 from ...common.pixels import tile_pixel, tile_threads
 from ...common.reserve import number_among
-from ...common.triangle import spare_bits
+from ...exact.triangle import spare_bits
 from ..cube import record_place
 from ..queues import RAYS
 from ..warps import scan_row

@@ -12,7 +12,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Corners
 from ...common.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
-from ...common.triangle import U32, largest, total
+from ...exact.triangle import U32, largest, total
 from ..aim import Cube
 from ..cube import on_face
 from .spacing import BIN_SLACK, BINS, CELL_SLACK, in_cells, row_between

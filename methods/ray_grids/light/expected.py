@@ -15,7 +15,7 @@ import warp as wp
 from ....harness.frame.geometry import Camera, Corners, Mesh
 from ...common.bits import lowest_bit, without_lowest_bit
 from ...common.entries import entry
-from ...common.triangle import largest, to_float64
+from ...exact.triangle import largest, to_float64
 from ..aim import FACES, RANGE, Cube
 from ..camera.stream import box_of
 from ..cube import face_of, on_face

@@ -20,7 +20,7 @@ from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import effects, specialised, with_type
 from ...common.entries import entry, set_entry
 from ...common.pixels import thread_count, tile_pixel
-from ...common.triangle import largest, to_float32
+from ...exact.triangle import largest, to_float32
 from ..fetch import corners_at
 from ..queues import BLOCK_DIM, WORDS
 from .passes import LightStream
@@ -41,7 +41,7 @@ def certainly_occludes(
     """Whether triangle i of the mesh (any number) certainly occludes the ray of a pixel that hit triangle ``own`` at h.
 
     The bound covers this one hit point, which takes no care (:mod:`.points`). With the eye in it, it exceeds the error of
-    the float64 hit point, in which float64 would find the triangle's plane (:func:`...common.hitpoint.hit_error`).
+    the float64 hit point, in which float64 would find the triangle's plane (:func:`...exact.hit_point.hit_error`).
     """
     if i < 0 or i >= mesh.triangles.shape[0] or i == own:
         return False

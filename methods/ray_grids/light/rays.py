@@ -14,7 +14,7 @@ import warp as wp
 from ....harness.frame.geometry import Corners
 from ...common.division import about_inverse
 from ...common.entries import entry, entry_if, set_entry
-from ...common.triangle import U32, U64, largest, to_float64, total
+from ...exact.triangle import U32, U64, largest, to_float64, total
 from ..queues import Queue, queue_doubt
 from .bins import span_of
 from .table import reach_of
@@ -68,7 +68,7 @@ class RememberedBits:
 class Facing:
     """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
     planes through its edges and turns them inside. Zeros if float64 must decide. never: the plane contains the light, so
-    that the triangle occludes no ray (:func:`...common.segment.occludes`)."""
+    that the triangle occludes no ray (:func:`...exact.segment.occludes`)."""
 
     normal: wp.vec3f
     toward: wp.float32
@@ -78,7 +78,7 @@ class Facing:
 @wp.func
 def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
     """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ca x ab) . la; 0 if the plane contains it
-    within the rounding of float64 (:func:`...common.segment.plane_crosses_segment`)."""
+    within the rounding of float64 (:func:`...exact.segment.plane_crosses_segment`)."""
     a = to_float64(corners.a)
     ab = to_float64(corners.b) - a
     ac = to_float64(corners.c) - a

@@ -11,7 +11,7 @@ import warp as wp
 from ...common.entries import entry
 from ...common.pixels import tile_threads
 from ...common.reserve import raise_to
-from ...common.triangle import U32
+from ...exact.triangle import U32
 from ..aim import Cube
 
 TILE_SHIFT = wp.constant(3)

@@ -15,7 +15,7 @@ from ....harness.frame.receivers import note_receiver, receives
 from ...common.division import about_root
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
-from ...common.triangle import largest
+from ...exact.triangle import largest
 from ..fetch import corners_at, direction_at
 from .bins import place_ray
 from .points import Point, Words, point_of

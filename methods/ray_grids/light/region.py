@@ -19,7 +19,7 @@ from ....harness.frame.receivers import faces_light, note_receiver
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
-from ...common.triangle import U32, largest, spare_bits, to_float32, to_float64, total
+from ...exact.triangle import U32, largest, spare_bits, to_float32, to_float64, total
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, cube_of, ordered
 from ..camera.pixels import edge_planes, index_of, inverse_depth
 from ..camera.stream import box_of

@@ -1,8 +1,8 @@
 """t, weights and hit point of a closest hit, in float64, in fewer instructions than the functions that methods share.
 
-The numbers are those of :func:`.hitpoint.plane_distance` and :func:`.triangle.hit_weights`, bit by bit up
+The numbers are those of :func:`.hit_point.plane_distance` and :func:`.triangle.hit_weights`, bit by bit up
 to the sign of a zero: an edge's difference is computed once and not for each order of its ends (negating it only changes
-signs), what distance and weights both need is shared, and quotients are those of :mod:`.division`. That holds
+signs), what distance and weights both need is shared, and quotients are those of :mod:`..common.division`. That holds
 more numbers at once, for which kernels that decide hits in a loop have no registers.
 """
 
@@ -11,15 +11,15 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray, value_struct
-from .division import quotient, reciprocal
-from .hitpoint import NEAR, STEEP
+from ..common.division import quotient, reciprocal
+from .hit_point import NEAR, STEEP
 from .triangle import NOT_ZERO, largest, to_float64, total
 
 
 @value_struct
 class CertainHit:
     """t in lengths of the direction; the weights of vertices 1 and 2; whether the ray is too flat on the triangle for
-    :func:`.hitpoint.along`, as :func:`.hitpoint.is_vague` tells."""
+    :func:`.hit_point.along`, as :func:`.hit_point.is_vague` tells."""
 
     t: wp.float64
     uv: wp.vec2f
@@ -28,7 +28,7 @@ class CertainHit:
 
 @wp.func
 def is_far(origin: wp.vec3f, extent: wp.float32) -> wp.bool:
-    """Whether an origin is so far that all hit points are vague (:func:`.hitpoint.is_vague`), in a scene whose
+    """Whether an origin is so far that all hit points are vague (:func:`.hit_point.is_vague`), in a scene whose
     coordinates are at most ``extent``: more than NEAR times that from a corner."""
     return not largest(origin) <= (NEAR - 1.0) * extent
 

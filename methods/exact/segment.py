@@ -10,7 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners
-from .hitpoint import hit_error
+from .hit_point import hit_error
 from .triangle import CLOSED, FLOOR32, OVERFLOW, U32, U64, certainly_outside, largest, to_float64, total
 
 
@@ -55,7 +55,7 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64) -> wp.bool:
     """Whether the plane of the triangle crosses the open segment from the hit point h to the light.
 
-    A plane that h may lie in, given the error of h (:func:`.hitpoint.hit_error`), does not count as crossing, nor does
+    A plane that h may lie in, given the error of h (:func:`.hit_point.hit_error`), does not count as crossing, nor does
     one that contains the light within rounding. ``origin_size`` is the largest coordinate of the origin of the ray that
     found h.
     """

@@ -6,8 +6,8 @@ depend on the order, nor on how often a triangle is tested: float32 rejects, flo
 :mod:`.segment`).
 
 All have the same form, test(mesh, alpha, i, query, found), so that a traversal takes any of them
-(:func:`.box_tree.traverse`); ``mesh`` is a Mesh or :class:`.corner_records.CornerRecords`. Those named ``opaque`` look up
-whether the triangle has a hole there; a kernel names them under ``if wp.static(effects.alpha):`` only.
+(:func:`..common.box_tree.traverse`); ``mesh`` is a Mesh or :class:`..common.corner_records.CornerRecords`. Those named
+``opaque`` look up whether the triangle has a hole there; a kernel names them under ``if wp.static(effects.alpha):`` only.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Ray
-from .alpha import opaque_at_hit, opaque_to_light
-from .corner_records import corners_in, triangles_in, weld_in
+from ..common.corner_records import corners_in, triangles_in, weld_in
+from .holes import opaque_at_hit, opaque_to_light
 from .segment import may_occlude, occludes
 from .triangle import U32, hit_distance, largest, may_hit, nearer_of, to_float32
 

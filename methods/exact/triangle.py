@@ -24,8 +24,8 @@ from ...harness.frame.vectors import largest as largest
 from ...harness.frame.vectors import to_float32 as to_float32
 from ...harness.frame.vectors import to_float64 as to_float64
 from ...harness.frame.vectors import total as total
-from .hitpoint import U64 as U64
-from .hitpoint import hit_point
+from .hit_point import U64 as U64
+from .hit_point import hit_point
 
 U32 = wp.constant(5.9604645e-08)  # 2^-24
 FLOOR32 = wp.constant(1.0e-35)
