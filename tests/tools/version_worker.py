@@ -10,43 +10,20 @@ import hashlib
 import json
 import os
 import sys
-from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 replies = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)  # what is printed while kernels are compiled is no reply
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' helpers
+
+from helpers.asked_scene import AskedScene
 from shadowbench.harness import api
 from shadowbench.harness.runner.timing import Sampling, sample_frame
 from shadowbench.harness.scene.overrides import Lighting
 
 SIDE = 1024
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A scene as it is asked for: ``NAME[@SIDE][:CHANGE=VALUE,...][#FRAME]``."""
-
-    name: str
-    side: int
-    lighting: Lighting
-    frame: int | None
-
-    @classmethod
-    def read(cls, text: str) -> Asked:
-        rest, _, frame = text.partition("#")
-        rest, _, changes = rest.partition(":")
-        name, _, side = rest.partition("@")
-        kinds = {field.name: type(field.default) for field in fields(Lighting)}
-        given: dict[str, Any] = {}
-        for change in filter(None, changes.split(",")):
-            key, _, value = change.partition("=")
-            if key not in kinds:
-                raise ValueError(f"{key!r} is no change of a scene: {', '.join(sorted(kinds))}")
-            given[key] = kinds[key](json.loads(value))
-        lighting = Lighting("changed", **given) if given else Lighting()
-        return cls(name, int(side or SIDE), lighting, int(frame) if frame else None)
 
 
 class Frames:
@@ -57,18 +34,17 @@ class Frames:
         self._prepared: dict[tuple[str, Lighting], Any] = {}
         self._ready: dict[str, tuple[api.Session, str]] = {}
 
-    def prepared(self, asked: Asked) -> Any:
+    def prepared(self, asked: AskedScene) -> Any:
         key = (asked.name, asked.lighting)
         if key not in self._prepared:
-            scene = asked.lighting.longer(api.resolve(asked.name))
-            self._prepared[key] = asked.lighting.applied(api.prepare(scene))
+            self._prepared[key] = asked.prepared()
         return self._prepared[key]
 
     def ready(self, method: str, settings: dict[str, str], scene: str) -> tuple[api.Session, str]:
         """The session with the frame in it, and a hash of its answers."""
         key = json.dumps([method, settings, scene])
         if key not in self._ready:
-            asked = Asked.read(scene)
+            asked = AskedScene.read(scene, SIDE)
             prepared = self.prepared(asked)
             session = api.Session(
                 api.make_method(method, settings), prepared, asked.side, asked.side, self.device
