@@ -1,1 +1,19 @@
-"""One folder a method. A method never times, never scores and never reads the exact reference."""
+"""One folder a method, beside the libraries that they share. A method never times, scores or reads the exact reference."""
+
+LOOKS = {
+    "ray_grids": ("#0072B2", "o"),
+    "hybrid": ("#56B4E9", "^"),
+    "bvh2": ("#009E73", "s"),
+    "visibility_buffer": ("#E69F00", "D"),
+    "warp_bvh": ("#D55E00", "v"),
+    "perspective_spherical": ("#8C564B", "P"),
+    "embree": ("#882255", "X"),
+    "uniform_grid": ("#CC79A7", "*"),
+    "two_level_grid": ("#332288", "<"),
+    "coherent_grid": ("#44AA99", ">"),
+    "kdtree": ("#999933", "p"),
+    "shadow_map": ("#DDCC77", "h"),
+    "accuracy_ladder": ("#661100", "d"),
+}
+"""The colour and the marker of each method in every drawing. The first eight are distinct with every common colour vision
+(Okabe and Ito's colours, a wine red, a brown); a method that is not listed gets one from its name."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import zlib
 from collections.abc import Iterable
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..frame.passes import PARTS
+from ..frame.registry import PACKAGE, method_names
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
 """Okabe and Ito's colours (distinct with every common colour vision), a wine red, a brown. Greys: parts of a frame."""
@@ -27,22 +29,23 @@ LOST = {"rejected": "x", "timeout": "+", "failed": "1", "skipped": "2"}
 """The mark of a point without a time, by its status."""
 
 OK, WRONG, UNSCORED = "✓", "✗", "unscored"
-SLOTS = 265122
-"""Start of the checksum that gives a method its colour and marker, so chosen that the built-in methods get eight of each."""
 
 
 def in_order(methods: Iterable[str]) -> list[str]:
     """The registry's methods, then others by name: the order of rows and columns."""
-    from ..frame.registry import method_names
-
     known = method_names()
     return known + sorted(set(methods) - set(known))
 
 
 def look(method: str) -> dict[str, str]:
-    """The colour and the marker of a method, from its name alone: the same whatever else is measured or installed."""
-    place, slot = divmod(zlib.crc32(method.encode(), SLOTS), len(COLOURS))
-    return {"color": COLOURS[slot], "marker": MARKERS[place % len(MARKERS)]}
+    """The colour and the marker of a method: as the methods' package says, or for others from the checksum of the name.
+
+    So they are the same whatever else is measured or installed.
+    """
+    place, slot = divmod(zlib.crc32(method.encode()), len(COLOURS))
+    other = (COLOURS[slot], MARKERS[place % len(MARKERS)])
+    colour, marker = importlib.import_module(PACKAGE).LOOKS.get(method, other)
+    return {"color": colour, "marker": marker}
 
 
 def colours(methods: Iterable[str]) -> dict[str, str]:

@@ -5,13 +5,22 @@ from __future__ import annotations
 import pytest
 from helpers.table1_records import METHODS
 from matplotlib.figure import Figure
+from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.report import style
+from shadowbench.methods import LOOKS
 
 
 def test_a_method_keeps_its_colour_whoever_else_is_drawn():
     alone, together = style.colours(["warp_bvh"]), style.colours([*METHODS, "somebodys"])
     assert alone["warp_bvh"] == together["warp_bvh"]
     assert len({together[name] for name in METHODS}) == len(METHODS)
+
+
+def test_every_method_has_a_look_of_its_own():
+    looks = [tuple(style.look(name).values()) for name in method_names() if name in LOOKS]
+    assert {name for name in method_names() if name not in LOOKS} == set()
+    assert len({colour for colour, _ in looks}) == len({marker for _, marker in looks}) == len(LOOKS)
+    assert style.look("somebodys")["color"] in style.COLOURS
 
 
 @pytest.mark.parametrize(
