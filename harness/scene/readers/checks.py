@@ -1,4 +1,4 @@
-"""Shared by all readers of scene files: errors, limits, triangulation of polygons, and the final check."""
+"""Shared by all readers of scene files: what they are asked and return, errors, limits, and the final check."""
 
 from __future__ import annotations
 
@@ -16,9 +16,6 @@ from ..scene import Camera, Geometry, Light, Vector
 
 MAX_LINE = 1 << 20
 """Longest line of a text file, bytes. A longer line is not part of a mesh, and splitting it takes much memory."""
-
-_FAN_BLOCK = 1 << 16
-"""Corners that are triangulated at a time."""
 
 MAX_TRIANGLES = 1 << 27
 """Largest number of triangles: the methods index corners with int32."""
@@ -163,39 +160,6 @@ def within_range(loaded: Loaded) -> None:
         extent = np.ptp(finite, axis=0).max()
         if 0.0 < extent < SMALLEST:
             raise broken(path, f"has an extent of only {extent:.3g}, too small for float32", way_out)
-
-
-def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Triangulate polygons as fans about their first corner, in order. int32 [sum(counts - 2), 3].
-
-    ``counts``: number of corners of each polygon, at least 3. ``corners``: the vertex indices of all polygons
-    concatenated, below 2^31. It works in blocks and needs little memory beside its result.
-    """
-    if (counts == 3).all():
-        return corners.astype(np.int32, copy=False).reshape(-1, 3)
-    result = np.empty((int(counts.sum()) - 2 * len(counts), 3), dtype=np.int32)
-    ends = np.cumsum(counts, dtype=np.int64)
-    polygon, corner, triangle = 0, 0, 0
-    while polygon < len(counts):
-        last = max(polygon + 1, int(np.searchsorted(ends, corner + _FAN_BLOCK, side="right")))
-        block = corners[corner : ends[last - 1]]
-        each = counts[polygon:last].astype(np.int64)
-        start = np.repeat(np.cumsum(each) - each, each - 2)
-        before = np.repeat(np.cumsum(each - 2) - (each - 2), each - 2)
-        second = start + (np.arange(len(start)) - before) + 1
-        part = result[triangle : triangle + len(start)]
-        part[:, 0], part[:, 1], part[:, 2] = block[start], block[second], block[second + 1]
-        polygon, corner, triangle = last, int(ends[last - 1]), triangle + len(start)
-    return result
-
-
-def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:
-    """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices."""
-    small = np.flatnonzero(np.asarray(counts) < 3)
-    if len(small):
-        raise broken(
-            path, f"face {small[0]} has {counts[small[0]]} vertices", "a face needs at least 3: remove it"
-        )
 
 
 def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = None) -> Mesh:

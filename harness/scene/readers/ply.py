@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from .checks import Mesh, broken, checked, fan, polygon_sizes, read_bytes
+from .checks import Mesh, broken, checked, read_bytes
+from .polygons import polygon_sizes, triangulate
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -68,30 +69,30 @@ def read_ply(path: Path) -> Mesh:
     index is out of range, a face has fewer than 3 vertices, or there are no faces.
     """
     data = _Data(path, *_header(path, read_bytes(path)))
-    points, faces = None, np.zeros((0, 3), dtype=np.int32)
+    points, counts, corners = None, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int32)
     for element in data.elements:
         if element.name == "vertex":
             points = data.positions(element)
         else:
-            counts, corners = data.corners(element)
+            sizes, indices = data.corners(element)
             if element.name == "face":
-                polygon_sizes(path, counts)
-                faces = _fans(path, counts, corners)
+                polygon_sizes(path, sizes)
+                counts, corners = sizes, _indices(path, indices)
     data.finish()
     if points is None:
         raise broken(path, "has no element 'vertex'")
-    return checked(path, points, faces)
+    return checked(path, points, triangulate(points, counts, corners))
 
 
-def _fans(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]:
-    """The triangulated faces, after checking that the vertex indices are integers in the range of int32."""
+def _indices(path: Path, corners: NDArray) -> NDArray[np.int32]:
+    """The vertex indices, after checking that they are integers in the range of int32."""
     limit = 1 << 31
     whole = not len(corners) or (corners.min() >= -limit and corners.max() < limit)
     if whole and corners.dtype.kind == "f":
         whole = not (corners % 1 != 0).any()
     if not whole:
         raise broken(path, "a face has a vertex index that is not a whole number below 2^31")
-    return fan(counts, corners)
+    return corners.astype(np.int32, copy=False)
 
 
 def _header(path: Path, blob: bytes) -> tuple[str, list[_Element], memoryview]:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError, install
-from .checks import Mesh, broken, checked, fan, guarded, polygon_sizes, read_bytes
+from .checks import Mesh, broken, checked, guarded, read_bytes
+from .polygons import polygon_sizes, triangulate
 
 
 def missing() -> str:
@@ -66,7 +67,7 @@ def read_usd(path: Path) -> Mesh:
 
 
 def _one(path: Path, mesh: Any) -> tuple[NDArray, NDArray]:
-    """Positions float64 [n, 3] and fans of one mesh, indices from 0."""
+    """Positions float64 [n, 3] and triangles of one mesh, indices from 0."""
     points = _values(mesh.GetPointsAttr(), np.float64).reshape(-1, 3)
     counts = _values(mesh.GetFaceVertexCountsAttr(), np.int64)
     corners = _values(mesh.GetFaceVertexIndicesAttr(), np.int64)
@@ -78,7 +79,7 @@ def _one(path: Path, mesh: Any) -> tuple[NDArray, NDArray]:
     if len(corners) and (corners.min() < 0 or corners.max() >= len(points)):
         bad = int(corners.max()) if corners.min() >= 0 else int(corners.min())
         raise broken(path, f"{mesh.GetPath()}: a face names vertex {bad}, but there are {len(points)}")
-    faces = fan(counts, corners)
+    faces = triangulate(points, counts, corners)
     holes = _values(mesh.GetHoleIndicesAttr(), np.int64)
     if len(holes):
         faces = faces[~np.isin(np.repeat(np.arange(len(counts)), counts - 2), holes)]

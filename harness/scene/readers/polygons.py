@@ -1,0 +1,176 @@
+"""Triangulation of polygons: n corners give n - 2 triangles, in the order of the polygons.
+
+A fan about the first corner is right for a convex polygon, and for any other that its first corner sees all of. Where it
+is not, a quadrilateral is cut along its other diagonal, and a larger polygon has its ears clipped (mapbox_earcut).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import broken
+
+_BLOCK = 1 << 16
+"""Corners that are triangulated at a time."""
+
+_STRAIGHT = 1e-6
+"""Sine of the largest angle that counts as none, for corners on one line that float32 has rounded."""
+
+
+def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:
+    """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices."""
+    small = np.flatnonzero(np.asarray(counts) < 3)
+    if len(small):
+        raise broken(
+            path, f"face {small[0]} has {counts[small[0]]} vertices", "a face needs at least 3: remove it"
+        )
+
+
+def triangulate(
+    points: NDArray[np.floating], counts: NDArray[np.integer], corners: NDArray[np.integer]
+) -> NDArray[np.int32]:
+    """The triangles of polygons, int32 [sum(counts - 2), 3].
+
+    points   [vertex_count, 3]; may hold NaN: such a polygon is a fan
+    counts   number of corners of each polygon, at least 3
+    corners  the vertex indices of all polygons, one after the other, below 2^31. If one is out of range, all polygons are
+             fans: the caller refuses the file
+    """
+    faces = fan(counts, corners)
+    if len(faces) == len(counts) or corners.min() < 0 or corners.max() >= len(points):
+        return faces
+    counts = counts.astype(np.int64, copy=False)
+    triangles, starts = np.cumsum(counts - 2) - (counts - 2), np.cumsum(counts) - counts
+    wrong = _wrong_fans(points, counts, triangles, faces)
+    quads = wrong[counts[wrong] == 4]
+    a, b, c, d = (corners[starts[quads] + i] for i in range(4))
+    faces[triangles[quads]] = np.stack([b, c, d], axis=1)
+    faces[triangles[quads] + 1] = np.stack([b, d, a], axis=1)
+    for polygon in wrong[counts[wrong] > 4]:
+        own = corners[starts[polygon] : starts[polygon] + counts[polygon]].astype(np.int64)
+        cut = _clipped(_flat(points[own].astype(np.float64)))
+        if cut is not None:
+            faces[triangles[polygon] : triangles[polygon] + len(cut)] = own[cut]
+    return faces
+
+
+def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Polygons as fans about their first corner, int32 [sum(counts - 2), 3]; arguments as of :func:`triangulate`.
+
+    It works in blocks and needs little memory beside its result.
+    """
+    if (counts == 3).all():
+        return corners.astype(np.int32, copy=False).reshape(-1, 3)
+    result = np.empty((int(counts.sum()) - 2 * len(counts), 3), dtype=np.int32)
+    corner, triangle = 0, 0
+    for polygons in _blocks(counts):
+        each = counts[polygons].astype(np.int64)
+        block = corners[corner : corner + each.sum()]
+        start = np.repeat(np.cumsum(each) - each, each - 2)
+        before = np.repeat(np.cumsum(each - 2) - (each - 2), each - 2)
+        second = start + (np.arange(len(start)) - before) + 1
+        part = result[triangle : triangle + len(start)]
+        part[:, 0], part[:, 1], part[:, 2] = block[start], block[second], block[second + 1]
+        corner, triangle = corner + len(block), triangle + len(start)
+    return result
+
+
+def _blocks(counts: NDArray[np.integer]) -> Iterator[slice]:
+    """The polygons in runs of about :data:`_BLOCK` corners, at least one polygon each."""
+    ends = np.cumsum(counts, dtype=np.int64)
+    first, corner = 0, 0
+    while first < len(counts):
+        last = max(first + 1, int(np.searchsorted(ends, corner + _BLOCK, side="right")))
+        yield slice(first, last)
+        first, corner = last, int(ends[last - 1])
+
+
+def _wrong_fans(
+    points: NDArray[np.floating],
+    counts: NDArray[np.int64],
+    triangles: NDArray[np.int64],
+    faces: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    """The polygons whose fan has a triangle that is turned against the polygon's normal (Newell's).
+
+    triangles  the first triangle of each polygon in ``faces``, its fans
+    """
+    found = [np.zeros(0, dtype=np.int64)]
+    for polygons in _blocks(counts):
+        each, first = counts[polygons] - 2, int(triangles[polygons][0])
+        if (each == 1).all():
+            continue
+        own = faces[first : first + each.sum()]
+        with np.errstate(invalid="ignore", over="ignore"):
+            corner = points[own[:, 0]].astype(np.float64)
+            e, f = points[own[:, 1]] - corner, points[own[:, 2]] - corner
+            area = np.cross(e, f)
+            normal = np.repeat(np.add.reduceat(area, triangles[polygons] - first), each, axis=0)
+            noise = _STRAIGHT * np.sqrt(_dot(e, e)) * np.sqrt(_dot(f, f)) * np.sqrt(_dot(normal, normal))
+            turned = _dot(area, normal) < -noise
+        polygon = np.repeat(np.arange(polygons.start, polygons.stop), each)
+        found.append(np.unique(polygon[turned]))
+    return np.concatenate(found)
+
+
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A polygon's corners [n, 3] seen along the axis that its normal is nearest to, counterclockwise, [n, 2]."""
+    own = points - points[0]
+    own /= np.abs(own).max()
+    normal = np.cross(own[1:-1], own[2:]).sum(axis=0)
+    axis = int(np.abs(normal).argmax())
+    seen = [(axis + 1) % 3, (axis + 2) % 3]
+    return np.ascontiguousarray(own[:, seen if normal[axis] > 0 else seen[::-1]])
+
+
+def _clipped(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """The triangles of a polygon by clipping its ears, int [n - 2, 3]; None if it crosses itself so that there are fewer.
+
+    mapbox_earcut leaves out corners on a line and coincident ones. The rings that these leave between the triangles and
+    the polygon have no area; their fans are added, so that no corner is lost and none lies on another triangle's edge.
+    """
+    from mapbox_earcut import triangulate_float64  # imported here because most files have no such polygon
+
+    count = len(flat)
+    cut = triangulate_float64(flat, np.array([count], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)
+    e, f = flat[cut[:, 1]] - flat[cut[:, 0]], flat[cut[:, 2]] - flat[cut[:, 0]]
+    turned = e[:, 0] * f[:, 1] < e[:, 1] * f[:, 0]
+    cut[turned] = cut[turned][:, [0, 2, 1]]
+    if len(cut) < count - 2:
+        rings = [np.array(ring) for ring in _rings_left(cut, count)]
+        sizes = np.array([len(ring) for ring in rings])
+        if len(rings) and sizes.min() > 2:
+            cut = np.concatenate([cut, fan(sizes, np.concatenate(rings))])
+    return cut if len(cut) == count - 2 else None
+
+
+def _rings_left(cut: NDArray[np.int64], count: int) -> list[list[int]]:
+    """The closed rings between the outline of triangles and the polygon 0, 1 ... ``count`` - 1 that they are cut from."""
+    inner = {(int(t[i]), int(t[(i + 1) % 3])) for t in cut for i in range(3)}
+    outline = {edge for edge in inner if edge[::-1] not in inner}
+    ring = {(i, (i + 1) % count) for i in range(count)}
+    left: dict[int, list[int]] = {}
+    for start, end in sorted((ring - outline) | {edge[::-1] for edge in outline - ring}):
+        left.setdefault(start, []).append(end)
+    rings = []
+    while left:
+        first = at = next(iter(left))
+        found = []
+        while at in left:
+            found.append(at)
+            end = left[at].pop()
+            if not left[at]:
+                del left[at]
+            at = end
+            if at == first:
+                break
+        rings.append(found)
+    return rings
