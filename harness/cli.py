@@ -18,9 +18,11 @@ from .commands.compare import compare
 from .commands.keep import keep
 from .commands.new_method import new_method
 from .commands.options import (
+    AllowMissing,
     CameraPlace,
     Device,
     Fov,
+    FrameRate,
     Json,
     Lights,
     MemoryLimit,
@@ -29,6 +31,7 @@ from .commands.options import (
     complete_experiment,
     complete_scene,
     method_option,
+    number_or_frames,
     view_of,
 )
 from .commands.plan import plan
@@ -92,12 +95,15 @@ def run_(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
     frames: Annotated[
-        int | None,
+        str | None,
         typer.Option(
             "--frames",
-            metavar="N",
-            help="Number of frames of an animated scene; 1: the middle frame. Default: the preset's.",
+            metavar="N or A:B:STEP",
+            help="Number of frames of an animated scene that are measured; 1: the middle frame. Default: the preset's. "
+            "With colons: of an animated file the first frame, the last and the step, counted from 0.",
         ),
     ] = None,
     samples: Annotated[
@@ -171,6 +177,8 @@ def run_(
     """
     from .commands.run import dry, plan_run, run, run_on_cluster
 
+    count, of_file = number_or_frames(frames)
+
     def planned(elsewhere: str | None = None) -> Options:
         return plan_run(
             experiment,
@@ -183,13 +191,13 @@ def run_(
             out,
             size,
             {
-                "frames": frames,
+                "frames": count,
                 "samples": samples,
                 "rounds": rounds,
                 "budget_s": budget,
                 "timeout_s": timeout,
             },
-            view_of(camera, fov, light),
+            view_of(camera, fov, light, of_file, rate, allow_missing),
             elsewhere,
             seed=seed,
             save_answers=save_answers,
@@ -281,8 +289,13 @@ def render_(
         int, typer.Option("--frame", metavar="N", help="Frame of an animated scene, from 0.")
     ] = 0,
     frames: Annotated[
-        int | None,
-        typer.Option("--frames", metavar="N", help="Number of frames of the animation. Default: all."),
+        str | None,
+        typer.Option(
+            "--frames",
+            metavar="N or A:B:STEP",
+            help="Number of frames of the animation. Default: all. With colons: of an animated file the first frame, the "
+            "last and the step, counted from 0.",
+        ),
     ] = None,
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="SECONDS", help="Length of the animation.")
@@ -290,6 +303,8 @@ def render_(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
     setting: Settings = None,
     device: Device = None,
     scene_dir: SceneDir = None,
@@ -304,17 +319,17 @@ def render_(
 
     (entry,) = parse_settings(setting or [], (Entry(method),))
     settings = dict(entry.settings)
+    count, of_file = number_or_frames(frames)
+    seen = view_of(camera, fov, light, of_file, rate, allow_missing)
     if (out is None) == (animation is None):
         raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
     if animation is not None:
-        picture = animate(
-            scene, method, animation, size, frames, seconds, device, scene_dir, settings, camera, fov, light
-        )
+        picture = animate(scene, method, animation, size, count, seconds, device, scene_dir, settings, seen)
     else:
         assert out is not None
         if len(scene) > 1:
             raise UserError(f"render {' '.join(scene)}: --out shows one scene; --animate shows several")
-        picture = render(scene[0], method, out, size, frame, device, scene_dir, settings, camera, fov, light)
+        picture = render(scene[0], method, out, size, frame, device, scene_dir, settings, seen)
     print(f"written: {picture}", file=sys.stderr)
     return 0
 

@@ -12,7 +12,21 @@ import typer
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine_lock import MACHINE
-from .options import CameraPlace, Device, Fov, Frame, Json, Lights, Methods, SceneDir, Settings, view_of
+from .options import (
+    AllowMissing,
+    CameraPlace,
+    Device,
+    FileFrames,
+    Fov,
+    Frame,
+    FrameRate,
+    Json,
+    Lights,
+    Methods,
+    SceneDir,
+    Settings,
+    view_of,
+)
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -37,6 +51,9 @@ def explain(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    frames: FileFrames = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
@@ -52,7 +69,6 @@ def explain(
     from ..judge.score import judge_frame, judge_rays
     from ..runner.experiment import Entry, parse_size
     from ..runner.points import parse_settings
-    from ..scene.catalogue import resolve
     from ..scene.prepared import prepare
     from .answering import answer
 
@@ -64,7 +80,8 @@ def explain(
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
-    described = view_of(camera, fov, light).applied(resolve(scene, scene_dir))
+    view = view_of(camera, fov, light, frames, rate, allow_missing)
+    described = view.resolved(scene, scene_dir)
     MACHINE.share()
     prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:

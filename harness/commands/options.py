@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +12,11 @@ import typer
 from ..errors import UserError
 from ..scene.chosen_view import ChosenView
 from ..scene.declaration import FARTHEST
+from ..scene.readers.checks import Wanted, frames_of
 from ..scene.scene import Vector
+
+FASTEST = 1e6
+"""Largest rate of an animation, frames a second."""
 
 
 def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
@@ -100,10 +105,57 @@ Lights = Annotated[
 ]
 
 
-def view_of(camera: tuple[str, str] | None, fov: float | None, lights: list[str] | None) -> ChosenView:
-    """The view of ``--camera``, ``--fov`` and ``--light``. Raises :class:`UserError` for a malformed position."""
+FileFrames = Annotated[
+    str | None,
+    typer.Option(
+        "--frames",
+        metavar="A:B:STEP",
+        help="Frames of an animated file: the first, the last and the step, counted from 0. Default: all.",
+    ),
+]
+FrameRate = Annotated[
+    float | None,
+    typer.Option(
+        "--rate",
+        metavar="FPS",
+        help="Frames a second at which the animation of a file is sampled. Default: as the file says.",
+    ),
+]
+AllowMissing = Annotated[
+    bool,
+    typer.Option(
+        "--allow-missing",
+        help="Leave out what a missing file would have held, instead of refusing the scene.",
+    ),
+]
+
+
+def view_of(
+    camera: tuple[str, str] | None,
+    fov: float | None,
+    lights: list[str] | None,
+    frames: str | None = None,
+    rate: float | None = None,
+    allow_missing: bool = False,
+) -> ChosenView:
+    """What ``--camera``, ``--fov``, ``--light``, ``--frames``, ``--rate`` and ``--allow-missing`` ask of a scene.
+
+    Raises :class:`UserError` for a malformed value.
+    """
     ends = None if camera is None else (_place("--camera", camera[0]), _place("--camera", camera[1]))
-    return ChosenView(ends, fov, tuple(_place("--light", text) for text in lights or ()))
+    if rate is not None and not 0.0 < rate <= FASTEST:
+        raise UserError(f"--rate {rate:g}: must lie between 0 and {FASTEST:g} frames a second")
+    wanted = Wanted(frames_of(frames), allow_missing, rate)
+    return ChosenView(ends, fov, tuple(_place("--light", text) for text in lights or ()), wanted)
+
+
+def number_or_frames(text: str | None) -> tuple[int | None, str | None]:
+    """The value of a ``--frames`` that takes either a number of frames, or the frames A:B:STEP of a file."""
+    if text is None or ":" in text:
+        return None, text
+    if not re.fullmatch(r"-?\d+", text):
+        raise UserError(f"--frames {text!r}: give a number of frames, or those of a file as A:B:STEP")
+    return int(text), None
 
 
 def _place(option: str, text: str) -> Vector:

@@ -17,12 +17,23 @@ from ..frame.schedule import Step, steps, wanted_of
 from ..frame.session import Session
 from ..runner.experiment import Entry, parse_size
 from ..runner.points import parse_settings
-from ..scene.catalogue import resolve
+from ..scene.chosen_view import AS_IT_IS, ChosenView
 from ..scene.effects import Effects
 from ..scene.facts import triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
-from .options import Device, Json, Methods, SceneDir, Settings, Size
+from .options import (
+    AllowMissing,
+    Device,
+    FileFrames,
+    FrameRate,
+    Json,
+    Methods,
+    SceneDir,
+    Settings,
+    Size,
+    view_of,
+)
 from .tables import table_blocks
 
 if TYPE_CHECKING:
@@ -35,6 +46,9 @@ def plan(
     setting: Settings = None,
     size: Size = "256x256",
     device: Device = None,
+    frames: FileFrames = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
@@ -43,7 +57,8 @@ def plan(
     The passes are listed for the first frame, and for a later frame in which only the camera, only one light, only the
     geometry or nothing has changed.
     """
-    found = frame_plan(scene, method or [], size, device, scene_dir, setting or [])
+    view = view_of(None, None, None, frames, rate, allow_missing)
+    found = frame_plan(scene, method or [], size, device, scene_dir, setting or [], view)
     if as_json:
         print(json.dumps(found, indent=1))
     else:
@@ -58,12 +73,13 @@ def frame_plan(
     device: str | None = None,
     scene_dir: Path | None = None,
     settings: Sequence[str] = (),
+    view: ChosenView = AS_IT_IS,
 ) -> dict[str, Any]:
     """What the command prints, as JSON types. Raises :class:`UserError` for an unknown name."""
     width, height = parse_size(size)
     place = find_device(device)
     entries = parse_settings(list(settings), tuple(Entry(name) for name in methods or method_names()))
-    described = resolve(scene, scene_dir)
+    described = view.resolved(scene, scene_dir)
     prepared = prepare(described)
     effects = Effects.of(described)
     return {

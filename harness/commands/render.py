@@ -14,12 +14,11 @@ from ..frame.registry import make_method
 from ..frame.session import Session
 from ..runner.experiment import parse_size
 from ..runner.machine_lock import MACHINE
-from ..scene.catalogue import resolve
+from ..scene.chosen_view import AS_IT_IS, ChosenView
 from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
-from .options import view_of
 
 PLACES = 48
 """Number of places of the light around a scene that does not move, without ``--frames``."""
@@ -104,9 +103,7 @@ def render(
     device: str | None = None,
     scene_dir: Path | None = None,
     settings: dict[str, str] | None = None,
-    camera: tuple[str, str] | None = None,
-    fov: float | None = None,
-    lights: list[str] | None = None,
+    view: ChosenView = AS_IT_IS,
 ) -> Path:
     """Draw one frame into a PNG file, with a caption if the scene is a stand-in.
 
@@ -116,7 +113,7 @@ def render(
 
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
-    described = view_of(camera, fov, lights).applied(resolve(scene, scene_dir))
+    described = view.resolved(scene, scene_dir)
     made = opened(scene, described, method, parse_size(size), device, settings)
     if not 0 <= frame < made.prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {made.prepared.frame_count - 1}")
@@ -137,9 +134,7 @@ def animate(
     device: str | None = None,
     scene_dir: Path | None = None,
     settings: dict[str, str] | None = None,
-    camera: tuple[str, str] | None = None,
-    fov: float | None = None,
-    lights: list[str] | None = None,
+    view: ChosenView = AS_IT_IS,
 ) -> Path:
     """Draw the frames of scenes into one looping WebP file; several scenes stand side by side.
 
@@ -159,7 +154,7 @@ def animate(
     check_animation(width * len(scenes), height, frames or 2)
     shown: list[Renderer] = []
     for name in scenes:
-        described = view_of(camera, fov, lights).applied(resolve(name, scene_dir))
+        described = view.resolved(name, scene_dir)
         shown.append(opened(name, described, method, (width, height), device, settings, frames or PLACES))
     count = frames or max(one.prepared.frame_count for one in shown)
     check_animation(width * len(shown), height, count)

@@ -22,7 +22,6 @@ from ..runner.points import parse_settings, refuse_own_settings
 from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder
-from ..scene.catalogue import resolve
 from ..scene.chosen_view import ChosenView
 from .options import checked_limit
 
@@ -93,7 +92,7 @@ def plan_run(
     seen = view or ChosenView()
     for scene in changes["scenes"]:
         # Pictures and tables identify a scene by its name.
-        other = named.setdefault(seen.applied(resolve(scene, where)).name, scene)
+        other = named.setdefault(seen.resolved(scene, where).name, scene)
         if other != scene:
             raise UserError(
                 f"--scene {scene}: has the same name as {other}; rename one of them, or run it separately"

@@ -19,10 +19,13 @@ from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
 from .options import (
+    AllowMissing,
     CameraPlace,
     Device,
+    FileFrames,
     Fov,
     Frame,
+    FrameRate,
     Json,
     Lights,
     MemoryLimit,
@@ -59,6 +62,9 @@ def verify(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    frames: FileFrames = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
     memory_limit: MemoryLimit = None,
     scene_dir: SceneDir = None,
     as_json: Json = False,
@@ -73,14 +79,13 @@ def verify(
     from ..frame.registry import method_names
     from ..runner.experiment import Entry, parse_size
     from ..runner.points import parse_settings
-    from ..scene.catalogue import resolve
 
     place = find_device(device)
     width, height = parse_size(size)
     names = list(dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
-    view = view_of(camera, fov, light)
-    scenes = [view.applied(resolve(name, scene_dir)) for name in scene]
+    view = view_of(camera, fov, light, frames, rate, allow_missing)
+    scenes = [view.resolved(name, scene_dir) for name in scene]
     limit = checked_limit(memory_limit)
     MACHINE.share()
     reports = []

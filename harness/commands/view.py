@@ -11,7 +11,18 @@ import typer
 from ..errors import UserError
 from ..runner.experiment import PACKAGE, parse_size
 from ..runner.machine_lock import MACHINE
-from .options import CameraPlace, Device, Fov, Lights, SceneDir, Size, view_of
+from .options import (
+    AllowMissing,
+    CameraPlace,
+    Device,
+    FileFrames,
+    Fov,
+    FrameRate,
+    Lights,
+    SceneDir,
+    Size,
+    view_of,
+)
 
 if TYPE_CHECKING:
     from .viewer.frames import Frames
@@ -37,6 +48,9 @@ def view(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    frames: FileFrames = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
     device: Device = None,
     scene_dir: SceneDir = None,
     port: Annotated[
@@ -50,7 +64,6 @@ def view(
     reaches it, with the token in the address. The command ends when the page is closed.
     """
     from ..frame.devices import find_device
-    from ..scene.catalogue import resolve
     from ..scene.prepared import prepare
     from .viewer.frames import Frames
     from .viewer.server import Server, listen
@@ -61,20 +74,20 @@ def view(
     place = find_device(device)
     listening = listen(port)
     try:
-        described = view_of(camera, fov, light).applied(resolve(scene, scene_dir))
+        described = view_of(camera, fov, light, frames, rate, allow_missing).resolved(scene, scene_dir)
         MACHINE.share()
         prepared = prepare(described)
         if not 0 <= frame < prepared.frame_count:
             raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
-        frames = Frames(prepared, width, height, place)
-        chosen = method or default_method(frames)
-        frames.session(chosen)
+        shown = Frames(prepared, width, height, place)
+        chosen = method or default_method(shown)
+        shown.session(chosen)
         MACHINE.release()
         facts = {
             "title": described.title, "stand_in": described.stand_in, "method": chosen, "frame": frame,
-            "frames": prepared.frame_count, "methods": frames.methods(),
+            "frames": prepared.frame_count, "methods": shown.methods(),
         }  # fmt: skip
-        server = Server(frames, facts, listening)
+        server = Server(shown, facts, listening)
         print(server.address, flush=True)
         print(
             "open this address in a browser; closing the page ends the command", file=sys.stderr, flush=True

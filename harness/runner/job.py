@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ..results.journal import Journal
 from ..results.record import Record
-from ..scene.catalogue import resolve
 from ..scene.chosen_view import ChosenView
 from ..scene.overrides import Lighting
 from ..scene.scene import Scene
@@ -33,7 +32,7 @@ class Options:
 
     def described(self, scene: str) -> Scene:
         """A scene of the run, given by name or file, with the camera and the lights of the command line."""
-        return self.view.applied(resolve(scene, self.scene_dir))
+        return self.view.resolved(scene, self.scene_dir)
 
 
 @dataclass(eq=False)

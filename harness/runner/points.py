@@ -145,6 +145,7 @@ def make_point(
         "budget_s": preset.budget_s,
         "seed": seed,
         **{name: scene[name] for name in ("lighting", "surfaces_sha256") if scene.get(name)},
+        **_file_facts(scene),
         **({"maps": True} if preset.maps else {}),
         **({"memory": preset.memory} if preset.memory else {}),
         **({"wrong_maps": True} if preset.wrong_maps else {}),
@@ -154,6 +155,13 @@ def make_point(
     readable = re.sub(r"[^a-z0-9_.-]+", "-", stem.lower()).strip("-.")[:60]
     key = f"{readable}-{preset.width}x{preset.height}-{digest(configuration)[:16]}"
     return Point(key, entry, scene, method, configuration, frames, preset)
+
+
+def _file_facts(scene: dict[str, Any]) -> dict[str, Any]:
+    """What a key depends on where the scene is of files: the hash of all of them, and what was asked of them."""
+    source = scene.get("source") or {}
+    given = {"files_sha256": source.get("sha256"), "asked": source.get("asked")}
+    return {name: value for name, value in given.items() if value}
 
 
 def seed_of(text: str) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..files import write_atomic
 from ..results.folder import ResultsFolder, read_json
-from ..scene.catalogue import resolve
+from ..scene.chosen_view import ChosenView
 from ..scene.declaration import SUFFIX
 from ..scene.names import NAMES
 from .source_closure import HARNESS, closure_hash
@@ -40,5 +40,6 @@ def _scene_id(load: dict[str, Any]) -> str:
     what = {
         key: load[key] for key in ("scene", "frames", "width", "height", "lighting", "view") if key in load
     }
-    text = f"{what} {resolve(name, folder).source} {code} {np.__version__}"
+    source = ChosenView.read(load.get("view")).resolved(name, folder).source
+    text = f"{what} {source} {code} {np.__version__}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]

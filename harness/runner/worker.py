@@ -32,7 +32,6 @@ from ..frame.registry import make_method
 from ..frame.warp_init import start_warp
 from ..results.folder import FULL
 from ..results.pixel_maps import map_path, write_map
-from ..scene.catalogue import resolve
 from ..scene.chosen_view import ChosenView
 from ..scene.facts import scene_facts
 from ..scene.moment import Moment
@@ -105,7 +104,7 @@ class Worker:
         give_back_memory()
         start = time.perf_counter()
         lights, chosen = Lighting.read(lighting), ChosenView.read(view)
-        described = lights.longer(chosen.applied(resolve(scene, scene_dir)))
+        described = lights.longer(chosen.resolved(scene, scene_dir))
         of = json.dumps([scene, scene_dir, frames, lights.frames, view])
         if of not in self.base:
             base = prepare(described) if make else read_stored(Path(shared), described)
@@ -123,7 +122,7 @@ class Worker:
         self.last = Lit(prepared, moments, (width, height), scene, lights.changed)
         self.lit[lights.label] = self.last
         facts = {**scene_facts(prepared, moments), "lighting": lighting}
-        if chosen.changes:
+        if chosen.text():
             facts["view"] = chosen.text()
         elif facts["source"]["kind"] == "file" and is_within(next(iter(moments.values()))):
             facts["view"] = "automatic camera, from within"

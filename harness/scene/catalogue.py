@@ -17,7 +17,7 @@ from ..errors import UserError, did_you_mean, install, warn
 from .declaration import SUFFIX, declared_scene
 from .names import BUNNY, NAMES, scene_names
 from .readers import usd
-from .readers.checks import Loaded, exists, is_file, within_range
+from .readers.checks import ALL, Loaded, Wanted, exists, is_file, within_range
 from .readers.load import SUFFIXES, load, load_sequence, source
 from .readers.sequences import numbered
 from .scene import Camera, Light, Scene
@@ -48,23 +48,31 @@ VIEWS: dict[str, View] = {
 """Camera and lights of original scenes, by name; buildings are seen from inside. Others get the default view."""
 
 
-def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple[Path, ...] = ()) -> Scene:
+def resolve(
+    name: str | Path,
+    scene_dir: str | Path | None = None,
+    wanted: Wanted = ALL,
+    within: tuple[Path, ...] = (),
+) -> Scene:
     """The scene of a catalogue name, a mesh file, a folder of numbered frames, or a file that declares one (TOML).
 
     A name such as ``balls-300k`` is a scene of that many triangles (:mod:`.scene.standins.balls`). An original replaces
     its stand-in if ``scene_dir``, or the folder in the environment variable SHADOWBENCH_SCENES, has a file of its name.
     Raises :class:`UserError` for an unknown name, a missing folder and an unusable file: a broken original is never
-    replaced by its stand-in. ``within``: the declarations that refer to this one, to detect a cycle.
+    replaced by its stand-in. ``wanted``: what is asked of the file; frames of what has no file are refused. ``within``: the
+    declarations that refer to this one, to detect a cycle.
     """
     text = str(name)
     if text in scene_names():
         files = original(text, scene_dir)
         if files:
-            return _from_files(files, text, TITLES[text])
-        return (
-            _bunny() if text == BUNNY else importlib.import_module(f".standins.{text}", __package__).scene()
-        )
+            return _from_files(files, text, TITLES[text], wanted)
+        if text == BUNNY:
+            return _bunny(wanted)
+        _without_file(text, wanted)
+        return importlib.import_module(f".standins.{text}", __package__).scene()
     if balls.count_of(text) is not None:
+        _without_file(text, wanted)
         return balls.scene(text)
     path = Path(text)
     if path.suffix.lower() == SUFFIX:
@@ -74,14 +82,21 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple
             raise UserError(f"{path}: cannot read ({' '.join(str(error).split())})") from error
         if here in within:
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
-        scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, (*within, here)))
+        scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, wanted, (*within, here)))
         # A scene of the paper with other lights or effects gets another name: the paper's numbers do not apply.
         plain = _plain(path.stem)
         return replace(scene, name=f"{plain}-declared" if plain in scene_names() else plain)
     if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         known = path.stem.lower()
-        return _from_files(path, known if known in NAMES else _plain(path.stem), path.name)
+        return _from_files(path, known if known in NAMES else _plain(path.stem), path.name, wanted)
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
+
+
+def _without_file(name: str, wanted: Wanted) -> None:
+    """Raise :class:`UserError` if frames are asked of a scene that is no file."""
+    if wanted.frames is not None or wanted.rate is not None:
+        option = "--frames A:B:STEP" if wanted.frames is not None else "--rate"
+        raise UserError(f"{name}: {option} is for files; this scene is procedural, leave it out")
 
 
 def folder(scene_dir: str | Path | None = None) -> Path | None:
@@ -132,9 +147,9 @@ def _called(files: Path | list[Path]) -> str:
     return f"{files[0].name} ... {files[-1].name}" if isinstance(files, list) else files.name
 
 
-def _from_files(files: Path | list[Path], name: str, title: str) -> Scene:
+def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted = ALL) -> Scene:
     """A scene loaded from files, with a view chosen from its shape. Raises :class:`UserError` for a broken file."""
-    loaded: Loaded = load_sequence(files) if isinstance(files, list) else load(files)
+    loaded: Loaded = load_sequence(files, wanted) if isinstance(files, list) else load(files, wanted)
     within_range(loaded)
     camera, lights = VIEWS.get(name, view)(shape_of(loaded))
     return Scene(
@@ -143,12 +158,12 @@ def _from_files(files: Path | list[Path], name: str, title: str) -> Scene:
         loaded.geometry,
         camera,
         lights,
-        source=source(loaded.files),
+        source=source(loaded.files, wanted),
         notes="; ".join(loaded.notes),
     )
 
 
-def _bunny() -> Scene:
+def _bunny(wanted: Wanted) -> Scene:
     """The bunny of the warp-lang package."""
     spec = importlib.util.find_spec("warp")
     if spec is None or not spec.submodule_search_locations:
@@ -163,7 +178,8 @@ def _bunny() -> Scene:
     if not usd.available():
         raise UserError(f"bunny: {usd.missing()}")
     return replace(
-        _from_files(path, BUNNY, TITLES[BUNNY]), notes="a real mesh, bunny.usd of the warp-lang package"
+        _from_files(path, BUNNY, TITLES[BUNNY], wanted),
+        notes="a real mesh, bunny.usd of the warp-lang package",
     )
 
 

@@ -1,15 +1,18 @@
-"""A camera and point lights that a user gives in place of those of a scene."""
+"""What a user asks of a scene beyond its name: a camera and point lights in place of its own, and frames of its file."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from .catalogue import resolve
 from .moment import ray_tables
+from .readers.checks import ALL, Wanted
 from .scene import Light, Scene, Vector
 
 
@@ -20,16 +23,22 @@ class ChosenView:
     camera  eye and target, in scene coordinates
     fov     vertical field of view, degrees
     lights  positions of point lights, in scene coordinates; they replace the scene's lights and do not move
+    wanted  what is asked of the scene's file
     """
 
     camera: tuple[Vector, Vector] | None = None
     fov: float | None = None
     lights: tuple[Vector, ...] = ()
+    wanted: Wanted = ALL
 
     @property
     def changes(self) -> bool:
         """Whether anything is given."""
         return self != ChosenView()
+
+    def resolved(self, name: str | Path, scene_dir: str | Path | None = None) -> Scene:
+        """The scene of a name or a file (:func:`.catalogue.resolve`), with this camera and these lights."""
+        return self.applied(resolve(name, scene_dir, self.wanted))
 
     def applied(self, scene: Scene) -> Scene:
         """The scene with this camera and these lights. Raises :class:`UserError` for a degenerate camera."""
@@ -54,6 +63,7 @@ class ChosenView:
             "camera": self.camera and [list(place) for place in self.camera],
             "fov": self.fov,
             "lights": [list(place) for place in self.lights],
+            "wanted": self.wanted.facts(),
         }
         return {name: value for name, value in given.items() if value}
 
@@ -80,7 +90,12 @@ class ChosenView:
             (_vector(camera[0]), _vector(camera[1])) if camera else None,
             known.get("fov"),
             tuple(_vector(place) for place in known.get("lights", ())),
+            Wanted.read(known.get("wanted", {})),
         )
+
+
+AS_IT_IS = ChosenView()
+"""The scene with its own camera and lights, and all of its file."""
 
 
 def _vector(numbers: list[float]) -> Vector:

@@ -6,9 +6,9 @@ scene is float64 until :mod:`.scene.prepared` recentres and rounds it once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,13 +146,15 @@ class Geometry:
 class Source:
     """Where a scene's geometry came from; goes into every record.
 
-    ``kind`` is ``procedural`` or ``file``. ``sha256`` is the file's hash (empty for procedural geometry; the
-    hash of the arrays is taken apart from this, in :mod:`.scene.prepared`).
+    ``kind`` is ``procedural`` or ``file``. ``sha256`` is the hash of all files that were read (empty for procedural
+    geometry; the hash of the arrays is taken apart from this, in :mod:`.scene.prepared`). ``asked``: what was asked of the
+    files beyond their triangles (:meth:`.readers.checks.Wanted.facts`).
     """
 
     kind: str = "procedural"
     file: str = ""
     sha256: str = ""
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

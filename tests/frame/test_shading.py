@@ -16,6 +16,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.frame.shading import AMBIENT, HEADLIGHT, REFLECTANCE, SKY_BOTTOM, SKY_TOP, shaded
 from shadowbench.harness.judge.receivers import strength
 from shadowbench.harness.report.picture import display, shade
+from shadowbench.harness.scene import chosen_view
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 
@@ -214,7 +215,7 @@ def test_a_moved_light_is_shaded_anew():
 def test_render_shows_mirrors_where_a_scene_declares_them(tmp_path, monkeypatch):
     pictures = []
     for bounces in (0, 2):
-        monkeypatch.setattr(render_command, "resolve", lambda *_, bounces=bounces: room(bounces).scene)
+        monkeypatch.setattr(chosen_view, "resolve", lambda *_, bounces=bounces: room(bounces).scene)
         path = render_command.render(
             "room", "uniform_grid", tmp_path / f"{bounces}.png", "48x48", device="cpu"
         )

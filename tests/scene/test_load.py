@@ -10,8 +10,9 @@ from helpers.mesh_files import refused, written
 from helpers.real_scenes import MESHES, needs_real
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
-from shadowbench.harness.scene.readers.checks import MAX_LINE, fan
+from shadowbench.harness.scene.readers.checks import MAX_LINE
 from shadowbench.harness.scene.readers.load import load, source
+from shadowbench.harness.scene.readers.polygons import fan
 from shadowbench.harness.scene.scene import Camera, Scene
 
 PENTAGON = [(0, 1, 2, 3, 4), (0, 1, 2), (0, 1, 2, 3)]

@@ -39,8 +39,7 @@ FRAMES = [np.eye(3), np.eye(3)[[2, 0, 1]], np.linalg.qr(np.random.default_rng(3)
 @pytest.mark.parametrize("frame", FRAMES, ids=["level", "upright", "oblique"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_triangles_of_a_concave_polygon_cover_it_once(shape, frame):
-    outline = SHAPES[shape]
-    for outline in (outline, outline[::-1]):
+    for outline in (SHAPES[shape], SHAPES[shape][::-1]):
         for turn in range(len(outline)):
             points = placed(outline, turn, frame)
             faces = cut(points)
@@ -75,7 +74,13 @@ def test_float32_noise_on_a_straight_side_keeps_the_fan():
 
 
 def test_polygons_keep_their_order_and_their_number_of_triangles():
-    parts = [placed(ARROW, 1), placed([(0, 0), (1, 0), (0, 1)]), placed(COMB, 5), placed(ARROW, 0), placed(STAIR, 3)]
+    parts = [
+        placed(ARROW, 1),
+        placed([(0, 0), (1, 0), (0, 1)]),
+        placed(COMB, 5),
+        placed(ARROW, 0),
+        placed(STAIR, 3),
+    ]
     counts = np.array([len(part) for part in parts])
     points, starts = np.concatenate(parts), np.cumsum(counts) - counts
     faces = triangulate(points, counts, np.arange(len(points)))
@@ -111,4 +116,7 @@ def test_what_has_no_triangulation_still_has_its_number_of_triangles(points):
 
 
 def test_an_index_out_of_range_is_left_to_the_check():
-    assert triangulate(np.zeros((3, 3)), np.array([4]), np.array([0, 1, 2, 7])).tolist() == [[0, 1, 2], [0, 2, 7]]
+    assert triangulate(np.zeros((3, 3)), np.array([4]), np.array([0, 1, 2, 7])).tolist() == [
+        [0, 1, 2],
+        [0, 2, 7],
+    ]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +61,60 @@ class Mesh:
 class Wanted:
     """What is asked of a file beyond its triangles.
 
-    frames         first, last and step of its animation's frames, counted from 0; None: all
+    frames         first, last and step of its animation's frames, counted from 0, the last included; None: all. Their last
+                   None: to the end
     allow_missing  whether a file that it refers to may be absent: what it would have held is left out, with a note
+    rate           frames a second at which its animation is sampled; None: as the file says
     """
 
     frames: tuple[int, int | None, int] | None = None
     allow_missing: bool = False
+    rate: float | None = None
+
+    def chosen(self, path: Path, count: int) -> range:
+        """The wanted ones of a file's ``count`` frames. Raises :class:`UserError` if one is not there."""
+        if self.frames is None:
+            return range(count)
+        first, last, step = self.frames
+        last = count - 1 if last is None else last
+        if not 0 <= first <= last < count:
+            has = f"frames 0 to {count - 1}" if count > 1 else "one frame, 0"
+            raise UserError(f"{path}: has {has}; --frames {self.text()} asks for others")
+        return range(first, last + 1, step)
+
+    def text(self) -> str:
+        """The wanted frames as on the command line; "" for all."""
+        if self.frames is None:
+            return ""
+        first, last, step = self.frames
+        return f"{first}:{'' if last is None else last}:{step}"
+
+    def facts(self) -> dict[str, Any]:
+        """What is asked for, as JSON types; {} for nothing."""
+        given = {"frames": self.text(), "allow_missing": self.allow_missing, "rate": self.rate}
+        return {name: value for name, value in given.items() if value}
+
+    @staticmethod
+    def read(facts: Mapping[str, Any]) -> Wanted:
+        """What has these :meth:`facts`."""
+        return Wanted(frames_of(facts.get("frames")), bool(facts.get("allow_missing")), facts.get("rate"))
+
+
+ALL = Wanted()
+"""Every frame, and every file that is referred to."""
+
+
+def frames_of(text: str | None) -> tuple[int, int | None, int] | None:
+    """First, last and step of ``A:B:STEP``, of which each may be empty. Raises :class:`UserError` for other texts."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d*):(\d*)(?::(\d*))?", text.strip())
+    first, last, step = (int(x) if x else None for x in match.groups()) if match else (None, None, 0)
+    if step == 0 or (last is not None and last < (first or 0)):
+        raise UserError(
+            f"--frames {text!r}: write A:B:STEP, the first frame, the last and the step, as in 0:90:10 or 5:"
+        )
+    return first or 0, last, step or 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import Mesh, broken, checked, guarded, read_bytes
+from .checks import ALL, Mesh, Wanted, broken, checked, guarded, read_bytes
 
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -31,7 +31,7 @@ _INSTANCED = 1 << 25
 """Largest number of triangles including instances; through nested instances a small file could have any number."""
 
 
-def read_glb(path: Path) -> Mesh:
+def read_glb(path: Path, wanted: Wanted = ALL) -> Mesh:
     """All triangles of the default scene; transformed positions are float64. In glTF, y is up.
 
     Morph targets and skins are ignored (the rest pose is read); points and lines are skipped. Raises

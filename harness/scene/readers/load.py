@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from ...errors import UserError, did_you_mean
 from ..scene import Source
-from .checks import Loaded, Mesh
+from .checks import ALL, Loaded, Mesh, Wanted
 from .glb import read_glb
 from .obj import read_obj
 from .ply import read_ply
@@ -16,7 +17,7 @@ from .sequences import load_frames, load_npz, numbered
 from .stl import read_stl
 from .usd import read_usd
 
-READERS: dict[str, Callable[[Path], Mesh]] = {
+READERS: dict[str, Callable[[Path, Wanted], Mesh]] = {
     ".ply": read_ply,
     ".obj": read_obj,
     ".glb": read_glb,
@@ -27,12 +28,15 @@ READERS: dict[str, Callable[[Path], Mesh]] = {
     ".usdz": read_usd,
 }
 
+STILL = (".ply", ".obj", ".stl")
+"""Formats whose files hold one frame."""
+
 SUFFIXES = (".npz", *READERS)
 """The supported file name endings."""
 
 
-def load(path: str | Path) -> Loaded:
-    """A mesh file, an ``.npz`` sequence, or a folder of numbered frames.
+def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
+    """A mesh file, an ``.npz`` sequence, or a folder of numbered frames; of its frames those ``wanted``.
 
     Raises :class:`UserError` for everything that is not a valid mesh of at least one triangle. Vertices with NaN are
     allowed: their triangles are never hit.
@@ -44,15 +48,17 @@ def load(path: str | Path) -> Loaded:
             raise UserError(
                 f"{path}: this folder has no numbered .ply or .obj frames; give a file or a folder that has them"
             )
-        return load_sequence(frames)
+        return load_sequence(frames, wanted)
     suffix = path.suffix.lower()
     if suffix == ".npz":
-        return load_npz(path)
+        return load_npz(path, wanted)
     if suffix not in READERS:
         if not path.exists():
             raise UserError(f"{path}: no such file; check the path")
         raise UserError(f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, SUFFIXES)}")
-    mesh = READERS[suffix](path)
+    if suffix in STILL:
+        wanted.chosen(path, 1)
+    mesh = READERS[suffix](path, wanted)
     return Loaded(
         mesh.faces,
         (mesh.points, *mesh.later),
@@ -65,13 +71,15 @@ def load(path: str | Path) -> Loaded:
     )
 
 
-def load_sequence(paths: list[Path]) -> Loaded:
-    """Numbered frames, all of one format, in the order given."""
-    return load_frames(paths, READERS[paths[0].suffix.lower()])
+def load_sequence(paths: list[Path], wanted: Wanted = ALL) -> Loaded:
+    """Numbered frames, all of one format, in the order given; of these the ``wanted`` ones. Each file gives one frame."""
+    chosen = wanted.chosen(paths[0].parent, len(paths))
+    read, first = READERS[paths[0].suffix.lower()], replace(wanted, frames=(0, 0, 1))
+    return load_frames([paths[k] for k in chosen], lambda path: read(path, first))
 
 
-def source(files: tuple[Path, ...]) -> Source:
-    """The names of the files and one SHA-256 of their contents in order, for the record."""
+def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:
+    """The names of the files, one SHA-256 of their contents in order, and what was asked of them, for the record."""
     digest = hashlib.sha256()
     for path in files:
         with path.open("rb") as stream:
@@ -79,5 +87,8 @@ def source(files: tuple[Path, ...]) -> Source:
                 digest.update(block)
     first, last = files[0].name, files[-1].name
     return Source(
-        "file", first if len(files) == 1 else f"{first}..{last} ({len(files)} files)", digest.hexdigest()
+        "file",
+        first if len(files) == 1 else f"{first}..{last} ({len(files)} files)",
+        digest.hexdigest(),
+        wanted.facts(),
     )

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import UserError
-from .checks import MAX_LINE, Mesh, broken, checked, read_bytes
+from .checks import ALL, MAX_LINE, Mesh, Wanted, broken, checked, read_bytes
 
 _INDEX_LIMIT = 1 << 31
 
 
-def read_obj(path: Path) -> Mesh:
+def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
     """Positions float64 (``v``; weights and colours are ignored) and the triangulated faces (``f``).
 
     Unused vertices are retained. Texture, normal, group, material, line and curve records are skipped. Needs memory of

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from .checks import Mesh, broken, checked, read_bytes
+from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
 from .polygons import polygon_sizes, triangulate
 
 _TYPES = {
@@ -62,7 +62,7 @@ class _Element:
         return [p for p in self.properties if p.count_kind]
 
 
-def read_ply(path: Path) -> Mesh:
+def read_ply(path: Path, wanted: Wanted = ALL) -> Mesh:
     """Positions (float32 if a binary file stores float32, else float64) and triangulated faces, in file order.
 
     Needs memory of up to about ten times the file's size. Raises :class:`UserError` if header and contents disagree, an

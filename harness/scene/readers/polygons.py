@@ -43,15 +43,15 @@ def triangulate(
     faces = fan(counts, corners)
     if len(faces) == len(counts) or corners.min() < 0 or corners.max() >= len(points):
         return faces
-    counts = counts.astype(np.int64, copy=False)
-    triangles, starts = np.cumsum(counts - 2) - (counts - 2), np.cumsum(counts) - counts
-    wrong = _wrong_fans(points, counts, triangles, faces)
-    quads = wrong[counts[wrong] == 4]
+    sizes = counts.astype(np.int64)
+    triangles, starts = np.cumsum(sizes - 2) - (sizes - 2), np.cumsum(sizes) - sizes
+    wrong = _wrong_fans(points, sizes, triangles, faces)
+    quads = wrong[sizes[wrong] == 4]
     a, b, c, d = (corners[starts[quads] + i] for i in range(4))
     faces[triangles[quads]] = np.stack([b, c, d], axis=1)
     faces[triangles[quads] + 1] = np.stack([b, d, a], axis=1)
-    for polygon in wrong[counts[wrong] > 4]:
-        own = corners[starts[polygon] : starts[polygon] + counts[polygon]].astype(np.int64)
+    for polygon in wrong[sizes[wrong] > 4]:
+        own = corners[starts[polygon] : starts[polygon] + sizes[polygon]].astype(np.int64)
         cut = _clipped(_flat(points[own].astype(np.float64)))
         if cut is not None:
             faces[triangles[polygon] : triangles[polygon] + len(cut)] = own[cut]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from ...errors import UserError
-from .checks import Loaded, Mesh, broken, checked, guarded
+from .checks import ALL, Loaded, Mesh, Wanted, broken, checked, guarded
 
 FRAME_SUFFIXES = (".ply", ".obj")
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
@@ -51,7 +51,7 @@ def load_frames(paths: list[Path], read: Callable[[Path], Mesh]) -> Loaded:
     return Loaded(first.faces, tuple(frames), tuple(paths), first.up)
 
 
-def load_npz(path: Path) -> Loaded:
+def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Arrays ``V``: float [frames, vertices, 3] or [vertices, 3], and ``F``: int [triangles, 3]; nothing pickled.
 
     Raises :class:`UserError` for other names, shapes or types, for indices out of range, and for an archive whose
@@ -79,7 +79,7 @@ def load_npz(path: Path) -> Loaded:
         raise broken(path, "V has no frames")
     mesh = checked(path, stack[0], faces)
     frames = np.ascontiguousarray(stack, dtype=mesh.points.dtype)
-    return Loaded(mesh.faces, tuple(frames), (path,), None)
+    return Loaded(mesh.faces, tuple(frames[k] for k in wanted.chosen(path, len(frames))), (path,), None)
 
 
 def _check_archive(path: Path) -> None:

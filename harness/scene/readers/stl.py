@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from .checks import Mesh, broken, checked, guarded, read_bytes
+from .checks import ALL, Mesh, Wanted, broken, checked, guarded, read_bytes
 
 _HEADER, _RECORD = 84, 50
 _UP = (0.0, 0.0, 1.0)
 """Programs that write STL (printing, machining) take z as up; the format does not define it."""
 
 
-def read_stl(path: Path) -> Mesh:
+def read_stl(path: Path, wanted: Wanted = ALL) -> Mesh:
     """Every triangle has three vertices of its own, in file order; several solids are concatenated.
 
     Raises :class:`UserError` if the count of a binary file does not match its size, or if trimesh reads another number

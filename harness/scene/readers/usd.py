@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError, install
-from .checks import Mesh, broken, checked, guarded, read_bytes
+from .checks import ALL, Mesh, Wanted, broken, checked, guarded, read_bytes
 from .polygons import polygon_sizes, triangulate
 
 
@@ -27,7 +27,7 @@ def available() -> bool:
     return True
 
 
-def read_usd(path: Path) -> Mesh:
+def read_usd(path: Path, wanted: Wanted = ALL) -> Mesh:
     """The triangulated meshes at the stage's default time, transformed, float64; ``up`` is the stage's up axis.
 
     Invisible prims, guides and proxies are skipped. Holes and subdivision are ignored: the control mesh is read.
