@@ -21,7 +21,7 @@ from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.reserve import counted
+from ..gpu.reserve import counted
 from .parameters import FLOAT32_INEXACT, Build, Trace
 from .refit import Refitted
 from .shadow_passes import threads_built

@@ -13,7 +13,6 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
 from ...harness.frame.specialise import effects
-from ..common.entries import entry
 from ..common.pixels import tile_pixel
 from ..exact.hit_point import hit_point, plane_distance
 from ..exact.holes import opaque_at_hit, opaque_to_light
@@ -28,6 +27,7 @@ from ..exact.triangle import (
     nearer,
     to_float32,
 )
+from ..gpu.entries import entry
 from .nodes import make_children_of
 from .primary import Tree
 from .records import triangle_corners

@@ -12,7 +12,7 @@ one that has it.
 
 from __future__ import annotations
 
-from ..common.reserve import WITHIN
+from ..gpu.reserve import WITHIN
 
 MOST_KEPT = 14
 """A leaf, whose two triangles may add as many, is tested with at most this many kept."""

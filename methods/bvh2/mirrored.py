@@ -15,10 +15,10 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
 from ...harness.frame.specialise import effects
-from ..common.entries import entry, set_entry
-from ..common.reserve import reserve
 from ..exact.hit_point import flat_hit_point, plane_distance
 from ..exact.triangle import to_float32
+from ..gpu.entries import entry, set_entry
+from ..gpu.reserve import reserve
 from .primary import Part, Tree, found_of, make_resolve, pixel_at
 from .records import triangle_corners
 from .shadow import make_hidden

@@ -10,12 +10,12 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ...harness.frame.specialise import effects
-from ..common.entries import entry, set_entry
 from ..common.pixels import tile_pixel
 from ..exact.certain_hit import certain_hit, is_far
 from ..exact.hit_point import along, flat_hit_point, plane_distance
 from ..exact.holes import opaque_at_hit
 from ..exact.triangle import hit_distance, nearer, to_float32
+from ..gpu.entries import entry, set_entry
 from .records import triangle_corners
 from .walk_primary import make_walk
 

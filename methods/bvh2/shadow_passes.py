@@ -18,7 +18,7 @@ from ...harness.frame.specialise import specialised
 from ...harness.frame.threads import Launch, beside, cpu_threads
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
-from ..common.reserve import counted
+from ..gpu.reserve import counted
 from . import mirrored, records, shadow
 from .careful_passes import Careful, walked
 from .mirror_passes import RECORDS, MirroredRays

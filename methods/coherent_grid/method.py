@@ -20,7 +20,7 @@ from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.ray_launches import PixelRays
-from ..common.reserve import counted
+from ..gpu.reserve import counted
 from ..ray_grids.camera.passes import CameraStream
 from ..ray_grids.parameters import Streams
 from ..ray_grids.queues import COUNTERS, DOUBTS, Queues, Step

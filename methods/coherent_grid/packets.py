@@ -15,9 +15,9 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Mesh
 from ...harness.frame.specialise import effects
-from ..common.entries import entry
 from ..common.grid import Grid, cell_index, cell_of, to_grid
 from ..exact.triangle import spare_bits, to_float64
+from ..gpu.entries import entry
 from ..ray_grids.camera.pixels import (
     Candidate,
     edge_planes,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Mesh, corners_of, weld_of
-from .entries import entry, set_entry
+from ..gpu.entries import entry, set_entry
 
 INVALID = wp.constant(-1)
 """In place of the first weld index: no ray hits the triangle."""

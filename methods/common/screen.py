@@ -9,7 +9,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera, Corners
 from ..exact.triangle import U32, largest, total
-from .division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
+from ..gpu.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
 
 
 @wp.func
@@ -88,7 +88,7 @@ def pixel_box(
     A camera-space coordinate is off by at most 13 u of the vertex's largest: four roundings of the difference from the
     eye and of the sum of products, two because axes in float32 are not exactly orthogonal. So the column of a vertex far
     above the view is off by more than its own rounding. The pad covers this, three roundings of the projection
-    (:func:`.division.about_inverse`), and the 2^-30 of its size that a closed triangle reaches beyond itself.
+    (:func:`..gpu.division.about_inverse`), and the 2^-30 of its size that a closed triangle reaches beyond itself.
     """
     if not in_front(a, b, c):
         return wp.vec4i(0, 0, width - 1, height - 1)

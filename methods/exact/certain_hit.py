@@ -2,7 +2,7 @@
 
 The numbers are those of :func:`.hit_point.plane_distance` and :func:`.triangle.hit_weights`, bit by bit up
 to the sign of a zero: an edge's difference is computed once and not for each order of its ends (negating it only changes
-signs), what distance and weights both need is shared, and quotients are those of :mod:`..common.division`. That holds
+signs), what distance and weights both need is shared, and quotients are those of :mod:`..gpu.division`. That holds
 more numbers at once, for which kernels that decide hits in a loop have no registers.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray, value_struct
-from ..common.division import quotient, reciprocal
+from ..gpu.division import quotient, reciprocal
 from .hit_point import NEAR, STEEP
 from .triangle import NOT_ZERO, largest, to_float64, total
 

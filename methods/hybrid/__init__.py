@@ -23,7 +23,7 @@ from ..bvh2.shadow_passes import ShadowRays, threads_built
 from ..bvh2.tree import Rebuilt
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.reserve import counted
+from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as StreamsBuild
 from .choice import chosen

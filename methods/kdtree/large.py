@@ -16,7 +16,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Mesh, corners_of
 from ..common.bounds import box_high, box_low
-from ..common.reserve import number_in, reserve
+from ..gpu.reserve import number_in, reserve
 from .clip import parts_of
 from .nodes import (
     LARGE_NODES,

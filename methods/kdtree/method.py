@@ -23,7 +23,7 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.ray_launches import PixelRays
-from ..common.reserve import BEYOND
+from ..gpu.reserve import BEYOND
 from .large import advance_kernel, distribute_kernel, divide_kernel, gather_kernel, list_kernel, root_kernel
 from .nodes import COUNTERS, LONGEST, MEMBERS_USED, NODES_USED, Large, Refs, Roots, Tree
 from .parameters import LARGE_DEPTH, Build, Trace

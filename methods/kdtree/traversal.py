@@ -35,10 +35,10 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
 from ..common.bounds import box_high, box_low
-from ..common.entries import entry
 from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..exact.ray_queries import SLACK, Found, nothing_found
 from ..exact.triangle import U32, largest, to_float32
+from ..gpu.entries import entry
 from .nodes import LEAF, Tree, bit
 
 LATEST = wp.constant(wp.float32(3.0e37))

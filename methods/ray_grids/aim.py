@@ -11,9 +11,9 @@ import warp as wp
 from ...harness.frame.geometry import Mesh
 from ...harness.scene import spotlight
 from ..common.axes import axes_along, brought_nearer
-from ..common.entries import entry_of_four, set_entry_of_four
 from ..exact.triangle import largest, to_float32, to_float64
-from .warps import least_of_lanes
+from ..gpu.entries import entry_of_four, set_entry_of_four
+from ..gpu.warps import least_of_lanes
 
 FACES = wp.constant(6)
 

@@ -1,11 +1,11 @@
-"""Corners and directions read as in :mod:`..common.entries`, without Warp's index arithmetic."""
+"""Corners and directions read as in :mod:`..gpu.entries`, without Warp's index arithmetic."""
 
 from __future__ import annotations
 
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Corners, Mesh
-from ..common.entries import entry
+from ..gpu.entries import entry
 
 
 @wp.func

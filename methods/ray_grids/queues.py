@@ -19,11 +19,11 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
 from ...harness.frame.threads import beside
-from ..common.entries import set_entry
 from ..common.pairs import grown
-from ..common.reserve import counted, next_number, reserve
-from .ahead import GROUP_WORDS
-from .warps import LANES, claim, claimed_place
+from ..gpu.entries import set_entry
+from ..gpu.prefetch import GROUP_WORDS
+from ..gpu.reserve import counted, next_number, reserve
+from ..gpu.warps import LANES, claim, claimed_place
 
 ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
 """Counters of one stream: groups of rows of a larger triangle; further parts of groups with many pixels or

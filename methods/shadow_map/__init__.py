@@ -23,7 +23,7 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.reserve import counted
+from ..gpu.reserve import counted
 from ..ray_grids.camera.passes import CameraStream
 from ..ray_grids.parameters import Build as CameraBuild
 from ..ray_grids.queues import COUNTERS, Capacity, Queues, more_room

@@ -12,8 +12,8 @@ import warp as wp
 from ...harness.frame.alpha import Alpha, texels_near
 from ...harness.frame.geometry import Corners, Mesh, corners_of
 from ...harness.frame.specialise import effects
-from ..common.reserve import reserve
 from ..exact.triangle import U32, largest
+from ..gpu.reserve import reserve
 from .projection import LightMap, map_point
 
 EMPTY = 0x3F800000

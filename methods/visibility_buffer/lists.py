@@ -10,8 +10,8 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera
 from ...harness.frame.specialise import effects
-from ..common.entries import entry
 from ..common.pixels import tile_pixel
+from ..gpu.entries import entry
 from ..ray_grids.light.bins import cell_of
 from ..ray_grids.light.points import Words, has_hit
 from ..ray_grids.light.rays import Occluder, ShadowBits, test_ray

@@ -12,12 +12,12 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
+from ..gpu.warps import LANES
 from ..ray_grids.camera.passes import CameraStream
 from ..ray_grids.light.aims import LightAims
 from ..ray_grids.light.passes import LightStream
 from ..ray_grids.parameters import Streams
 from ..ray_grids.queues import BLOCK_DIM, Queues, Step
-from ..ray_grids.warps import LANES
 from . import lists, raster, shadow
 
 

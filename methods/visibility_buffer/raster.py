@@ -11,8 +11,8 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Corners, Mesh
 from ...harness.frame.specialise import effects
-from ..common.entries import entry, entry_now, entry_of_four, set_entry_of_four
 from ..exact.triangle import spare_bits
+from ..gpu.entries import entry, entry_now, entry_of_four, set_entry_of_four
 from ..ray_grids.camera.pixels import (
     Candidate,
     Planes,

@@ -12,8 +12,8 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
 from ...harness.frame.specialise import effects
-from ..common.bits import lowest_bit, without_lowest_bit
-from ..common.entries import entry, set_entry
+from ..gpu.bits import lowest_bit, without_lowest_bit
+from ..gpu.entries import entry, set_entry
 from ..ray_grids.aim import cube_of
 from ..ray_grids.cube import on_face
 from ..ray_grids.fetch import corners_at

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.entries import set_entry
-from ..common.reserve import next_number, reserve
+from ..gpu.entries import set_entry
+from ..gpu.reserve import next_number, reserve
 from ..ray_grids.queues import ITEMS, LARGE, PARTS, Queue
 
 TILE_SHIFT = wp.constant(3)

@@ -19,9 +19,9 @@ from shadowbench.harness.frame.threads import beside, cpu_threads, processors, r
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.common.bands import ThreadRanges
-from shadowbench.methods.common.entries import raise_entry
 from shadowbench.methods.common.pixels import thread_count
-from shadowbench.methods.common.reserve import number_among, raise_to
+from shadowbench.methods.gpu.entries import raise_entry
+from shadowbench.methods.gpu.reserve import number_among, raise_to
 from shadowbench.methods.ray_grids.aim import EMPTY, LARGEST, RECTANGLE_WORDS
 from shadowbench.methods.ray_grids.cube import record_rays
 

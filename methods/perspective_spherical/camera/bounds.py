@@ -8,9 +8,9 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, weld_of
-from ...common.entries import set_entry
 from ...common.screen import in_camera_space, out_of_view, pixel_box
 from ...exact.triangle import largest
+from ...gpu.entries import set_entry
 from ..culling import faces_away
 from ..lists.binning import PieceQueue, queue_large
 from .ray_tests import plane_record, vertex_record

@@ -11,9 +11,9 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of
-from ...common.reserve import reserve_many
 from ...common.screen import in_camera_space
 from ...exact.triangle import FLOOR32, OVERFLOW, U32, largest
+from ...gpu.reserve import reserve_many
 from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
 from .bounds import widened
 

@@ -19,9 +19,9 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, ray_through, weld_of
 from ....harness.frame.specialise import effects
-from ...common.entries import entry
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import NO_HIT, depth_key, nearer, spare_bits, total, write_hit
+from ...gpu.entries import entry
 from ..lists.binning import TileLists
 from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant

@@ -11,8 +11,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
-from ...common.entries import set_entry
 from ...exact.triangle import U64, largest, to_float64, total
+from ...gpu.entries import set_entry
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
 from .mapping import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame

@@ -12,8 +12,8 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, ray_of
 from ....harness.frame.receivers import hit_receives
 from ....harness.frame.specialise import effects
 from ...common.axes import axes_along
-from ...common.reserve import number_in, raise_to
 from ...exact.triangle import largest, to_float64
+from ...gpu.reserve import number_in, raise_to
 from .mapping import ray_place, ray_place32, ray_place_centred
 from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
 

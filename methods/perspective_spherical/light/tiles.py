@@ -9,7 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Mesh, corners_of
-from ...common.reserve import reserve_many
+from ...gpu.reserve import reserve_many
 from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
 from .bounds import LitTriangle, lit_triangle
 from .space import LightSpace, LightTiles, distance_slice

@@ -13,9 +13,9 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.entries import entry
 from ...exact.holes import opaque_to_light
 from ...exact.triangle import U32, largest, to_float32
+from ...gpu.entries import entry
 from ..camera.ray_tests import count_tests
 from ..lists.binning import TileLists
 from ..lists.chunks import RayChunks

@@ -17,9 +17,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ....harness.frame.geometry import filled
-from ...common.entries import entry, set_entry
 from ...common.pairs import grown
-from ...common.reserve import reserve_many
+from ...gpu.entries import entry, set_entry
+from ...gpu.reserve import reserve_many
 
 INLINE_TILES = wp.constant(16)
 LANES = 32

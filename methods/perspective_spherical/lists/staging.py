@@ -1,6 +1,6 @@
 """The shared memory of a tracing block: records that its threads load for one another, and the block's votes.
 
-A record is moved 16 bytes at once, as in :mod:`...common.entries`; the parts of a tile of Warp's vectors would be moved one
+A record is moved 16 bytes at once, as in :mod:`...gpu.entries`; the parts of a tile of Warp's vectors would be moved one
 by one. A round of a block takes two barriers: one between loading and testing, one in the vote on another round. On a CPU
 the threads of a block are fibers of one thread, so that static memory is shared among them.
 """

@@ -12,12 +12,12 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, raise_entry
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
+from ...gpu.entries import entry, raise_entry
+from ...gpu.warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, PARTS, Queue
-from ..warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
 from .pixels import hit_word, sign_bound, test_pixel
 from .queue import pixel_of, queued_rows, rows_of_lanes
 

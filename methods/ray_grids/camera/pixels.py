@@ -10,11 +10,11 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners
-from ...common.bits import lowest_bit, without_lowest_bit
-from ...common.division import about_inverse, quotient, reciprocal
-from ...common.entries import entry_now, raise_entry
 from ...common.pixels import whole_quotient
 from ...exact.triangle import U32, U64, largest, nearness_key, to_float64
+from ...gpu.bits import lowest_bit, without_lowest_bit
+from ...gpu.division import about_inverse, quotient, reciprocal
+from ...gpu.entries import entry_now, raise_entry
 from ..fetch import direction_at
 from ..queues import Queue, queue_doubt
 

@@ -9,11 +9,11 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, entry_now, entry_of_four
 from ...exact.triangle import spare_bits
+from ...gpu.entries import entry, entry_now, entry_of_four
+from ...gpu.warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
-from ..warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
 

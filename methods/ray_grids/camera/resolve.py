@@ -7,11 +7,11 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
-from ...common.entries import entry, set_entry, set_entry_last
 from ...common.pixels import tile_pixel
 from ...exact.certain_hit import certain_hit
 from ...exact.hit_point import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...exact.triangle import spare_bits, to_float32
+from ...gpu.entries import entry, set_entry, set_entry_last
 from ..fetch import corners_at, direction_at, weld_at
 from .pixels import index_of
 

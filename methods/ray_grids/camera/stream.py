@@ -12,11 +12,11 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, raise_entry, set_entry, set_entry_of_four
-from ...common.reserve import reserve
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
+from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
+from ...gpu.reserve import reserve
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, ITEMS, Queue, Share, triangle_of
 from .pixels import (

@@ -8,13 +8,13 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, entry_if, set_entry
 from ...common.pixels import tile_pixel, tile_threads
-from ...common.reserve import number_among
 from ...exact.triangle import spare_bits
+from ...gpu.entries import entry, entry_if, set_entry
+from ...gpu.reserve import number_among
+from ...gpu.warps import scan_row
 from ..cube import record_place
 from ..queues import RAYS
-from ..warps import scan_row
 from .expected import expect_ray
 from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
 from .reach import empty_tiles, raise_from, tile_index

@@ -11,8 +11,8 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...common.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
 from ...exact.triangle import U32, largest, total
+from ...gpu.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
 from ..aim import Cube
 from ..cube import on_face
 from .spacing import BIN_SLACK, BINS, CELL_SLACK, in_cells, row_between
@@ -66,7 +66,7 @@ def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4
     """The corners on a face (given as along, across, up) in bins; ``r``: the face's row of the table.
 
     ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...common.division.about_inverse`).
+    (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...gpu.division.about_inverse`).
     """
     flat = Flat()
     flat.known = is_projected(a, b, c)

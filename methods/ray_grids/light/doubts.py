@@ -12,11 +12,11 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.specialise import effects
-from ...common.entries import entry
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
 from ...exact.triangle import largest
+from ...gpu.entries import entry
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, Queue
 from .rays import ShadowBits, set_shadowed

@@ -13,14 +13,14 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh
-from ...common.bits import lowest_bit, without_lowest_bit
-from ...common.entries import entry
 from ...exact.triangle import largest, to_float64
+from ...gpu.bits import lowest_bit, without_lowest_bit
+from ...gpu.entries import entry
+from ...gpu.warps import lanes_with, of_lane
 from ..aim import FACES, RANGE, Cube
 from ..camera.stream import box_of
 from ..cube import face_of, on_face
 from ..fetch import corners_at, direction_at
-from ..warps import lanes_with, of_lane
 from .cells import turned
 from .slots import RayCells, SpacedCells
 from .spacing import AXES, BINS

@@ -6,8 +6,8 @@ from typing import Any
 
 import warp as wp
 
-from ...common.entries import entry
-from ..ahead import shared_entry
+from ...gpu.entries import entry
+from ...gpu.prefetch import shared_entry
 from .bins import span_of
 from .cells import Sides, cells_of_row
 from .rays import Occluder

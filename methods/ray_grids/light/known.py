@@ -9,9 +9,9 @@ import warp as wp
 
 from ....harness.frame.specialise import specialised
 from ...common.bands import Threads
+from ...gpu.warps import LANES
 from ..aim import FACES
 from ..queues import BLOCK_DIM
-from ..warps import LANES
 from . import bins as light_bins
 from . import region as light_region
 from . import spots as light_spots

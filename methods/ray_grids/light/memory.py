@@ -18,9 +18,9 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Camera, Mesh, filled
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import effects, specialised, with_type
-from ...common.entries import entry, set_entry
 from ...common.pixels import thread_count, tile_pixel
 from ...exact.triangle import largest, to_float32
+from ...gpu.entries import entry, set_entry
 from ..fetch import corners_at
 from ..queues import BLOCK_DIM, WORDS
 from .passes import LightStream

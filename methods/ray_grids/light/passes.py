@@ -15,10 +15,10 @@ from ....harness.frame.receivers import facing_passes, reached_by
 from ....harness.frame.specialise import specialised, with_type
 from ....harness.scene.effects import Effects
 from ...common.bands import ThreadRanges, Threads
+from ...gpu.warps import LANES
 from .. import aim as light_aim
 from ..parameters import Streams
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
-from ..warps import LANES
 from . import bins as light_bins
 from . import doubts as light_doubts
 from . import expected as light_expected

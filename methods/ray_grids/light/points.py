@@ -15,9 +15,9 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh, Ray
-from ...common.entries import entry, entry_now
 from ...exact.hit_point import along, hit_point, plane_distance
 from ...exact.triangle import largest, spare_bits, to_float32
+from ...gpu.entries import entry, entry_now
 from ..camera.pixels import distance_of, index_of
 from ..cube import place_of
 from ..fetch import corners_at, direction_at

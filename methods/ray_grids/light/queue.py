@@ -9,8 +9,8 @@ import warp as wp
 
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, entry_if
-from ..ahead import (
+from ...gpu.entries import entry, entry_if
+from ...gpu.prefetch import (
     FEW_ROWS,
     GROUP_BYTES,
     NOWHERE,
@@ -28,8 +28,8 @@ from ..ahead import (
     wait_for_groups,
     wait_for_step,
 )
+from ...gpu.warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
-from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from .cells import Sides
 from .groups import rays_of_row, shared_occluder, shared_rays_of_row, stored_occluder
 from .rays import Occluder, ShadowBits, certain, set_shadowed, test_ray
@@ -53,7 +53,7 @@ def fetch_ray_of_lane(
     """Fetch ray ``at`` + lane of the rows of a warp's lanes, if that is before ``end``, for the step of ``at``. All lanes
     must call it.
 
-    start  where the rays of a lane's row start        rows  place of the rows (:func:`..ahead.set_rows`)
+    start  where the rays of a lane's row start        rows  place of the rows (:func:`...gpu.prefetch.set_rows`)
     """
     if at < end:
         row = row_at(rows, lane_at(start, at))
@@ -70,7 +70,7 @@ def sure_of(occluder: Occluder, alpha: Alpha) -> wp.float32:
 @wp.struct
 class Tested:
     """The pair that a lane tested last: doubtful if the ray's ``own`` triangle, known one step later, is not triangle ``i``.
-    held: pairs that the warp holds (:func:`..warps.append_pairs`)."""
+    held: pairs that the warp holds (:func:`...gpu.warps.append_pairs`)."""
 
     i: wp.int32
     own: wp.int32

@@ -12,9 +12,9 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...common.division import about_inverse
-from ...common.entries import entry, entry_if, set_entry
 from ...exact.triangle import U32, U64, largest, to_float64, total
+from ...gpu.division import about_inverse
+from ...gpu.entries import entry, entry_if, set_entry
 from ..queues import Queue, queue_doubt
 from .bins import span_of
 from .table import reach_of

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.entries import entry
 from ...common.pixels import tile_threads
-from ...common.reserve import raise_to
 from ...exact.triangle import U32
+from ...gpu.entries import entry
+from ...gpu.reserve import raise_to
 from ..aim import Cube
 
 TILE_SHIFT = wp.constant(3)

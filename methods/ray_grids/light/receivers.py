@@ -12,10 +12,10 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.receivers import note_receiver, receives
-from ...common.division import about_root
-from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...exact.triangle import largest
+from ...gpu.division import about_root
+from ...gpu.entries import entry, set_entry
 from ..fetch import corners_at, direction_at
 from .bins import place_ray
 from .points import Point, Words, point_of

@@ -17,9 +17,9 @@ import warp as wp
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
 from ....harness.frame.receivers import faces_light, note_receiver
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...exact.triangle import U32, largest, spare_bits, to_float32, to_float64, total
+from ...gpu.entries import entry, set_entry
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, cube_of, ordered
 from ..camera.pixels import edge_planes, index_of, inverse_depth
 from ..camera.stream import box_of

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.frame import Frame
-from ...common.entries import entry, set_entry
+from ...gpu.entries import entry, set_entry
 from ..aim import FACES
 from ..parameters import Streams
 from .reach import TILE_CELLS

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.division import about_inverse
-from ...common.entries import entry
+from ...gpu.division import about_inverse
+from ...gpu.entries import entry
 from ..aim import FACES
 from .slots import RayCells, SpacedCells
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of
-from ...common.entries import entry, set_entry
-from ...common.reserve import reserve_groups
-from ..ahead import FEW_ROWS
+from ...gpu.entries import entry, set_entry
+from ...gpu.prefetch import FEW_ROWS
+from ...gpu.reserve import reserve_groups
+from ...gpu.warps import LANES
 from ..aim import Cube, cube_of
 from ..cube import on_face
 from ..queues import ITEMS, LARGE, SMALL, Queue
-from ..warps import LANES
 from .cells import Flat, Sides, cube_space, on_bins, sides_of_flat, sides_of_planes
 from .rays import Occluder, occluder_of, occludes_none
 from .table import last_row, reach_with_rays
@@ -32,7 +32,7 @@ def groups_of(low: wp.int32, high: wp.int32, first: wp.int32, threads: wp.int32)
 
 @wp.func
 def places_of(queue: Queue, low: wp.int32, high: wp.int32, number: wp.int32) -> wp.vec2i:
-    """Reserve places for the groups of rows low to high; a triangle with at most :data:`..ahead.FEW_ROWS` is a small one."""
+    """Reserve places for the groups of rows low to high; a triangle with at most :data:`FEW_ROWS` is a small one."""
     few = high - low < FEW_ROWS
     return reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
 

@@ -15,9 +15,9 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh
-from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
-from ...common.reserve import number_among
+from ...gpu.entries import entry, set_entry
+from ...gpu.reserve import number_among
 from ..aim import CONE, EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
 from ..cube import on_face
 from .bins import count_exactly, count_quickly, set_row_edges

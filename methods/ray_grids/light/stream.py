@@ -13,9 +13,9 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Mesh
 from ....harness.frame.specialise import effects
-from ...common.bits import lowest_bit, without_lowest_bit
-from ...common.entries import entry, set_entry
-from ...common.reserve import next_number
+from ...gpu.bits import lowest_bit, without_lowest_bit
+from ...gpu.entries import entry, set_entry
+from ...gpu.reserve import next_number
 from ..aim import cube_of
 from ..cube import on_face
 from ..fetch import corners_at

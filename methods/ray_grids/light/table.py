@@ -9,7 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...common.entries import entry
+from ...gpu.entries import entry
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
 from .cells import reach_from
 from .spacing import BINS

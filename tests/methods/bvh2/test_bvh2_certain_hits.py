@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners, Ray
-from shadowbench.methods.common.division import quotient, reciprocal
 from shadowbench.methods.exact.certain_hit import certain_hit, is_far
 from shadowbench.methods.exact.hit_point import is_vague, plane_distance
 from shadowbench.methods.exact.triangle import hit_weights
+from shadowbench.methods.gpu.division import quotient, reciprocal
 
 COUNT = 20_000
 

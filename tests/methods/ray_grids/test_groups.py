@@ -7,9 +7,9 @@ import pytest
 from helpers.brute_force import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.ray_grids.ahead import FEW_ROWS
+from shadowbench.methods.gpu.prefetch import FEW_ROWS
+from shadowbench.methods.gpu.warps import LANES
 from shadowbench.methods.ray_grids.queues import COUNTERS, ITEMS, LARGE, SMALL, more_room
-from shadowbench.methods.ray_grids.warps import LANES
 
 
 def queued(cells, capacity="0", groups="split", light=(5.0, 4.0, 3.0)):

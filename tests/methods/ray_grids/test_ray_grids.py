@@ -12,7 +12,7 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
-from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
+from shadowbench.methods.gpu.reserve import BEYOND, number_in, reserve
 from shadowbench.methods.ray_grids.parameters import (
     FEW_TRIANGLES,
     MANY_TRIANGLES,

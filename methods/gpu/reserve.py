@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 BEYOND = 2**30
-"""The place of everything from here on: no list of 32-bit places has more room (:func:`.pairs.grown`)."""
+"""The place of everything from here on: no list of 32-bit places has more room (:func:`..common.pairs.grown`)."""
 
 # As unsigned numbers, so that a negative place is beyond as well: written to, it would lie before the list. On the
 # GPU the one lane that counts does this: after the shuffle, it made the compiler unroll the loops around it.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.reserve import WITHIN
+from .reserve import WITHIN
 
 LANES = wp.constant(32)
 
