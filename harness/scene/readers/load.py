@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...errors import UserError, did_you_mean
+from ...files import open_regular
 from ..scene import Source
 from .checks import Loaded, Mesh
 from .glb import read_glb
@@ -74,7 +75,7 @@ def source(files: tuple[Path, ...]) -> Source:
     """The names of the files and one SHA-256 of their contents in order, for the record."""
     digest = hashlib.sha256()
     for path in files:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             while block := stream.read(1 << 20):
                 digest.update(block)
     first, last = files[0].name, files[-1].name
