@@ -1,11 +1,13 @@
-"""Files written whole or not at all, values as JSON holds them, and hashes."""
+"""Files written whole or not at all, files read only where they are regular, values as JSON holds them, and hashes."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
+import stat
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -36,6 +38,37 @@ def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
         # A partial file would keep a full disk full.
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def open_regular(path: Path) -> IO[bytes]:
+    """A file opened for reading. Raises OSError for a folder, and for a pipe, device or socket, without waiting for it.
+
+    Opening a pipe waits for its writer, and a device may have no end.
+    """
+    _require_regular(os.stat(path), path)  # opening alone can act on a device
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _require_regular(os.fstat(handle), path)  # another file may have taken its place
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def _require_regular(found: os.stat_result, path: Path) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+
+
+def read_regular(path: Path, most: int | None = None) -> bytes:
+    """The contents of a regular file. Raises OSError as :func:`open_regular` does, and for more than ``most`` bytes."""
+    with open_regular(path) as stream:
+        content = stream.read() if most is None else stream.read(most + 1)
+    if most is not None and len(content) > most:
+        raise OSError(errno.EFBIG, f"longer than {most:,} bytes", str(path))
+    return content
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = True) -> None:

@@ -15,7 +15,7 @@ from ..errors import UserError, did_you_mean
 from ..scene import catalogue
 from ..scene.archives import unpack
 from ..scene.download import download
-from ..scene.readers.load import load, load_sequence
+from ..scene.readers.apart import load, load_sequence
 from .options import SceneDir
 
 ARCHIVES = "archives"

@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import stat
 import sys
 import tempfile
 import time
@@ -205,11 +206,19 @@ def _unlock(file: int) -> None:
 
 
 def _opened(path: Path) -> int:
-    """Open a file to lock it. It may belong to another user and need not be writable."""
+    """Open a file to lock it. It may belong to another user and need not be writable.
+
+    Anyone may have put something else in the folder for temporary files: opening a pipe would wait for its writer.
+    """
+    how = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
     try:
-        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        file = os.open(path, how)
     except FileNotFoundError:
-        return os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        return os.open(path, how | os.O_CREAT, 0o644)
+    if stat.S_ISREG(os.fstat(file).st_mode):
+        return file
+    os.close(file)
+    raise UserError(f"{path}: not a regular file; remove it, or set {FOLDER} to another folder")
 
 
 MACHINE = MachineLock()

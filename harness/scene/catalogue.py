@@ -17,8 +17,9 @@ from ..errors import UserError, did_you_mean, install, warn
 from .declaration import SUFFIX, declared_scene
 from .names import BUNNY, NAMES, scene_names
 from .readers import usd
+from .readers.apart import load, load_sequence
 from .readers.checks import ALL, Loaded, Wanted, exists, is_file, within_range
-from .readers.load import SUFFIXES, load, load_sequence, source
+from .readers.load import SUFFIXES, source
 from .readers.sequences import numbered
 from .scene import Camera, Light, Scene
 from .standins import balls

@@ -50,6 +50,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UserError, did_you_mean
+from ..files import read_regular
 from .effects import OUTPUTS
 from .light_paths import Orbit
 from .moment import ray_tables
@@ -59,6 +60,9 @@ from .spotlight import spot_row
 from .surface_rules import largest_triangles, perforated
 
 SUFFIX = ".toml"
+
+MOST_BYTES = 1 << 20
+"""Longest declaration, bytes."""
 
 MOST_BOUNCES = 64
 """Largest number of bounces: a frame has passes and buffers for each one."""
@@ -85,7 +89,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     if exists(path) and not path.is_file():
         raise UserError(f"{path}: not a file")
     try:
-        data = path.read_bytes()
+        data = read_regular(path, MOST_BYTES)
         table = tomllib.loads(data.decode("utf-8-sig"))  # some editors write a byte order mark
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error

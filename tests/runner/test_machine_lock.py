@@ -318,3 +318,11 @@ def test_a_command_called_from_a_script_does_not_keep_the_lock(tmp_path: Path) -
     with pytest.raises(UserError, match="--frame 99"):
         explain(str(tmp_path / "tetra.obj"), "0,0", frame=99, size="8x8", device="cpu")
     assert MACHINE.held == FREE
+
+
+@pytest.mark.parametrize("name", ["shadowbench-gate", "shadowbench-turn"])
+def test_a_pipe_in_the_place_of_a_lock_file_holds_nobody_up(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    lock, _ = lock_on(tmp_path)
+    with pytest.raises(UserError, match=f"{name}: not a regular file; remove it, or set {FOLDER}"):
+        lock.share()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
+from ...files import read_regular
 from ..scene import Camera, Geometry, Light, Vector
 
 MAX_LINE = 1 << 20
@@ -180,9 +181,9 @@ def is_file(path: Path) -> bool:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The contents of a file. Raises :class:`UserError` if it is missing, a folder or unreadable."""
+    """The contents of a file. Raises :class:`UserError` if it is missing, no regular file, or unreadable."""
     try:
-        return path.read_bytes()
+        return read_regular(path)
     except FileNotFoundError:
         raise UserError(f"{path}: no such file; check the path") from None
     except OSError as error:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...errors import UserError, did_you_mean
+from ...files import open_regular
 from ..scene import Source
 from .checks import ALL, Loaded, Mesh, Wanted
 from .glb import read_glb
@@ -82,7 +83,7 @@ def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:
     """The names of the files, one SHA-256 of their contents in order, and what was asked of them, for the record."""
     digest = hashlib.sha256()
     for path in files:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             while block := stream.read(1 << 20):
                 digest.update(block)
     first, last = files[0].name, files[-1].name

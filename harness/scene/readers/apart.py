@@ -1,0 +1,217 @@
+"""Read scene files in a process of its own, so that no file can end this one, hold it up or fill its memory.
+
+Files come from anywhere, and the libraries that decode them are large. A helper process (:mod:`.readers.helper`) reads
+them within limits on memory and time, and sends back the arrays. Whatever happens to it is one line here, which names the
+file. It is started for the first file, used for all others, and ended with this process.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import itertools
+import os
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import UserError, warn
+from . import helper
+from .checks import Loaded, broken, exists, is_file
+
+MEMORY, TIME = "SHADOWBENCH_READ_GIB", "SHADOWBENCH_READ_SECONDS"
+"""Environment variables that give other limits on reading one file or sequence."""
+
+GIB = 1 << 30
+LEAST_MEMORY, MEMORY_SHARE, MOST_MEMORY = 2 * GIB, 32, 16 * GIB
+"""Bytes that a reader may take: at least these, and so many times the size of its files, up to a maximum."""
+
+LEAST_SECONDS, SECONDS_PER_MB = 20, 2.0
+"""Seconds of the processor that a reader may take, and more for each megabyte."""
+
+PATIENCE = 4
+"""How many times as long the clock may run: the machine may have other work, and a disk may be slow."""
+
+REFERRING = (".gltf", ".usd", ".usda", ".usdc")
+"""Formats whose files may refer to others; what lies beside them counts as part of them for the limits."""
+
+MOST_BESIDE = 10_000
+"""Files beside a file that are counted for its limits."""
+
+ENVIRONMENT = {
+    "MALLOC_ARENA_MAX": "2",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "PXR_WORK_THREAD_LIMIT": "4",
+}
+"""Each thread of a machine with many cores would take address space from the limit."""
+
+
+def load(path: str | Path, *more: Any) -> Loaded:
+    """What :func:`.readers.load.load` reads. Raises :class:`UserError` as it does, and if its process fails."""
+    path = Path(path)
+    _require_readable(path)
+    return _told(_HELPER.ask("load", [path, *more], path, [path]), [path])
+
+
+def load_sequence(paths: Sequence[Path], *more: Any) -> Loaded:
+    """What :func:`.readers.load.load_sequence` reads, as :func:`load`."""
+    for path in paths:
+        _require_readable(path)
+    return _told(_HELPER.ask("load_sequence", [list(paths), *more], paths[0], paths), paths)
+
+
+def _told(loaded: Loaded, named: Sequence[Path]) -> Loaded:
+    """The same, after a warning where a file has led to others outside its folder."""
+    homes = [path if path.is_dir() else path.parent for path in map(Path.resolve, named)]
+    beyond = [
+        str(path) for path in loaded.files if not any(path.resolve().is_relative_to(home) for home in homes)
+    ]
+    if beyond:
+        more = f" and {len(beyond) - 3} more" if len(beyond) > 3 else ""
+        warn(f"{named[0]}: refers to files outside its folder: {', '.join(beyond[:3])}{more}")
+    return loaded
+
+
+def _require_readable(path: Path) -> None:
+    """Raise :class:`UserError` for a device, a pipe or a socket. What is missing is reported where it is read."""
+    if exists(path) and not (is_file(path) or path.is_dir()):
+        raise UserError(f"{path}: not a regular file; give a file or a folder of frames")
+
+
+def limits(paths: Sequence[Path]) -> tuple[int, int]:
+    """Bytes and seconds that reading may take: in proportion to the files, or as the environment says."""
+    size = sum(_size(path) for path in paths)
+    memory = min(max(LEAST_MEMORY, MEMORY_SHARE * size), MOST_MEMORY)
+    seconds = LEAST_SECONDS + SECONDS_PER_MB * size / 1e6
+    return int(_given(MEMORY, memory / GIB) * GIB), int(_given(TIME, seconds)) or 1
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file and of what it may refer to beside it, or of the files in a folder."""
+    folder = path if path.is_dir() else path.parent if path.suffix.lower() in REFERRING else None
+    if folder is None:
+        return path.stat().st_size if exists(path) else 0
+    beside = (os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
+    total = 0
+    for name in itertools.islice(beside, MOST_BESIDE):
+        with contextlib.suppress(OSError):
+            found = os.lstat(name)
+            total += found.st_size if stat.S_ISREG(found.st_mode) else 0
+    return total
+
+
+def _given(name: str, otherwise: float) -> float:
+    text = os.environ.get(name)
+    if not text:
+        return otherwise
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e6:
+        raise UserError(f"{name}={text}: give a number above 0, or leave it unset")
+    return value
+
+
+class _Helper:
+    """The helper process of this process, or none yet."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._line: socket.socket | None = None
+        self._owner = 0
+
+    def ask(self, task: str, arguments: list[Any], path: Path, files: Sequence[Path]) -> Any:
+        """What a task returns. ``path``: the file to name in an error; ``files``: those that the limits depend on."""
+        memory, seconds = limits(files)
+        request = {
+            "task": task, "arguments": arguments, "folder": os.getcwd(), "memory": memory, "seconds": seconds,
+        }  # fmt: skip
+        with self._lock:
+            line = self._started()
+            end = time.monotonic() + PATIENCE * seconds
+
+            def wait() -> None:
+                line.settimeout(max(0.001, end - time.monotonic()))
+
+            try:
+                wait()
+                helper.send(line, request)
+                reply = helper.received(line, wait)
+            except TimeoutError:
+                self.stop()
+                raise _beyond(path, f"takes more than {PATIENCE * seconds} s", TIME) from None
+            except (OSError, EOFError):
+                raise self._died(path, memory, seconds) from None
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
+                self.stop()
+                raise broken(path, f"its reader sent a wrong reply ({error})") from error
+            except BaseException:  # an interrupted answer would be taken for the next one's
+                self.stop()
+                raise
+        if "memory" in reply:
+            self.stop()  # what it has taken is not all given back
+            raise _beyond(path, f"needs more than {memory / GIB:.3g} GiB of memory", MEMORY)
+        if "error" in reply:
+            raise UserError(reply["error"])
+        return reply["result"]
+
+    def _started(self) -> socket.socket:
+        if self._owner != os.getpid():  # a copy of the process that started it
+            self._process = self._line = None
+        if self._process is None or self._process.poll() is not None or self._line is None:
+            self.stop()
+            self._line, other = socket.socketpair()
+            start = f"from {helper.__name__} import serve; serve({other.fileno()})"
+            with other:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-P", "-c", start],
+                    stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                    pass_fds=[other.fileno()], env={**os.environ, **ENVIRONMENT},
+                )  # fmt: skip
+            self._owner = os.getpid()
+        return self._line
+
+    def _died(self, path: Path, memory: int, seconds: int) -> UserError:
+        """The error for a helper that ended without an answer."""
+        assert self._process is not None
+        try:
+            code = self._process.wait(timeout=10)
+        except subprocess.TimeoutExpired:  # it has closed the socket and lives on
+            code = -signal.SIGKILL
+        self.stop()
+        if code == -signal.SIGXCPU:
+            return _beyond(path, f"takes more than {seconds} s", TIME)
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return broken(
+            path,
+            f"its reader ended by {how} (within {memory / GIB:.3g} GiB of memory)",
+            f"it is damaged, nested too deep, or needs more memory: export it again, or set {MEMORY}",
+        )
+
+    def stop(self) -> None:
+        """End the process."""
+        process, line = self._process, self._line
+        self._process = self._line = None
+        if line is not None:
+            line.close()
+        if process is not None and self._owner == os.getpid():
+            process.kill()
+            process.wait()
+
+
+def _beyond(path: Path, problem: str, variable: str) -> UserError:
+    return broken(path, f"{problem} to read", f"make it smaller, or set {variable} to a higher limit")
+
+
+_HELPER = _Helper()
+atexit.register(_HELPER.stop)
