@@ -182,7 +182,7 @@ def measure(shard: Shard) -> Outcome:
     device, MACHINE.wait = shard.options.device, shard.wait
     card, title = card_id(device), device_title(device)
     name = spool.name_of(shard.options, card)
-    folder = spool.place() / name
+    folder = spool.shard_folder(name)
     options = dataclasses.replace(shard.options, out=folder)
     relay = Relay(shard, card)
     lock = card_lock(device)

@@ -10,16 +10,28 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import re
 import shutil
+import stat
 import tempfile
 import time
 from pathlib import Path, PurePosixPath
 
+from ...errors import UserError
 from ...files import digest, plain, write_bytes
 from ..job import Options
 
 PLACE = "SHADOWBENCH_SHARDS"
 """The environment variable that gives the folder of the shards of a machine."""
+
+PREFIX = "shadowbench-shards-"
+"""How the name of that folder begins without the variable: the rest is random, as others may write beside it."""
+
+MARKER = ".shadowbench-shard"
+"""A file in every folder that this module made. Nothing without it is written to or removed."""
+
+NAME = re.compile("[0-9a-f]{16}")
+"""The names of shards, see :func:`name_of`."""
 
 KEPT_S = 14 * 24 * 3600.0
 """Seconds after which results that were not fetched are removed."""
@@ -32,9 +44,51 @@ SINGLE = ("scenes.json",)
 Files = dict[str, bytes]
 
 
-def place() -> Path:
-    """The folder of the shards of this machine and user."""
-    return Path(os.environ.get(PLACE) or Path(tempfile.gettempdir()) / f"shadowbench-shards-{os.getuid()}")
+def places() -> list[Path]:
+    """The folders of the shards of this machine and user: the one given, or those in the folder for temporary files.
+
+    There is more than one of the latter where two workers made the first shard at the same time.
+    """
+    if given := os.environ.get(PLACE):
+        return [Path(os.path.abspath(given))]
+    return [path for path in sorted(Path(tempfile.gettempdir()).glob(f"{PREFIX}*")) if is_own(path)]
+
+
+def is_own(folder: Path) -> bool:
+    """Whether this module made a folder for this user: no link, closed to others, with the marker."""
+    try:
+        here, marker = folder.lstat(), (folder / MARKER).lstat()
+    except OSError:
+        return False
+    ours = here.st_uid == marker.st_uid == os.getuid()
+    return ours and _closed(here) and stat.S_ISREG(marker.st_mode)
+
+
+def _closed(here: os.stat_result) -> bool:
+    return stat.S_ISDIR(here.st_mode) and not here.st_mode & 0o077
+
+
+def made(folder: Path) -> Path:
+    """Make a folder of our own, or take the one that is there. Raises :class:`UserError` if that is not ours."""
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    here = folder.lstat()
+    unmarked = _closed(here) and here.st_uid == os.getuid() and not any(folder.iterdir())
+    if not unmarked and not is_own(folder):
+        raise UserError(
+            f"{folder}: it is not a folder of shadowbench; move it, or set {PLACE} to another folder"
+        )
+    (folder / MARKER).touch()
+    return folder
+
+
+def shard_folder(name: str) -> Path:
+    """The folder of a shard, which is made where there is none. Raises :class:`UserError` as :func:`made` does."""
+    here = places()
+    if not here:
+        here = [made(Path(tempfile.mkdtemp(prefix=PREFIX)))]
+    here[0].mkdir(mode=0o700, parents=True, exist_ok=True)
+    return made(next((place / name for place in here if (place / name).exists()), here[0] / name))
 
 
 def name_of(options: Options, card: str) -> str:
@@ -56,11 +110,13 @@ def name_of(options: Options, card: str) -> str:
 
 
 def held() -> list[str]:
-    """The names of the folders that wait on this machine; folders that are too old are removed."""
+    """The names of the shards that wait on this machine; those that are too old are removed."""
     names = []
-    for folder in sorted(place().glob("*")):
+    for folder in sorted(path for place in places() for path in place.glob("*")):
+        if not NAME.fullmatch(folder.name) or not is_own(folder):
+            continue
         with contextlib.suppress(OSError):
-            if time.time() - folder.stat().st_mtime > KEPT_S:
+            if time.time() - folder.lstat().st_mtime > KEPT_S:
                 shutil.rmtree(folder, ignore_errors=True)
             else:
                 names.append(folder.name)
@@ -69,13 +125,13 @@ def held() -> list[str]:
 
 def forget(name: str) -> None:
     """Remove the folder of a shard whose results have been written elsewhere."""
-    if name and name == PurePosixPath(name).name:
-        shutil.rmtree(place() / name, ignore_errors=True)
+    for folder in (place / name for place in places() if NAME.fullmatch(name)):
+        if is_own(folder):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def fill(folder: Path, files: Files) -> None:
     """Write the known files into the folder. Files that the folder already has are newer, and stay."""
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     os.utime(folder)
     for name, content in files.items():
         if not (folder / name).exists():
