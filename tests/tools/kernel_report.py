@@ -45,7 +45,6 @@ def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
     from shadowbench.harness.frame.specialise import specialised
     from shadowbench.harness.scene.effects import Switches
-    from shadowbench.methods.bvh2 import build_hploc, build_lbvh, mirrored, primary, refit, shadow, sort
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
@@ -54,6 +53,10 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.ray_grids.light import doubts as light_doubts
     from shadowbench.methods.ray_grids.light import queue as light_queue
     from shadowbench.methods.ray_grids.light import stream as light_stream
+    from shadowbench.methods.trees.build import hploc as build_hploc
+    from shadowbench.methods.trees.build import lbvh as build_lbvh
+    from shadowbench.methods.trees.build import refit, sort
+    from shadowbench.methods.trees.trace import mirrored, primary, shadow
     from shadowbench.methods.uniform_grid.method import Trace as GridTrace
     from shadowbench.methods.uniform_grid.traversal import make_kernels
 
@@ -82,10 +85,10 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: refit": refit.make_refit_kernel(48).module,
         "bvh2: sort": sort.make_sweep_kernel(8).module,
         "bvh2: sort, large": sort.make_sweep_kernel(16).module,
-        "bvh2: sort, count": "shadowbench.methods.bvh2.sort",
-        "bvh2: keys": "shadowbench.methods.bvh2.keys",
-        "bvh2: triangles": "shadowbench.methods.bvh2.records",
-        "bvh2: triangles, rays": "shadowbench.methods.bvh2.ray_records",
+        "bvh2: sort, count": "shadowbench.methods.trees.build.sort",
+        "bvh2: keys": "shadowbench.methods.trees.build.keys",
+        "bvh2: triangles": "shadowbench.methods.trees.records.planes",
+        "bvh2: triangles, rays": "shadowbench.methods.trees.records.rays",
         "bvh2: primary": primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS).module,
         "bvh2: primary, holes": specialised(
             primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS), Switches(alpha=True)
@@ -99,7 +102,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         ).module,
         "bvh2: mirrored": mirrored.make_exact_kernel(48, 48).module,
         "bvh2: mirrored, float32": mirrored.make_float32_kernel(48, 48).module,
-        "bvh2: mirrored, resolve": "shadowbench.methods.bvh2.mirrored",
+        "bvh2: mirrored, resolve": "shadowbench.methods.trees.trace.mirrored",
         "bvh2: mirrored, shadow": mirrored.make_shadow_kernel("exact", 48, 48).module,
         "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
         "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
