@@ -22,11 +22,11 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
-from .parameters import FLOAT32_INEXACT, Build, Trace
-from .refit import Refitted
-from .shadow_passes import threads_built
-from .tracing import Rays
-from .tree import Rebuilt
+from ..trees.build.rebuild import Rebuilt
+from ..trees.build.refit import Refitted
+from ..trees.parameters import FLOAT32_INEXACT, Build, Trace
+from ..trees.trace.shadow_passes import threads_built
+from ..trees.trace.tracing import Rays
 
 MOST_TRIANGLES = 2**24
 """A hit packs into 64 bits with 24 for the triangle."""

@@ -18,14 +18,14 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
-from ..bvh2.refit import Refitted
-from ..bvh2.shadow_passes import ShadowRays, threads_built
-from ..bvh2.tree import Rebuilt
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as StreamsBuild
+from ..trees.build.rebuild import Rebuilt
+from ..trees.build.refit import Refitted
+from ..trees.trace.shadow_passes import ShadowRays, threads_built
 from .choice import chosen
 from .parameters import Build, Trace
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..bvh2.parameters import Build as TreeBuild
-from ..bvh2.parameters import Trace as TreeTrace
+from ..trees.parameters import Build as TreeBuild
+from ..trees.parameters import Trace as TreeTrace
 
 SHADOWS = ("auto", "tree", "grid")
 

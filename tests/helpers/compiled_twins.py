@@ -24,9 +24,6 @@ import shadowbench.methods
 import warp as wp
 from shadowbench.harness.frame.specialise import is_effects, named
 from shadowbench.harness.scene.effects import Switches
-from shadowbench.methods.bvh2 import careful, mirrored
-from shadowbench.methods.bvh2 import primary as tree_primary
-from shadowbench.methods.bvh2 import shadow as tree_shadow
 from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
@@ -38,6 +35,9 @@ from shadowbench.methods.ray_grids.camera import stream as camera_stream
 from shadowbench.methods.ray_grids.light import doubts as light_doubts
 from shadowbench.methods.ray_grids.light import queue as light_queue
 from shadowbench.methods.ray_grids.light import stream as light_stream
+from shadowbench.methods.trees.trace import careful, mirrored
+from shadowbench.methods.trees.trace import primary as tree_primary
+from shadowbench.methods.trees.trace import shadow as tree_shadow
 from shadowbench.methods.uniform_grid import traversal as grid_traversal
 from warp._src.context import Module
 

@@ -12,8 +12,8 @@ from helpers.effect_scenes import BEHIND, POINT, SPOT, all_mirrors, scene
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Light, Spot
-from shadowbench.methods.bvh2 import shadow_passes
 from shadowbench.methods.perspective_spherical.light import placement
+from shadowbench.methods.trees.trace import shadow_passes
 
 SIZE = 96, 64
 METHODS = [

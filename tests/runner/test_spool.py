@@ -66,7 +66,9 @@ def test_only_old_shards_of_our_own_are_removed(place: Path) -> None:
     assert young.exists()
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "data set", "../place", f"../place/{NAME}", f"{NAME}/records"])
+@pytest.mark.parametrize(
+    "name", ["", ".", "..", "data set", "../place", f"../place/{NAME}", f"{NAME}/records"]
+)
 def test_a_name_that_is_no_shard_s_is_not_forgotten(place: Path, name: str) -> None:
     there = shard(NAME)
     spool.forget(name)
@@ -101,7 +103,9 @@ def test_without_the_variable_the_folder_has_a_name_that_nobody_knows_before(
     assert not any(target.iterdir())
     assert spool.shard_folder(NAME) == folder, "the next run finds it"
     assert spool.held() == [NAME]
-    second = spool.made(Path(tempfile.mkdtemp(prefix=spool.PREFIX)))  # of a worker that began at the same time
+    second = spool.made(
+        Path(tempfile.mkdtemp(prefix=spool.PREFIX))
+    )  # of a worker that began at the same time
     spool.made(second / NAME[::-1])
     assert sorted(spool.held()) == sorted([NAME, NAME[::-1]])
     assert spool.shard_folder(NAME[::-1]).parent == second

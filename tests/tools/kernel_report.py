@@ -1,6 +1,7 @@
 """Registers, spilled bytes and instructions of the hot kernels, read from their binaries for an H200: no GPU needed.
 
     python tests/tools/kernel_report.py            compile, and print the table beside what is recorded
+    python tests/tools/kernel_report.py bvh2       only modules whose names begin so
     python tests/tools/kernel_report.py --record   keep what was found as results/nvidia-h200/kernels.csv
 
 A binary for the GPU is an ELF file: a kernel's instructions are its section ``.text.NAME``, 16 bytes each, and the
@@ -42,7 +43,8 @@ class Use:
 
 def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
-    from shadowbench.methods.bvh2 import build_hploc, primary, shadow, sort
+    from shadowbench.harness.frame.specialise import specialised
+    from shadowbench.harness.scene.effects import Switches
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
@@ -51,6 +53,10 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.ray_grids.light import doubts as light_doubts
     from shadowbench.methods.ray_grids.light import queue as light_queue
     from shadowbench.methods.ray_grids.light import stream as light_stream
+    from shadowbench.methods.trees.build import hploc as build_hploc
+    from shadowbench.methods.trees.build import lbvh as build_lbvh
+    from shadowbench.methods.trees.build import refit, sort
+    from shadowbench.methods.trees.trace import mirrored, primary, shadow
     from shadowbench.methods.uniform_grid.method import Trace as GridTrace
     from shadowbench.methods.uniform_grid.traversal import make_kernels
 
@@ -75,14 +81,29 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: doubts of a spot": light_doubts.make_doubt_kernel(False, True).module,
         "ray_grids light: split": "shadowbench.methods.ray_grids.light.split",
         "bvh2: tree": build_hploc.make_hploc_kernel(2, 48).module,
+        "bvh2: tree, lbvh": build_lbvh.make_lbvh_kernel(48).module,
+        "bvh2: refit": refit.make_refit_kernel(48).module,
         "bvh2: sort": sort.make_sweep_kernel(8).module,
-        "bvh2: keys": "shadowbench.methods.bvh2.keys",
-        "bvh2: triangles": "shadowbench.methods.bvh2.records",
+        "bvh2: sort, large": sort.make_sweep_kernel(16).module,
+        "bvh2: sort, count": "shadowbench.methods.trees.build.sort",
+        "bvh2: keys": "shadowbench.methods.trees.build.keys",
+        "bvh2: triangles": "shadowbench.methods.trees.records.planes",
+        "bvh2: triangles, rays": "shadowbench.methods.trees.records.rays",
         "bvh2: primary": primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS).module,
+        "bvh2: primary, holes": specialised(
+            primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS), Switches(alpha=True)
+        ).module,
+        "bvh2: primary, packets": primary.make_exact_kernel(True, 48, primary.FLOAT64_REGISTERS).module,
         "bvh2: primary, float32": primary.make_float32_kernel(False, 48, 48).module,
         "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 48, False).module,
         "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 48, False).module,
-        "hybrid: shadow": shadow.make_shadow_kernel("exact", 48, 48, False).module,
+        "bvh2: shadow, holes": specialised(
+            shadow.make_shadow_kernel("exact", 48, 48, False), Switches(alpha=True)
+        ).module,
+        "bvh2: mirrored": mirrored.make_exact_kernel(48, 48).module,
+        "bvh2: mirrored, float32": mirrored.make_float32_kernel(48, 48).module,
+        "bvh2: mirrored, resolve": "shadowbench.methods.trees.trace.mirrored",
+        "bvh2: mirrored, shadow": mirrored.make_shadow_kernel("exact", 48, 48).module,
         "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
         "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
     }
@@ -156,11 +177,12 @@ def plain_name(symbol: str) -> str:
     return re.sub(r"_[0-9a-f]{8}_cuda_kernel_forward$", "", symbol).rsplit("__locals__", 1)[-1]
 
 
-def report() -> dict[tuple[str, str], Use]:
-    """Every hot kernel, by package and name."""
+def report(labels: tuple[str, ...] = ("",)) -> dict[tuple[str, str], Use]:
+    """Every hot kernel of the modules whose labels begin so, by package and name."""
     return {
         (label, name): use
         for label, module in hot_modules().items()
+        if label.startswith(labels)
         for name, use in sorted(uses_of(module).items())
     }
 
@@ -182,7 +204,7 @@ def record(found: dict[tuple[str, str], Use]) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    found = report()
+    found = report(tuple(text for text in arguments if text != "--record") or ("",))
     before = recorded() if RECORD.exists() else {}
     print(f"{'':52} {'registers':>16} {'stack bytes':>16} {'instructions':>16}   (recorded)")
     for key, use in found.items():
@@ -193,7 +215,7 @@ def main(arguments: list[str]) -> None:
         ]
         print(f"{': '.join(key):52} {' '.join(cells)}")
     if "--record" in arguments:
-        record(found)
+        record(before | found)
         print(f"recorded in {RECORD}")
 
 

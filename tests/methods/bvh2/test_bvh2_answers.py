@@ -24,7 +24,7 @@ from shadowbench.harness.hardcases.eyes import touching
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
-from shadowbench.methods.bvh2.doubt_text import MOST_KEPT
+from shadowbench.methods.trees.undecided import MOST_KEPT
 
 NAME = "bvh2"
 SETTINGS = [

@@ -5,19 +5,13 @@ from __future__ import annotations
 import pytest
 from shadowbench.harness.frame.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
-from shadowbench.methods.bvh2 import (
-    build_hploc,
-    build_lbvh,
-    careful,
-    mirrored,
-    primary,
-    ray_records,
-    refit,
-    shadow,
-    sort,
-)
-from shadowbench.methods.bvh2.doubt_text import MOST_KEPT
-from shadowbench.methods.bvh2.parameters import Trace
+from shadowbench.methods.trees.build import hploc as build_hploc
+from shadowbench.methods.trees.build import lbvh as build_lbvh
+from shadowbench.methods.trees.build import refit, sort
+from shadowbench.methods.trees.parameters import Trace
+from shadowbench.methods.trees.records import rays as ray_records
+from shadowbench.methods.trees.trace import careful, mirrored, primary, shadow
+from shadowbench.methods.trees.undecided import MOST_KEPT
 from tools.kernel_report import uses_of
 
 REGISTERS = Trace().registers

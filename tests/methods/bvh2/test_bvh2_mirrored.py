@@ -8,7 +8,7 @@ from helpers.brute_force import soup
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.ray_trials import PLAIN, SIDE, answers_of, assert_same, session_of
 from numpy.typing import NDArray
-from shadowbench.methods.bvh2 import mirrored, walk_ray
+from shadowbench.methods.trees.trace import mirrored, walk_ray
 
 RAYS = SIDE * SIDE
 Mesh = tuple[NDArray, NDArray]

@@ -8,7 +8,7 @@ from helpers.brute_force import make_scene
 from helpers.method_trials import assert_exact
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.bvh2.records import joined_pairs
+from shadowbench.methods.trees.records.planes import joined_pairs
 
 OPPOSITE = [[0, 1, 2], [1, 0, 3]]
 """Two triangles that pass their common edge in opposite directions."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.methods.bvh2.sah import DEEP, sah_topology
-from shadowbench.methods.bvh2.snippets import INDEX, LEAF, NONE, PAIR, STACK
-from shadowbench.methods.bvh2.sort import Sort
+from shadowbench.methods.trees.build.sah import DEEP, sah_topology
+from shadowbench.methods.trees.build.sort import Sort
+from shadowbench.methods.trees.native import INDEX, LEAF, NONE, PAIR, STACK
 
 BUILDS = [
     {"builder": "lbvh", "pair": "0"},

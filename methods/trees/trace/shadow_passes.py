@@ -9,21 +9,23 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import filled
-from ...harness.frame.mirrors import traced_bounces
-from ...harness.frame.passes import Pass
-from ...harness.frame.receivers import facing_passes, facing_reads
-from ...harness.frame.specialise import specialised
-from ...harness.frame.threads import Launch, beside, cpu_threads
-from ...harness.scene.effects import Effects
-from ..common.pixels import thread_count
-from ..gpu.reserve import counted
-from . import mirrored, records, shadow
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
+from ....harness.frame.mirrors import traced_bounces
+from ....harness.frame.passes import Pass
+from ....harness.frame.receivers import facing_passes, facing_reads
+from ....harness.frame.specialise import specialised
+from ....harness.frame.threads import Launch, beside, cpu_threads
+from ....harness.scene.effects import Effects
+from ...common.pixels import thread_count
+from ...gpu.reserve import counted
+from ..nodes import Tree
+from ..parameters import Build, Trace
+from ..records import planes as records
+from . import mirrored, shadow
 from .careful_passes import Careful, walked
 from .mirror_passes import RECORDS, MirroredRays
-from .parameters import Build, Trace
-from .primary import BLOCK, Part, Tree
+from .primary import BLOCK, Part
 
 
 def threads_built(rays: ShadowRays | None) -> dict[str, int]:
@@ -42,10 +44,10 @@ class ShadowRays:
 
     counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce,
             from ``mirror_slot`` on one per bounce for the mirrored rays themselves
-    doubts  vec2i [capacity] for each share: those beyond two of a ray, of one slot after another (:mod:`.doubt_text`)
+    doubts  vec2i [capacity] for each share: those beyond two of a ray, of one slot after another (:mod:`..undecided`)
     starts  for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
     joined  uint8 [triangles / 2]; of each light light_records vec4f [3 * triangles], sides vec4f [triangles], facing uint8
-            [triangles]: :mod:`.records`
+            [triangles]: :mod:`..records.planes`
     marks   whether they mark the receivers (:func:`marks_receivers`)
 
     ``primary_starts``: those of the primary hits, if another method finds them.

@@ -10,28 +10,18 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
-from ...harness.frame.specialise import effects
-from ..common.pixels import tile_pixel
-from ..exact.hit_point import hit_point, plane_distance
-from ..exact.holes import opaque_at_hit, opaque_to_light
-from ..exact.segment import may_occlude, occludes
-from ..exact.triangle import (
-    NO_HIT,
-    U32,
-    hit_distance,
-    hit_weights,
-    largest,
-    may_hit,
-    nearer,
-    to_float32,
-)
-from ..gpu.entries import entry
-from .nodes import make_children_of
-from .primary import Tree
-from .records import triangle_corners
-from .snippets import INDEX, PAIR, STACK
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
+from ....harness.frame.specialise import effects
+from ...common.pixels import tile_pixel
+from ...exact.hit_point import hit_point, plane_distance
+from ...exact.holes import opaque_at_hit, opaque_to_light
+from ...exact.segment import may_occlude, occludes
+from ...exact.triangle import NO_HIT, U32, hit_distance, hit_weights, largest, may_hit, nearer, to_float32
+from ...gpu.entries import entry
+from ..native import INDEX, PAIR, STACK
+from ..nodes import Tree, make_children_of
+from ..records.planes import triangle_corners
 
 MISSED = wp.constant(9.9e37)
 FARTHEST = wp.constant(9.0e37)

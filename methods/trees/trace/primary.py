@@ -7,16 +7,17 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
-from ...harness.frame.specialise import effects
-from ..common.pixels import tile_pixel
-from ..exact.certain_hit import certain_hit, is_far
-from ..exact.hit_point import along, flat_hit_point, plane_distance
-from ..exact.holes import opaque_at_hit
-from ..exact.triangle import hit_distance, nearer, to_float32
-from ..gpu.entries import entry, set_entry
-from .records import triangle_corners
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
+from ....harness.frame.specialise import effects
+from ...common.pixels import tile_pixel
+from ...exact.certain_hit import certain_hit, is_far
+from ...exact.hit_point import along, flat_hit_point, plane_distance
+from ...exact.holes import opaque_at_hit
+from ...exact.triangle import hit_distance, nearer, to_float32
+from ...gpu.entries import entry, set_entry
+from ..nodes import Tree
+from ..records.planes import triangle_corners
 from .walk_primary import make_walk
 
 BLOCK = 128
@@ -31,16 +32,6 @@ def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
     """:func:`...harness.frame.geometry.weld_of`, read where it lies."""
     face = entry(mesh.triangles, triangle)
     return wp.vec3i(entry(mesh.weld, face[0]), entry(mesh.weld, face[1]), entry(mesh.weld, face[2]))
-
-
-@wp.struct
-class Tree:
-    """Nodes of a tree, and the reference to its root (:mod:`.nodes`, :mod:`.snippets`); which triangles have holes, or
-    nothing where none has."""
-
-    nodes: wp.array(dtype=wp.vec4f)
-    root: wp.array(dtype=wp.int32)
-    masked: wp.array(dtype=wp.uint8)
 
 
 @wp.struct

@@ -12,15 +12,16 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
-from ...harness.frame.specialise import effects
-from ..exact.hit_point import flat_hit_point, plane_distance
-from ..exact.triangle import to_float32
-from ..gpu.entries import entry, set_entry
-from ..gpu.reserve import reserve
-from .primary import Part, Tree, found_of, make_resolve, pixel_at
-from .records import triangle_corners
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
+from ....harness.frame.specialise import effects
+from ...exact.hit_point import flat_hit_point, plane_distance
+from ...exact.triangle import to_float32
+from ...gpu.entries import entry, set_entry
+from ...gpu.reserve import reserve
+from ..nodes import Tree
+from ..records.planes import triangle_corners
+from .primary import Part, found_of, make_resolve, pixel_at
 from .shadow import make_hidden
 from .walk_ray import make_ray_walk
 from .walk_shadow import make_shadow_walk

@@ -1,9 +1,9 @@
 """Whether anything lies between a hit point and a light: any hit counts, so the traversal ends at the first certain one.
 
 Rays are traced from the light to the hit point: those of a warp, whose hit points are neighbours, then share the nodes
-near the light. That is valid as long as the light is not farther than boxes are padded for (:mod:`.nodes`). For a light
+near the light. That is valid as long as the light is not farther than boxes are padded for (:mod:`..nodes`). For a light
 beyond ``reach`` the same segment is traversed from the hit point. The end at which it starts only decides which boxes are
-met first: triangles are tested by planes (:mod:`.records`).
+met first: triangles are tested by planes (:mod:`..records.planes`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN, CONTINUE, FULL_BREAK, solid_text
-from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SLABS
-from .records import LIGHT_UNITS
-from .snippets import BASICS, STACK
+from ..native import BASICS, STACK
+from ..nodes import INVERSE, OF_LEAF, PLAIN, READ, SLABS
+from ..records.planes import LIGHT_UNITS
+from ..undecided import CHAIN, CONTINUE, FULL_BREAK, solid_text
 
 EXACT_LEAF = """
 const auto* planes = records.data + 3 * at;
@@ -94,11 +94,11 @@ while (true) {
 
 
 UNLESS_SPARED = "if ((at | 1) != spared) {\n"
-"""A leaf with the hit triangle and, at most, one that does not hide it (:mod:`.records`) is left out."""
+"""A leaf with the hit triangle and, at most, one that does not hide it (:mod:`..records.planes`) is left out."""
 
 NOTHING = (-1, -1, -1)
 HIDING = -2
-"""What an exact walk gives is (last, first, second) of the ray's doubts (:mod:`.doubt_text`): without any, nothing hides the
+"""What an exact walk gives is (last, first, second) of the ray's doubts (:mod:`..undecided`): without any, nothing hides the
 hit point. (:data:`HIDING`, -1, -1) if a triangle certainly does."""
 
 RETURN_NOTHING = "return {-1, -1, -1};"

@@ -50,12 +50,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ...harness.frame.geometry import Corners, Mesh
-from ...harness.scene.prepared import Prepared
-from ..common.axes import brought_nearer
-from ..exact.triangle import largest, to_float64, total
-from ..gpu.entries import entry, set_entry
-from .snippets import BASICS
+from ....harness.frame.geometry import Corners, Mesh
+from ....harness.scene.prepared import Prepared
+from ...common.axes import brought_nearer
+from ...exact.triangle import largest, to_float64, total
+from ...gpu.entries import entry, set_entry
+from ..native import BASICS
 
 EYE_UNITS = "(FUSED ? 5.5f : 6.5f)"
 DEPTH_UNITS = "10.0f"
@@ -94,7 +94,7 @@ def joined_pairs(prepared: Prepared) -> NDArray[np.uint8]:
 
 @wp.func
 def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
-    """The corners of a triangle, read directly (:mod:`..gpu.entries`)."""
+    """The corners of a triangle, read directly (:mod:`...gpu.entries`)."""
     face = entry(mesh.triangles, triangle)
     return Corners(entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2]))
 

@@ -7,15 +7,17 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.frame import Frame
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import specialised
-from ...harness.scene.effects import Effects
-from ..common.ray_passes import shadow_ray_passes
-from . import primary, records
+from ....harness.frame.frame import Frame
+from ....harness.frame.passes import Pass
+from ....harness.frame.specialise import specialised
+from ....harness.scene.effects import Effects
+from ...common.ray_passes import shadow_ray_passes
+from ..nodes import Tree
+from ..parameters import Build, Trace
+from ..records import planes as records
+from . import primary
 from .careful_passes import walked
-from .parameters import Build, Trace
-from .primary import BLOCK, Tree
+from .primary import BLOCK
 from .shadow_passes import ShadowRays
 
 
@@ -23,7 +25,7 @@ class Rays(ShadowRays):
     """Everything that is traced in a frame.
 
     counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the primary rays
-    eye_records vec4f [3 * triangles]: :mod:`.records`
+    eye_records vec4f [3 * triangles]: :mod:`..records.planes`
     """
 
     def __init__(

@@ -7,14 +7,16 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.frame import Frame
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import specialised
-from ...harness.frame.threads import beside
-from ...harness.scene.effects import Effects
-from . import mirrored, ray_records
-from .parameters import Build, Trace
-from .primary import BLOCK, Tree
+from ....harness.frame.frame import Frame
+from ....harness.frame.passes import Pass
+from ....harness.frame.specialise import specialised
+from ....harness.frame.threads import beside
+from ....harness.scene.effects import Effects
+from ..nodes import Tree
+from ..parameters import Build, Trace
+from ..records import rays as ray_records
+from . import mirrored
+from .primary import BLOCK
 
 RECORDS = "ray triangles"
 """The resource that :meth:`MirroredRays.records_passes` writes."""
@@ -26,7 +28,7 @@ class MirroredRays:
     found    vec2i [threads] for each share: of each ray the closest certain hit (-1: none) and the last doubt
     listed   int32 [threads] for each bounce and share: the pixels that have a ray
     lengths  int32 [bounces, shares]: how many
-    records  vec4f [3 * triangles]: :mod:`.ray_records`
+    records  vec4f [3 * triangles]: :mod:`..records.rays`
 
     ``threads``: the pixels of a share, in blocks; ``counts`` int32 [bounces, shares or more]: the pairs that each left to
     float64; ``doubts`` and ``starts`` are those of :class:`.shadow_passes.ShadowRays`.

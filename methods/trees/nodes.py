@@ -16,8 +16,8 @@ the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d
     the extent rounded: nothing, it is enlarged by 2^-22 of itself
 
 5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.reach``, which bounds the eye; a light that is farther is not
-traced from (:mod:`.walk_shadow`), and mirrored rays start in the scene (:mod:`.walk_ray`). (Ize 2013, "Robust BVH Ray
-Traversal", pads the ray instead.)
+traced from (:mod:`.trace.walk_shadow`), and mirrored rays start in the scene (:mod:`.trace.walk_ray`). (Ize 2013, "Robust
+BVH Ray Traversal", pads the ray instead.)
 A component of the direction that is less than 2^-40 of the largest is replaced by that value, which moves a ray by 2^-40
 of its length.
 """
@@ -30,7 +30,7 @@ from typing import Any
 import warp as wp
 
 from ..exact.triangle import U32
-from .snippets import BASICS
+from .native import BASICS
 
 EMPTY_EXTENT = -1.0e30
 """Extent of a child without triangles: no ray meets it."""
@@ -135,6 +135,16 @@ OF_LEAF = """
         }
 """
 """The triangles of the leaf ``now``."""
+
+
+@wp.struct
+class Tree:
+    """Nodes of a tree, and the reference to its root (:mod:`.native`); which triangles have holes, or
+    nothing where none has."""
+
+    nodes: wp.array(dtype=wp.vec4f)
+    root: wp.array(dtype=wp.int32)
+    masked: wp.array(dtype=wp.uint8)
 
 
 @wp.func

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import filled
-from ...harness.frame.passes import Pass
-from .build_hploc import BLOCK, make_hploc_kernel
-from .build_lbvh import make_lbvh_kernel
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
+from ....harness.frame.passes import Pass
+from .hploc import BLOCK, make_hploc_kernel
+from .lbvh import make_lbvh_kernel
 from .keys import key_kernel, launch_box, used_vertices
-from .parameters import Build
-from .primary import Tree
+from ..parameters import Build
+from ..nodes import Tree
 from .sort import Sort
 
 LBVH_BLOCK = 128

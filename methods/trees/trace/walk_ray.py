@@ -1,7 +1,7 @@
 """The closest hit of a ray with an origin of its own, as a mirrored one: the step of :mod:`.walk_primary`, other tests of
-triangles (:mod:`.ray_records`).
+triangles (:mod:`..records.rays`).
 
-Boxes are padded for origins within ``frame.reach`` (:mod:`.nodes`). Mirrored rays start at points of the scene, moved off
+Boxes are padded for origins within ``frame.reach`` (:mod:`..nodes`). Mirrored rays start at points of the scene, moved off
 the surface by some roundings, and what they can meet lies in the scene: there A exceeds B by less than 2^-18 of it, and
 13 u B of the 18 u B or more of padding are used.
 
@@ -17,10 +17,10 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN, solid_text
-from .nodes import INVERSE, PLAIN, SHRINK
-from .ray_records import DEPTH_SLACK, PLANE_UNITS, WEIGHT_UNITS
-from .snippets import BASICS
+from ..native import BASICS
+from ..nodes import INVERSE, PLAIN, SHRINK
+from ..records.rays import DEPTH_SLACK, PLANE_UNITS, WEIGHT_UNITS
+from ..undecided import CHAIN, solid_text
 from .walk_primary import EXACT_END, FLOAT32_END, single_walk
 
 EXACT_BEGIN = f"""

@@ -19,7 +19,7 @@ NONE = 0xFFFFFFFF
 """The reference to nothing: the root of a tree without triangles."""
 
 STACK = 128
-"""Entries of a stack: no tree is deeper (:mod:`.build_hploc`, :mod:`.build_lbvh`, :mod:`.sah`)."""
+"""Entries of a stack: no tree is deeper (:mod:`.build.hploc`, :mod:`.build.lbvh`, :mod:`.build.sah`)."""
 
 BASICS = (
     f"""

@@ -7,17 +7,18 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
-from ...harness.frame.receivers import hit_receives
-from ...harness.frame.specialise import effects
-from ..exact.hit_point import hit_point, plane_distance
-from ..exact.holes import opaque_to_light
-from ..exact.segment import occludes
-from ..exact.triangle import largest
-from ..gpu.entries import entry, set_entry
-from .primary import Part, Tree, pixel_at
-from .records import triangle_corners
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
+from ....harness.frame.receivers import hit_receives
+from ....harness.frame.specialise import effects
+from ...exact.hit_point import hit_point, plane_distance
+from ...exact.holes import opaque_to_light
+from ...exact.segment import occludes
+from ...exact.triangle import largest
+from ...gpu.entries import entry, set_entry
+from ..nodes import Tree
+from ..records.planes import triangle_corners
+from .primary import Part, pixel_at
 from .walk_shadow import HIDING, NOTHING, make_shadow_walk
 
 HIDDEN = wp.constant(HIDING)

@@ -17,10 +17,10 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN, CONTINUE, FULL_BREAK, solid_text
-from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SHRINK, SLABS
-from .records import DEPTH_UNITS, EYE_UNITS
-from .snippets import BASICS, STACK
+from ..native import BASICS, STACK
+from ..nodes import INVERSE, OF_LEAF, PLAIN, READ, SHRINK, SLABS
+from ..records.planes import DEPTH_UNITS, EYE_UNITS
+from ..undecided import CHAIN, CONTINUE, FULL_BREAK, solid_text
 
 EXACT_BEGIN = f"""
 const float unit = 5.9604645e-08f, slack = shrink * (1.0f + 1.0f / 1048576.0f);
@@ -172,7 +172,7 @@ def single_walk(triangle: str, node_bytes: int, exact: bool) -> str:
 @functools.cache
 def make_walk(precision: str, packets: bool, node_bytes: int, holes: bool = False) -> Any:
     """A function of a ray that gives (t, u, v, bits of the closest triangle or of -1); exact: the bits of (first, second,
-    last, triangle), with what it left (:mod:`.doubt_text`).
+    last, triangle), with what it left (:mod:`..undecided`).
 
     ``seen`` is False in a lane without a ray; ``packets`` walks as one only where a warp does, on the GPU. ``holes``: an
     exact walk leaves hits of the triangles that are ``masked`` to float64.

@@ -17,11 +17,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import Mesh, value_struct
-from ..common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
-from ..gpu.entries import entry, set_entry
-from .snippets import BASICS, PAIR
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import Mesh, value_struct
+from ...common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
+from ...gpu.entries import entry, set_entry
+from ..native import BASICS, PAIR
 
 EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 """A flag at which neither child has arrived."""

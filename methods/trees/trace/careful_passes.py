@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.frame import Frame
-from ...harness.frame.specialise import specialised
-from ...harness.scene.effects import Effects
-from ..common.pixels import thread_count
+from ....harness.frame.frame import Frame
+from ....harness.frame.specialise import specialised
+from ....harness.scene.effects import Effects
+from ...common.pixels import thread_count
+from ..nodes import Tree
+from ..parameters import Build
 from .careful import make_closest_kernel, make_shadow_kernel
-from .parameters import Build
-from .primary import Tree
 
 BLOCK = 128
 

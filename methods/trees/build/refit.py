@@ -1,6 +1,6 @@
 """A tree of the first frame, its boxes refitted each frame.
 
-One thread per triangle climbs: the second thread to arrive at a node writes it and continues (as in :mod:`.build_lbvh`,
+One thread per triangle climbs: the second thread to arrive at a node writes it and continues (as in :mod:`.lbvh`,
 but with a known tree). Counters of arrivals are never reset: an even count means that both have arrived. A triangle that
 is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
 """
@@ -12,17 +12,17 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.errors import UserError
-from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import filled
-from ...harness.frame.passes import Pass
-from .build_lbvh import EXCHANGED
+from ....harness.errors import UserError
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
+from ....harness.frame.passes import Pass
+from .lbvh import EXCHANGED
 from .keys import extent_of, launch_box, used_vertices
-from .nodes import ROUNDED_UP, WRITE, padding
-from .parameters import Build
-from .primary import Tree
+from ..nodes import ROUNDED_UP, WRITE, padding
+from ..parameters import Build
+from ..nodes import Tree
 from .sah import sah_topology
-from .snippets import BASICS
+from ..native import BASICS
 
 BLOCK = 128
 

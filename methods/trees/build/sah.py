@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .snippets import INDEX, LEAF
+from ..native import INDEX, LEAF
 
 BINS = 16
 DEEP = 64

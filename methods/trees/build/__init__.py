@@ -1,0 +1,1 @@
+"""Building a tree each frame: keys, sort, LBVH or H-PLOC; or refitting one that was made on the host."""
