@@ -18,8 +18,8 @@ from typing import Any
 
 import warp as wp
 
-from ..nodes import PLAIN_ROUNDED_UP, WRITE, padding
 from ..native import BASICS
+from ..nodes import PLAIN_ROUNDED_UP, WRITE, padding
 
 CLIMB = """
 typedef unsigned long long Flag;

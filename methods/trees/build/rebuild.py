@@ -7,11 +7,11 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
-from .hploc import BLOCK, make_hploc_kernel
-from .lbvh import make_lbvh_kernel
-from .keys import key_kernel, launch_box, used_vertices
-from ..parameters import Build
 from ..nodes import Tree
+from ..parameters import Build
+from .hploc import BLOCK, make_hploc_kernel
+from .keys import key_kernel, launch_box, used_vertices
+from .lbvh import make_lbvh_kernel
 from .sort import Sort
 
 LBVH_BLOCK = 128

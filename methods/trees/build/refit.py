@@ -16,13 +16,12 @@ from ....harness.errors import UserError
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
-from .lbvh import EXCHANGED
-from .keys import extent_of, launch_box, used_vertices
-from ..nodes import ROUNDED_UP, WRITE, padding
-from ..parameters import Build
-from ..nodes import Tree
-from .sah import sah_topology
 from ..native import BASICS
+from ..nodes import ROUNDED_UP, WRITE, Tree, padding
+from ..parameters import Build
+from .keys import extent_of, launch_box, used_vertices
+from .lbvh import EXCHANGED
+from .sah import sah_topology
 
 BLOCK = 128
 
