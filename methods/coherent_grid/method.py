@@ -21,9 +21,9 @@ from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.ray_launches import PixelRays
 from ..gpu.reserve import counted
-from ..ray_grids.camera.passes import CameraStream
-from ..ray_grids.parameters import Streams
-from ..ray_grids.queues import COUNTERS, DOUBTS, Queues, Step
+from ..streams.camera.passes import CameraStream
+from ..streams.queues import COUNTERS, DOUBTS, Queues, Step
+from ..streams.settings import Streams
 from ..uniform_grid.method import Build
 from ..uniform_grid.traversal import Cells, make_kernels
 from . import packets

@@ -18,15 +18,9 @@ from ...harness.frame.specialise import effects
 from ..common.grid import Grid, cell_index, cell_of, to_grid
 from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry
-from ..ray_grids.camera.pixels import (
-    Candidate,
-    edge_planes,
-    inverse_depth,
-    sign_bound,
-    test_pixel_or_queue,
-)
-from ..ray_grids.fetch import corners_at, direction_at
-from ..ray_grids.queues import Queue
+from ..streams.camera.pixels import Candidate, edge_planes, inverse_depth, sign_bound, test_pixel_or_queue
+from ..streams.queues import Queue
+from ..streams.reads import corners_at, direction_at
 from ..uniform_grid.traversal import Cells
 from ..visibility_buffer.raster import is_outside
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import warp as wp
 
 GROUP_WORDS = 8
-"""Words of 16 bytes of a group of rows (:func:`..ray_grids.light.split.set_group`)."""
+"""Words of 16 bytes of a group of rows (:func:`..streams.occlusion.groups.set_group`)."""
 
 FEW_ROWS, PACKED = wp.constant(8), wp.constant(4)
 """Rows that a small group has at most, and how many small groups a warp takes together: a row for every lane."""

@@ -22,7 +22,7 @@ from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
-from ..ray_grids.parameters import Build as StreamsBuild
+from ..streams.settings import Build as StreamsBuild
 from ..trees.build.rebuild import Rebuilt
 from ..trees.build.refit import Refitted
 from ..trees.trace.shadow_passes import ShadowRays, threads_built

@@ -1,10 +1,7 @@
 """Rays in grid cells, with the triangles streamed over them: the dual of the paper's method.
 
 The paper lists triangles in the cells of a grid made for the rays, and each ray traverses the list of its cell. Here the
-cells contain the rays, and every triangle tests the rays in the cells that it covers; there are no lists of triangles and
-nothing is sorted. In the camera's grid a cell is a pixel. In a light's grid the cells lie on a cube around the light and
-contain the hit points, which are counted and scattered each frame. Related work: the irregular z-buffer (Johnson 2005;
-Aila & Laine 2004; Wyman 2015).
+cells contain the rays, and every triangle tests the rays in the cells that it covers (:mod:`..streams`).
 """
 
 from __future__ import annotations
@@ -22,14 +19,14 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
-from .camera.passes import CameraStream
-from .light.aims import LightAims
-from .light.known import KnownRegionLight, SpotLight
-from .light.memory import RememberingLight, occluder_arrays
-from .light.passes import LightStream
-from .light.slots import cell_arrays
-from .parameters import BESIDE, Build, Streams
-from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room
+from ..streams.camera.passes import CameraStream
+from ..streams.cube.aims import LightAims
+from ..streams.cube.cells import cell_arrays
+from ..streams.light import LightStream
+from ..streams.occlusion.last_occluder import RememberingLight, occluder_arrays
+from ..streams.queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room
+from ..streams.rays.placing import KnownRegionLight, SpotLight
+from ..streams.settings import BESIDE, Build, Streams
 
 MOST_TRIANGLES = 2**24
 """A hit is packed into 64 bits, 24 of them for the triangle index."""
@@ -106,7 +103,7 @@ class RayGrids(BaseMethod):
         self, frame: Frame, effects: Effects, limits: Limits, points: str
     ) -> tuple[list[Pass], CameraStream]:
         """The passes of the primary rays alone, and what launches them. ``points``: the hit points that are kept
-        (:class:`.camera.passes.CameraStream`). :meth:`needs` and :meth:`grow` work as after :meth:`plan`.
+        (:class:`..streams.camera.passes.CameraStream`). :meth:`needs` and :meth:`grow` work as after :meth:`plan`.
         """
         camera, _ = self._camera(frame, effects, limits, 1, points)
         return camera.passes(), camera

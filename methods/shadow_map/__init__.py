@@ -24,9 +24,9 @@ from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
-from ..ray_grids.camera.passes import CameraStream
-from ..ray_grids.parameters import Build as CameraBuild
-from ..ray_grids.queues import COUNTERS, Capacity, Queues, more_room
+from ..streams.camera.passes import CameraStream
+from ..streams.queues import COUNTERS, Capacity, Queues, more_room
+from ..streams.settings import Build as CameraBuild
 from .lookup import Lookup, lookup_kernel
 from .parameters import BIASES, SHAPES, Build, Trace
 from .projection import FACES, LightMap, fit_kernel

@@ -16,8 +16,8 @@ import warp as wp
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ..ray_grids import RayGrids
-from ..ray_grids.light.slots import cell_arrays
-from ..ray_grids.parameters import Streams
+from ..streams.cube.cells import cell_arrays
+from ..streams.settings import Streams
 from .parameters import Build
 from .passes import CameraRaster, LightRaster
 

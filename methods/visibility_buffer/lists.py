@@ -1,7 +1,7 @@
 """The irregular z-buffer of a light: a map whose texels hold lists of hit points.
 
 Johnson et al. 2005; Wyman, Hoetzlein and Lefohn 2015. A texel holds the head of a linked list; the pixel of a hit point is
-its place in memory. The map lies on the faces of a cube around the light (:mod:`..ray_grids.cube`).
+its place in memory. The map lies on the faces of a cube around the light (:mod:`..streams.cube.faces`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from ...harness.frame.geometry import Camera
 from ...harness.frame.specialise import effects
 from ..common.pixels import tile_pixel
 from ..gpu.entries import entry
-from ..ray_grids.light.bins import cell_of
-from ..ray_grids.light.points import Words, has_hit
-from ..ray_grids.light.rays import Occluder, ShadowBits, test_ray
-from ..ray_grids.light.reach import raise_farthest, tile_index
-from ..ray_grids.light.slots import RayCells
-from ..ray_grids.light.table import cells_in_use, face_rectangle, set_table
-from ..ray_grids.queues import Queue
+from ..streams.cube.cells import RayCells
+from ..streams.cube.farthest import raise_farthest, tile_index
+from ..streams.cube.rectangle import cells_in_use, face_rectangle, set_table
+from ..streams.occlusion.planes import Occluder, ShadowBits, test_ray
+from ..streams.queues import Queue
+from ..streams.rays.hit_points import Words, has_hit
+from ..streams.rays.sort import cell_of
 from .tiles import TILE_SIZE, TILE_TEXELS
 
 LEAST_DEPTH = wp.constant(1.0e-37)

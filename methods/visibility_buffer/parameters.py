@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..ray_grids.parameters import Streams
+from ..streams.settings import Streams
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from ..gpu.warps import LANES
-from ..ray_grids.camera.passes import CameraStream
-from ..ray_grids.light.aims import LightAims
-from ..ray_grids.light.passes import LightStream
-from ..ray_grids.parameters import Streams
-from ..ray_grids.queues import BLOCK_DIM, Queues, Step
+from ..streams.camera.passes import CameraStream
+from ..streams.cube.aims import LightAims
+from ..streams.light import LightStream
+from ..streams.queues import BLOCK_DIM, Queues, Step
+from ..streams.settings import Streams
 from . import lists, raster, shadow
 
 

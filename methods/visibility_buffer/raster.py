@@ -1,6 +1,6 @@
 """The visibility buffer: triangles rasterised at pixel centres, the nearest hit of a pixel stored in a 64-bit word.
 
-Edge functions and words are those of :mod:`..ray_grids.camera.pixels`: what float32 leaves in doubt is queued for
+Edge functions and words are those of :mod:`..streams.camera.pixels`: what float32 leaves in doubt is queued for
 float64.
 """
 
@@ -13,7 +13,7 @@ from ...harness.frame.geometry import Camera, Corners, Mesh
 from ...harness.frame.specialise import effects
 from ..exact.triangle import spare_bits
 from ..gpu.entries import entry, entry_now, entry_of_four, set_entry_of_four
-from ..ray_grids.camera.pixels import (
+from ..streams.camera.pixels import (
     Candidate,
     Planes,
     edge_planes,
@@ -22,9 +22,9 @@ from ..ray_grids.camera.pixels import (
     test_box,
     test_pixel_or_queue,
 )
-from ..ray_grids.camera.stream import box_of
-from ..ray_grids.fetch import corners_at, direction_at
-from ..ray_grids.queues import Queue, Share, triangle_of
+from ..streams.camera.stream import box_of
+from ..streams.queues import Queue, Share, triangle_of
+from ..streams.reads import corners_at, direction_at
 from .tiles import (
     GROUP,
     TILE_SHIFT,
@@ -101,7 +101,7 @@ def is_outside(n: wp.vec3f, bound: wp.float32, camera: Camera, box: wp.vec4i) ->
 
     Directions are sums of a column's and a row's part, and each part is a multiple of an axis plus another, but for the
     rounding of the tables. So the largest edge function of the box is that of a corner; four bounds cover all rounding, as
-    in :func:`..ray_grids.camera.stream.plane_line`. A plane that is not a number leaves nothing out.
+    in :func:`..streams.camera.stream.plane_line`. A plane that is not a number leaves nothing out.
     """
     x = wp.max(wp.dot(n, entry(camera.column, box[0])), wp.dot(n, entry(camera.column, box[2])))
     y = wp.max(wp.dot(n, entry(camera.row, box[1])), wp.dot(n, entry(camera.row, box[3])))

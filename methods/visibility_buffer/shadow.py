@@ -1,8 +1,8 @@
 """Shadow rays: triangles rasterised conservatively over a light's map and tested against the hit points in its lists.
 
-Where a triangle may lie on the map is found as in ``ray_grids`` (:mod:`..ray_grids.light.cells`), with a pad for what
+Where a triangle may lie on the map is found as in ``ray_grids`` (:mod:`..streams.cube.footprint`), with a pad for what
 float32 does to its corners. A hit point is tested against the planes of the frustum behind the triangle
-(:mod:`..ray_grids.light.rays`); what float32 leaves in doubt is queued for float64.
+(:mod:`..streams.occlusion.planes`); what float32 leaves in doubt is queued for float64.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from ...harness.frame.geometry import Mesh
 from ...harness.frame.specialise import effects
 from ..gpu.bits import lowest_bit, without_lowest_bit
 from ..gpu.entries import entry, set_entry
-from ..ray_grids.aim import cube_of
-from ..ray_grids.cube import on_face
-from ..ray_grids.fetch import corners_at
-from ..ray_grids.light.cells import (
+from ..streams.cube.aim import cube_of
+from ..streams.cube.cells import RayCells
+from ..streams.cube.faces import on_face
+from ..streams.cube.farthest import all_rays_end_before, depth_slack, nearest_depth
+from ..streams.cube.footprint import (
     Sides,
     cells_of_row,
     cube_space,
@@ -27,11 +28,10 @@ from ..ray_grids.light.cells import (
     sides_of_flat,
     sides_of_planes,
 )
-from ..ray_grids.light.rays import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
-from ..ray_grids.light.reach import all_rays_end_before, depth_slack, nearest_depth
-from ..ray_grids.light.slots import RayCells
-from ..ray_grids.light.table import cells_of, faces_of, last_row, reach_with_rays
-from ..ray_grids.queues import Queue, Share, triangle_of
+from ..streams.cube.rectangle import cells_of, faces_of, last_row, reach_with_rays
+from ..streams.occlusion.planes import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
+from ..streams.queues import Queue, Share, triangle_of
+from ..streams.reads import corners_at
 from .lists import test_list, test_texels, texel_index
 from .tiles import (
     GROUP,

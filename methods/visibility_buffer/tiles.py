@@ -15,10 +15,10 @@ import warp as wp
 
 from ..gpu.entries import set_entry
 from ..gpu.reserve import next_number, reserve
-from ..ray_grids.queues import ITEMS, LARGE, PARTS, Queue
+from ..streams.queues import ITEMS, LARGE, PARTS, Queue
 
 TILE_SHIFT = wp.constant(3)
-"""A tile is 8 wide and high: as the tiles of :mod:`..ray_grids.light.reach`, which the lights' maps use."""
+"""A tile is 8 wide and high: as the tiles of :mod:`..streams.cube.farthest`, which the lights' maps use."""
 
 TILE_SIZE = wp.constant(8)
 

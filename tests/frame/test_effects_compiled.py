@@ -28,7 +28,7 @@ kernels = functools.cache(kernels_with_effects)
 """Every kernel that branches on an effect, by its name. Made in the test that asks first: it takes seconds."""
 
 SMALL = {
-    "alpha": "methods.ray_grids.camera.stream.doubt_kernel",
+    "alpha": "methods.streams.camera.stream.doubt_kernel",
     "bounced": "harness.frame.mirrors.mirror_kernel",
     "orthographic": "harness.frame.shading.color_kernel",
     "receivers": "methods.perspective_spherical.light.frame.box_kernel",

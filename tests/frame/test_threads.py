@@ -22,8 +22,8 @@ from shadowbench.methods.common.bands import ThreadRanges
 from shadowbench.methods.common.pixels import thread_count
 from shadowbench.methods.gpu.entries import raise_entry
 from shadowbench.methods.gpu.reserve import number_among, raise_to
-from shadowbench.methods.ray_grids.aim import EMPTY, LARGEST, RECTANGLE_WORDS
-from shadowbench.methods.ray_grids.cube import record_rays
+from shadowbench.methods.streams.cube.aim import EMPTY, LARGEST, RECTANGLE_WORDS
+from shadowbench.methods.streams.cube.faces import record_rays
 
 WIDTH, HEIGHT = 21, 18
 METHODS = (

@@ -30,11 +30,11 @@ from shadowbench.methods.perspective_spherical.camera.trace_staged import make_s
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
 from shadowbench.methods.perspective_spherical.variants import Variant
-from shadowbench.methods.ray_grids.camera import queue as camera_queue
-from shadowbench.methods.ray_grids.camera import stream as camera_stream
-from shadowbench.methods.ray_grids.light import doubts as light_doubts
-from shadowbench.methods.ray_grids.light import queue as light_queue
-from shadowbench.methods.ray_grids.light import stream as light_stream
+from shadowbench.methods.streams.camera import rows as camera_queue
+from shadowbench.methods.streams.camera import stream as camera_stream
+from shadowbench.methods.streams.occlusion import rows as light_queue
+from shadowbench.methods.streams.occlusion import stream as light_stream
+from shadowbench.methods.streams.occlusion import undecided as light_doubts
 from shadowbench.methods.trees.trace import careful, mirrored
 from shadowbench.methods.trees.trace import primary as tree_primary
 from shadowbench.methods.trees.trace import shadow as tree_shadow

@@ -12,9 +12,9 @@ import warp as wp
 from helpers.compiled_twins import kernels_with_effects, source_of, with_source
 from shadowbench.harness.frame.specialise import named
 from shadowbench.harness.scene.effects import Switches
-from shadowbench.methods.ray_grids.camera import stream as camera_stream
-from shadowbench.methods.ray_grids.light import queue as light_queue
-from shadowbench.methods.ray_grids.light import stream as light_stream
+from shadowbench.methods.streams.camera import stream as camera_stream
+from shadowbench.methods.streams.occlusion import rows as light_queue
+from shadowbench.methods.streams.occlusion import stream as light_stream
 from tools.kernel_report import hot_modules, uses_of
 
 EFFECTS = kernels_with_effects()

@@ -23,12 +23,12 @@ from shadowbench.methods.perspective_spherical.camera import tiles as camera_gri
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
 from shadowbench.methods.perspective_spherical.light import sphere
-from shadowbench.methods.ray_grids.camera import pixels as camera_pixels
-from shadowbench.methods.ray_grids.camera import stream as camera_stream
-from shadowbench.methods.ray_grids.light import cells as light_cells
-from shadowbench.methods.ray_grids.light import region as light_region
-from shadowbench.methods.ray_grids.light import split as light_split
-from shadowbench.methods.ray_grids.light import stream as light_stream
+from shadowbench.methods.streams.camera import pixels as camera_pixels
+from shadowbench.methods.streams.camera import stream as camera_stream
+from shadowbench.methods.streams.cube import footprint as light_cells
+from shadowbench.methods.streams.occlusion import groups as light_split
+from shadowbench.methods.streams.occlusion import stream as light_stream
+from shadowbench.methods.streams.rays import region as light_region
 from shadowbench.methods.warp_bvh import exact
 
 PACKAGE = "shadowbench.methods."

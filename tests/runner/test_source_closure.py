@@ -113,7 +113,7 @@ def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> N
     [
         ("methods.warp_bvh.exact", {"warp_bvh"}),
         ("methods.common.box_tree", {"warp_bvh", "accuracy_ladder"}),
-        ("methods.ray_grids.aim", {"ray_grids", "shadow_map"}),
+        ("methods.streams.camera.pixels", {"ray_grids", "shadow_map"}),
         ("methods.uniform_grid.traversal", {"uniform_grid"}),
         ("methods.common.grid_walk", {"uniform_grid", "two_level_grid"}),
     ],

@@ -48,11 +48,11 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
-    from shadowbench.methods.ray_grids.camera import queue as camera_queue
-    from shadowbench.methods.ray_grids.camera import stream as camera_stream
-    from shadowbench.methods.ray_grids.light import doubts as light_doubts
-    from shadowbench.methods.ray_grids.light import queue as light_queue
-    from shadowbench.methods.ray_grids.light import stream as light_stream
+    from shadowbench.methods.streams.camera import rows as camera_queue
+    from shadowbench.methods.streams.camera import stream as camera_stream
+    from shadowbench.methods.streams.occlusion import rows as light_queue
+    from shadowbench.methods.streams.occlusion import stream as light_stream
+    from shadowbench.methods.streams.occlusion import undecided as light_doubts
     from shadowbench.methods.trees.build import hploc as build_hploc
     from shadowbench.methods.trees.build import lbvh as build_lbvh
     from shadowbench.methods.trees.build import refit, sort
@@ -67,19 +67,19 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
         "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
-        "ray_grids camera: parts": "shadowbench.methods.ray_grids.camera.parts",
-        "ray_grids camera": "shadowbench.methods.ray_grids.camera.stream",
-        "ray_grids camera: resolve": "shadowbench.methods.ray_grids.camera.resolve",
-        "ray_grids light: aim": "shadowbench.methods.ray_grids.aim",
-        "ray_grids light: bins": "shadowbench.methods.ray_grids.light.bins",
-        "ray_grids light: spots": "shadowbench.methods.ray_grids.light.spots",
+        "ray_grids camera: parts": "shadowbench.methods.streams.camera.remainder",
+        "ray_grids camera": "shadowbench.methods.streams.camera.stream",
+        "ray_grids camera: resolve": "shadowbench.methods.streams.camera.resolve",
+        "ray_grids light: aim": "shadowbench.methods.streams.cube.aim",
+        "ray_grids light: bins": "shadowbench.methods.streams.rays.sort",
+        "ray_grids light: spots": "shadowbench.methods.streams.rays.cone",
         "ray_grids light: stream": light_stream.make_stream_kernel(True, False).module,
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
         "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,
         "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,
         "ray_grids light: doubts": light_doubts.make_doubt_kernel(False, False).module,
         "ray_grids light: doubts of a spot": light_doubts.make_doubt_kernel(False, True).module,
-        "ray_grids light: split": "shadowbench.methods.ray_grids.light.split",
+        "ray_grids light: split": "shadowbench.methods.streams.occlusion.groups",
         "bvh2: tree": build_hploc.make_hploc_kernel(2, 48).module,
         "bvh2: tree, lbvh": build_lbvh.make_lbvh_kernel(48).module,
         "bvh2: refit": refit.make_refit_kernel(48).module,

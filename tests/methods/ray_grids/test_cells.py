@@ -11,9 +11,9 @@ from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.lights_of_session import lights_of_session
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.ray_grids.aim import EMPTY, FACE, FACES, RECTANGLE_WORDS
-from shadowbench.methods.ray_grids.light.table import cells_in_use, face_in_use
-from shadowbench.methods.ray_grids.parameters import Build
+from shadowbench.methods.streams.cube.aim import EMPTY, FACE, FACES, RECTANGLE_WORDS
+from shadowbench.methods.streams.cube.rectangle import cells_in_use, face_in_use
+from shadowbench.methods.streams.settings import Build
 
 FACES, FACE = int(FACES), int(FACE)
 MANY, FEW = 64, 128

@@ -9,7 +9,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods.gpu.prefetch import FEW_ROWS
 from shadowbench.methods.gpu.warps import LANES
-from shadowbench.methods.ray_grids.queues import COUNTERS, ITEMS, LARGE, SMALL, more_room
+from shadowbench.methods.streams.queues import COUNTERS, ITEMS, LARGE, SMALL, more_room
 
 
 def queued(cells, capacity="0", groups="split", light=(5.0, 4.0, 3.0)):

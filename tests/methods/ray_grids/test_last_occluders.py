@@ -15,7 +15,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot
-from shadowbench.methods.ray_grids.light.memory import RememberingLight
+from shadowbench.methods.streams.occlusion.last_occluder import RememberingLight
 
 SIZE = 40, 32
 LAST = {"occluders": "last", "queue": "always", "inline_rays": "4", "groups": "split"}

@@ -9,7 +9,7 @@ import warp as wp
 from helpers.brute_force import make_scene
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.ray_grids.light.reach import all_rays_end_before, raise_farthest
+from shadowbench.methods.streams.cube.farthest import all_rays_end_before, raise_farthest
 
 CELLS = 32
 

@@ -14,7 +14,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.receivers import facing
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Geometry, Light, Scene, Spot
-from shadowbench.methods.ray_grids.light.known import KnownRegionLight
+from shadowbench.methods.streams.rays.placing import KnownRegionLight
 
 SIZE = 160, 120
 SPOTS = {

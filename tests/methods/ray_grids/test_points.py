@@ -13,8 +13,8 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.common.pixels import thread_count, tile_pixel
-from shadowbench.methods.ray_grids.camera.pixels import distance_of, hit_word
-from shadowbench.methods.ray_grids.light.points import Words, exact_point, placed, point_of
+from shadowbench.methods.streams.camera.pixels import distance_of, hit_word
+from shadowbench.methods.streams.rays.hit_points import Words, exact_point, placed, point_of
 
 SIZE = 48, 40
 

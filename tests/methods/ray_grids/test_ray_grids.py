@@ -13,7 +13,8 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.gpu.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.ray_grids.parameters import (
+from shadowbench.methods.streams.queues import COUNTERS, DOUBTS, more_room
+from shadowbench.methods.streams.settings import (
     FEW_TRIANGLES,
     MANY_TRIANGLES,
     ONE_SHARE_BELOW,
@@ -21,7 +22,6 @@ from shadowbench.methods.ray_grids.parameters import (
     SPLIT_FROM,
     STREAM_BESIDE_BELOW,
 )
-from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 
 def answers_of(prepared, width, height, settings, device="cpu", method="ray_grids"):

@@ -15,10 +15,10 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.harness.scene.surface_rules import perforated
-from shadowbench.methods.ray_grids.aim import FACE, LARGEST
-from shadowbench.methods.ray_grids.light.known import KnownRegionLight
-from shadowbench.methods.ray_grids.light.passes import LightStream
-from shadowbench.methods.ray_grids.light.spots import face_cosine
+from shadowbench.methods.streams.cube.aim import FACE, LARGEST
+from shadowbench.methods.streams.light import LightStream
+from shadowbench.methods.streams.rays.cone import face_cosine
+from shadowbench.methods.streams.rays.placing import KnownRegionLight
 
 SIZE = 40, 32
 

@@ -14,13 +14,13 @@ from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.frame.specialise import with_type
-from shadowbench.methods.ray_grids.aim import EMPTY, RANGE, RECTANGLE_WORDS
-from shadowbench.methods.ray_grids.light.bins import cell_of
-from shadowbench.methods.ray_grids.light.cells import first_cell, last_cell
-from shadowbench.methods.ray_grids.light.expected import INTERVALS, SPACING_THREADS, spacing_kernel
-from shadowbench.methods.ray_grids.light.slots import RayCells, SpacedCells
-from shadowbench.methods.ray_grids.light.spacing import BIN_SLACK, BINS, row_between, set_edges
-from shadowbench.methods.ray_grids.light.table import cells_in_use, face_rectangle
+from shadowbench.methods.streams.cube.aim import EMPTY, RANGE, RECTANGLE_WORDS
+from shadowbench.methods.streams.cube.cells import RayCells, SpacedCells
+from shadowbench.methods.streams.cube.density import INTERVALS, SPACING_THREADS, spacing_kernel
+from shadowbench.methods.streams.cube.footprint import first_cell, last_cell
+from shadowbench.methods.streams.cube.rectangle import cells_in_use, face_rectangle
+from shadowbench.methods.streams.cube.spacing import BIN_SLACK, BINS, row_between, set_edges
+from shadowbench.methods.streams.rays.sort import cell_of
 
 LOW, HIGH = (-0.013, 0.002), (0.007, 0.0021)
 """What rays cover of face 0, of a range of 0.02."""

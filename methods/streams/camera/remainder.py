@@ -1,0 +1,96 @@
+"""What is left of the primary rays, in one kernel of a GPU: doubtful pairs, and further parts of queued groups.
+
+The pairs that the passes before have queued are decided first, then the parts are tested. A warp keeps the pairs that are
+doubtful in its parts in shared memory, and decides them 32 at a time. So there is no further pass that waits for the last
+warps of this one.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Mesh, Ray
+from ....harness.frame.specialise import effects
+from ...exact.holes import opaque_at_hit
+from ...exact.triangle import hit_distance, spare_bits
+from ...gpu.entries import entry, raise_entry
+from ...gpu.warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
+from ..queues import DOUBTS, PARTS, Queue
+from ..reads import corners_at, direction_at, weld_at
+from .pixels import hit_word, sign_bound, test_pixel
+from .rows import pixel_of, queued_rows, rows_of_lanes
+
+REGISTERS = 80
+
+BLOCKS = 6
+"""Blocks of 128 per multiprocessor that these registers leave room for."""
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def last_kernel(
+    threads: wp.int32,
+    size: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    alpha: Alpha,
+    nearest: wp.array(dtype=wp.uint64),
+    queue: Queue,
+):
+    """Doubtful pairs and further parts; ``size``: elements of a part, at most :data:`..settings.MOST_PART`."""
+    thread = wp.tid()
+    k = warp_of(thread)
+    lane = lane_of(thread)
+    step = warp_of(threads)
+    stop = wp.min(queue.counts[PARTS], queue.parts.shape[0])
+    listed = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+    spare = spare_bits(queue.depths.shape[0])
+    bound = sign_bound(camera.tangents)
+    kept = place_of_kept()
+    first = k * LANES
+    held = wp.int32(0)
+    # All lanes go on together. The code that decides is there once: pairs of the list and kept ones come to it in turn.
+    while first < listed or held > 0 or k < stop:
+        if first < listed or held >= LANES or (held > 0 and k >= stop):
+            pair = wp.vec2i(-1, 0)
+            if first < listed:
+                if first + lane < listed:
+                    pair = entry(queue.doubts, first + lane)
+                first += step * LANES
+            else:
+                number = wp.min(held, LANES)
+                held -= number
+                found = kept_pair(kept, held + wp.min(lane, number - 1))
+                if lane < number:
+                    pair = found
+            if pair[0] >= 0:
+                i = pair[0]
+                y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
+                ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                corners = corners_at(mesh, i)
+                weld = weld_at(mesh, i)
+                t = hit_distance(ray, corners, weld)
+                hits = t > wp.float64(0.0)
+                if wp.static(effects.alpha):
+                    if hits:
+                        hits = opaque_at_hit(alpha, i, ray, corners, weld)
+                if hits:
+                    raise_entry(nearest, pair[1], hit_word(wp.float64(1.0) / t, i, spare))
+        else:
+            further = entry(queue.parts, k)
+            k += step
+            rows = queued_rows(queue, further[0], spare, bound)
+            if wp.static(effects.alpha):
+                if alpha.masked[rows.candidate.i] != wp.uint8(0):
+                    rows.candidate.sure = wp.INF
+            lanes = rows_of_lanes(rows, lane, camera)
+            at = further[1] * size
+            end = wp.min(lanes.number, at + size)
+            while at < end:
+                p = pixel_of(rows, lanes, at, lane)
+                unsure = wp.bool(False)
+                pixel = p[1] * camera.width + p[0]
+                if at + lane < end:
+                    unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
+                at += LANES
+                held = keep_pairs(unsure, rows.candidate.i, pixel, held, kept)

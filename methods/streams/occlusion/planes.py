@@ -1,0 +1,357 @@
+"""A triangle against the shadow rays in some cells: planes through the light in float32, with a bound on their error.
+
+Each plane is n . p + c, with a bound on its float32 error at any hit point of the frame. A set bit stays set, so
+the order in which triangles arrive does not matter. What the planes cannot decide is left to ``occludes`` in float64
+(:mod:`.undecided`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ....harness.frame.geometry import Corners
+from ...exact.triangle import U32, U64, largest, to_float64, total
+from ...gpu.division import about_inverse
+from ...gpu.entries import entry, entry_if, set_entry
+from ..cube.rectangle import reach_of
+from ..queues import Queue, queue_doubt
+from ..rays.sort import span_of
+
+
+@wp.struct
+class Occluder:
+    """A triangle as rays are tested against it: inward planes through the light and the edges, and the triangle's plane,
+    positive on the light's side.
+
+    Each plane is (n, c): signs of n . p + c beyond ``bound`` are certain for every hit point p of the frame. All are zero
+    where float64 must decide.
+
+    i      the triangle                     bound  :func:`bound_of`
+    sure   signs beyond it are a certain hit: the bound, or infinite where the triangle has holes
+    """
+
+    e0: wp.vec4f
+    e1: wp.vec4f
+    e2: wp.vec4f
+    plane: wp.vec4f
+    i: wp.int32
+    bound: wp.float32
+    sure: wp.float32
+
+
+@wp.struct
+class ShadowBits:
+    """The shadow bits of one light.
+
+    light       its row of ``shadowed``      triangle  int32 [pixels]: what each pixel's ray hit
+    shadowed  uint8 [lights, pixels]: 1 = shadowed
+    """
+
+    light: wp.int32
+    triangle: wp.array(dtype=wp.int32)
+    shadowed: wp.array2d(dtype=wp.uint8)
+
+
+@wp.struct
+class RememberedBits:
+    """:class:`ShadowBits`, and ``last`` int32 [pixels]: 1 + the triangle that last shadowed each pixel's ray, or 0."""
+
+    light: wp.int32
+    triangle: wp.array(dtype=wp.int32)
+    shadowed: wp.array2d(dtype=wp.uint8)
+    last: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Facing:
+    """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
+    planes through its edges and turns them inside. Zeros if float64 must decide. never: the plane contains the light, so
+    that the triangle occludes no ray (:func:`...exact.segment.occludes`)."""
+
+    normal: wp.vec3f
+    toward: wp.float32
+    never: wp.bool
+
+
+@wp.func
+def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
+    """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ca x ab) . la; 0 if the plane contains it
+    within the rounding of float64 (:func:`...exact.segment.plane_crosses_segment`)."""
+    a = to_float64(corners.a)
+    ab = to_float64(corners.b) - a
+    ac = to_float64(corners.c) - a
+    la = a - to_float64(light)
+    side = wp.dot(wp.cross(ab, ac), la)
+    if wp.abs(side) <= wp.float64(16.0) * U64 * largest(ab) * largest(ac) * total(la):
+        return 0.0
+    return wp.where(side > wp.float64(0.0), 1.0, -1.0)
+
+
+@wp.func
+def facing_to(light: wp.vec3f, corners: Corners, closely: wp.bool) -> Facing:
+    """A :class:`Facing`, computed in float32; ``closely``: a triangle seen edge-on within its rounding in float64."""
+    la = corners.a - light
+    lb = corners.b - light
+    lc = corners.c - light
+    ab = corners.b - corners.a
+    bc = corners.c - corners.b
+    ca = corners.a - corners.c
+    reach = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    facing = Facing()
+    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30):
+        return facing
+    n = wp.cross(ca, ab) * about_inverse(edge * edge)
+    det = wp.dot(n, la)
+    if not (wp.abs(det) > 64.0 * U32 * reach):
+        if not closely:
+            return facing
+        det = side_of_light(light, corners)
+        facing.never = det == 0.0
+        if facing.never:
+            return facing
+    toward = about_inverse(reach * edge)
+    # Inside is positive, and so is the light's side of the triangle.
+    facing.normal = wp.where(det > 0.0, -n, n)
+    facing.toward = wp.where(det > 0.0, toward, -toward)
+    return facing
+
+
+@wp.func
+def plane_at(n: wp.vec3f, p: wp.vec3f) -> wp.vec4f:
+    """The plane of normal n through p."""
+    return wp.vec4f(n[0], n[1], n[2], -wp.dot(n, p))
+
+
+@wp.func
+def edge_plane(light: wp.vec3f, p: wp.vec3f, q: wp.vec3f, toward: wp.float32) -> wp.vec4f:
+    """The plane through the light and an edge p-q of a triangle, which is ``toward`` it (:class:`Facing`)."""
+    return plane_at(wp.cross(p - light, q - p) * toward, p)
+
+
+@wp.func
+def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners, closely: wp.bool) -> Occluder:
+    """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2. What a scale is off is the same
+    for all parts of a plane, so it moves none.
+
+    A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates. With ``closely``
+    it gets its planes, and one that every ray misses if float64 finds it edge-on, too. That is for large triangles: where
+    the light stands in a surface, millions of pairs would be left to float64.
+    """
+    o = occluder
+    facing = facing_to(light, corners, closely)
+    o.e0 = edge_plane(light, corners.b, corners.c, facing.toward)
+    o.e1 = edge_plane(light, corners.c, corners.a, facing.toward)
+    o.e2 = edge_plane(light, corners.a, corners.b, facing.toward)
+    o.plane = plane_at(facing.normal, corners.a)
+    if facing.never:
+        o.e0 = wp.vec4f(0.0, 0.0, 0.0, -wp.INF)
+    return o
+
+
+@wp.func
+def occludes_none(o: Occluder) -> wp.bool:
+    """Whether every ray misses a triangle because the light lies in its plane (:func:`set_planes`)."""
+    return o.e0[3] == -wp.INF
+
+
+@wp.func
+def sign_bound(size: wp.float32) -> wp.float32:
+    """Error of n . h + c, where ``size`` bounds every coordinate of the hit points and of the triangle.
+
+    n is known to 8 u per component; over |h - p|_1 <= 6 size that is 48 u size, and n . h + c rounds by 78 u size more.
+    A hit point may be off by u size more in each coordinate (:mod:`..rays.hit_points`), which is 6 u size.
+    """
+    return 134.0 * U32 * size + 1.0e-36
+
+
+@wp.func
+def bound_of(row: wp.vec4f, corners: Corners) -> wp.float32:
+    """:func:`sign_bound` of a triangle and every hit point of a light (:func:`..cube.rectangle.last_row`)."""
+    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
+    return sign_bound(wp.max(reach_of(row), size))
+
+
+@wp.func
+def occluder_of(
+    i: wp.int32, holes: wp.bool, light: wp.vec3f, corners: Corners, row: wp.vec4f, closely: wp.bool
+) -> Occluder:
+    """A triangle, which may have ``holes``, as a light's rays are tested against it; ``row``:
+    :func:`..cube.rectangle.last_row`; ``closely``: :func:`set_planes`."""
+    o = Occluder()
+    o.i = i
+    o.bound = bound_of(row, corners)
+    o.sure = wp.where(holes, wp.INF, o.bound)
+    return set_planes(o, light, corners, closely)
+
+
+@wp.func
+def value_at(plane: wp.vec4f, h: wp.vec4f) -> wp.float32:
+    """n . h + c, in three operations on a GPU."""
+    return plane[0] * h[0] + (plane[1] * h[1] + (plane[2] * h[2] + plane[3]))
+
+
+NO, YES, DOUBTFUL = wp.constant(0), wp.constant(1), wp.constant(2)
+"""Verdicts of float32 on a (triangle, ray) pair."""
+
+
+@wp.func
+def certain(h: wp.vec4f, occluder: Occluder) -> tuple[wp.bool, wp.bool]:
+    """Whether a ray (hit point and pixel) certainly misses a triangle, and whether it certainly hits it."""
+    low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
+    side = value_at(occluder.plane, h)
+    return low < -occluder.bound or side > occluder.bound, low > occluder.sure and side < -occluder.sure
+
+
+@wp.func
+def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
+    """The verdict of float32 on a ray (hit point and pixel) and a triangle.
+
+    A ray's own triangle passes through its hit point, so it is always among the doubtful.
+    """
+    misses, hits = certain(h, occluder)
+    verdict = wp.int32(DOUBTFUL)
+    if misses:
+        verdict = NO
+    elif hits:
+        verdict = YES
+    return verdict
+
+
+@wp.func
+def set_shadowed(bits: ShadowBits, pixel: wp.int32, i: wp.int32):
+    """Set the pixel's bit: triangle i shadows it."""
+    set_entry(bits.shadowed, bits.light, pixel, wp.uint8(1))
+
+
+@wp.func
+def set_shadowed(bits: RememberedBits, pixel: wp.int32, i: wp.int32):
+    """Set the pixel's bit: triangle i shadows it. Of several triangles any one is remembered."""
+    set_entry(bits.shadowed, bits.light, pixel, wp.uint8(1))
+    set_entry(bits.last, pixel, i + 1)
+
+
+@wp.func
+def set_bit_or_doubt(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32) -> wp.bool:
+    """Set the pixel's bit where the verdict is YES; of a doubtful pair, whether float64 must decide. Not for NO."""
+    if verdict == YES:
+        set_shadowed(bits, pixel, i)
+        return False
+    return entry(bits.triangle, pixel) != i and entry(bits.shadowed, bits.light, pixel) == wp.uint8(0)
+
+
+@wp.func
+def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h: wp.vec4f):
+    """Set the ray's bit where the verdict is YES; queue a doubtful pair for float64. Not for NO.
+
+    Few pairs are doubtful, but nearly every warp meets one; if it were decided here, all lanes of the warp would wait.
+    """
+    pixel = wp.cast(h[3], wp.int32)
+    if set_bit_or_doubt(bits, verdict, i, pixel):
+        queue_doubt(queue, i, pixel)
+
+
+@wp.func
+def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
+    """Queue a doubtful pair for float64, unless the pixel is shadowed already."""
+    if entry(bits.shadowed, bits.light, pixel) == wp.uint8(0):
+        queue_doubt(queue, i, pixel)
+
+
+@wp.func
+def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
+    """Test a ray against the triangle and act on the verdict of float32."""
+    verdict = float32_verdict(h, occluder)
+    if verdict != NO:
+        set_bit_or_queue(bits, queue, verdict, occluder.i, h)
+
+
+@wp.func
+def store_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder):
+    """Store the planes of a queued triangle, four words per plane."""
+    set_entry(records, occluder.i, 0, occluder.e0)
+    set_entry(records, occluder.i, 1, occluder.e1)
+    set_entry(records, occluder.i, 2, occluder.e2)
+    set_entry(records, occluder.i, 3, occluder.plane)
+
+
+@wp.func
+def stored_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder) -> Occluder:
+    """An occluder with the planes that :func:`store_planes` stored."""
+    o = occluder
+    o.e0 = entry(records, occluder.i, 0)
+    o.e1 = entry(records, occluder.i, 1)
+    o.e2 = entry(records, occluder.i, 2)
+    o.plane = entry(records, occluder.i, 3)
+    return o
+
+
+@wp.func
+def test_rays_of_row(
+    bits: Any,
+    queue: Queue,
+    cells: Any,
+    along: wp.int32,
+    face: wp.int32,
+    y: wp.int32,
+    first: wp.int32,
+    last: wp.int32,
+    occluder: Occluder,
+):
+    """Test the rays in cells first..last of a row; ``along``: cells along a face."""
+    if last >= first:
+        span = span_of(cells.offset, face, first, last, y, along)
+        for at in range(span[0], span[1]):
+            test_ray(bits, queue, entry(cells.rays, at), occluder)
+
+
+@wp.func
+def test_rays_of_box(
+    bits: Any,
+    queue: Queue,
+    cells: Any,
+    along: wp.int32,
+    face: wp.int32,
+    box: wp.vec4i,
+    occluder: Occluder,
+):
+    """Test the rays in a box of cells; ``along``: cells along a face.
+
+    One loop over the rays of all rows, two at a time: in a loop of its own for each row, the lanes of a warp would
+    wait for the longest row every time, and for memory at every ray.
+    """
+    y = wp.int32(box[1])
+    span = span_of(cells.offset, face, box[0], box[2], y, along)
+    at = wp.int32(span[0])
+    end = wp.int32(span[1])
+    while at < end or y < box[3]:
+        if at >= end:
+            y += 1
+            span = span_of(cells.offset, face, box[0], box[2], y, along)
+            at = span[0]
+            end = span[1]
+        if at < end:
+            h = entry(cells.rays, at)
+            g = wp.vec4f()
+            two = at + 1 < end
+            if two:
+                g = entry(cells.rays, at + 1)
+            at += 2
+            misses, hits = certain(h, occluder)
+            misses_other, hits_other = certain(g, occluder)
+            i = occluder.i
+            pixel = wp.cast(h[3], wp.int32)
+            pixel_other = wp.cast(g[3], wp.int32)
+            # Both are loaded before either is looked at.
+            own = entry_if(not misses and not hits, bits.triangle, pixel, i)
+            own_other = entry_if(two and not misses_other and not hits_other, bits.triangle, pixel_other, i)
+            if hits:
+                set_shadowed(bits, pixel, i)
+            if two and hits_other:
+                set_shadowed(bits, pixel_other, i)
+            if own != i:
+                queue_if_lit(bits, queue, i, pixel)
+            if own_other != i:
+                queue_if_lit(bits, queue, i, pixel_other)

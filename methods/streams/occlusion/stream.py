@@ -1,0 +1,142 @@
+"""Shadow rays: triangles streamed over the rays in the cells of the light's cube.
+
+Which cells a triangle covers is computed relative to the scene's middle in float32, with a pad that covers its rounding
+(:mod:`..cube.footprint`); rays are placed in float64. How a ray is tested is in :mod:`.planes`.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Mesh
+from ....harness.frame.specialise import effects
+from ...gpu.bits import lowest_bit, without_lowest_bit
+from ...gpu.entries import entry, set_entry
+from ...gpu.reserve import next_number
+from ..cube.aim import cube_of
+from ..cube.cells import RayCells
+from ..cube.faces import on_face
+from ..cube.farthest import all_rays_end_before, depth_slack, nearest_depth
+from ..cube.footprint import cells_of_row, cube_space, flat_box, leaves_out, on_bins
+from ..cube.rectangle import cells_of, faces_of, last_row, reach_with_rays
+from ..queues import LARGE, Queue, Share, triangle_of
+from ..rays.sort import rays_in_box
+from ..reads import corners_at
+from .groups import queue_rows, sides_on_face
+from .planes import ShadowBits, occluder_of, occludes_none, test_rays_of_box, test_rays_of_row
+
+INLINE_ROWS = wp.constant(16)
+"""A triangle over more rows of cells is queued: its thread would read them one after the other."""
+
+MANY = wp.constant(2147483647)
+"""Number of rays that stands for a box whose rays are not counted: more than are tested here."""
+
+
+REGISTERS = 56
+"""Registers per thread: a thread waits for memory longer than it computes, so more threads at a time are faster."""
+
+REGISTERS_OF_FEW = 112
+"""Registers per thread of the stream that stores groups of rows: there are fewer triangles than threads have room."""
+
+
+@functools.cache
+def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Kernel:
+    """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU). Triangles are queued
+    in groups of rows (``splits``; then all that have rays), or whole for :func:`.groups.split_kernel`. Not ``counts``: all
+    that rays may reach, as the farthest receivers tell, which are known before the rays lie in their cells.
+
+    A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
+    """
+
+    registers = REGISTERS_OF_FEW if splits else REGISTERS
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def stream_kernel(
+        share: Share,
+        inline_cells: wp.int32,
+        inline_rays: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        cubes: wp.array2d(dtype=wp.vec4f),
+        cells: RayCells,
+        mesh: Mesh,
+        alpha: Alpha,
+        bits: ShadowBits,
+        queue: Queue,
+    ):
+        i = triangle_of(wp.tid(), share)
+        if i >= share.triangles:
+            return
+        # Loaded together, without a branch between: an invalid triangle has corners too, but no face.
+        row = last_row(cells.table)
+        faces = wp.where(entry(mesh.valid, i) != wp.uint8(0), faces_of(row), wp.uint32(0))
+        corners = corners_at(mesh, i)
+        cube = cube_of(cubes, bits.light)
+        along = cells_of(row)
+        qa = cube_space(corners.a, cube)
+        qb = cube_space(corners.b, cube)
+        qc = cube_space(corners.c, cube)
+        reach = reach_with_rays(cube, corners, row)
+        slack = depth_slack(reach, cube)
+        holes = wp.bool(False)
+        if wp.static(effects.alpha):
+            holes = alpha.masked[i] != wp.uint8(0)
+        # Triangles with few rays are tested after the loop, by all lanes at once whatever their faces. Few triangles have
+        # few rays on two faces: the second is queued.
+        here = wp.int32(-1)
+        box_here = wp.vec4i()
+        several = without_lowest_bit(faces) != wp.uint32(0)
+        while faces != wp.uint32(0):
+            face = lowest_bit(faces)
+            faces = without_lowest_bit(faces)
+            r = entry(cells.table, face)
+            fa = on_face(qa, face)
+            fb = on_face(qb, face)
+            fc = on_face(qc, face)
+            if not leaves_out(several, fa, fb, fc, slack):
+                flat = on_bins(fa, fb, fc, reach, r)
+                box = flat_box(flat, face, along, cells)
+                number = wp.int32(0)
+                least = nearest_depth(fa, fb, fc, slack)
+                if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
+                    number = wp.int32(MANY)
+                    rows = box[3] - box[1] + 1
+                    if wp.static(counts):
+                        if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
+                            number = rays_in_box(cells.offset, face, box, along)
+                if number > 0:
+                    inline = wp.bool(False)
+                    if wp.static(not splits):
+                        inline = number <= inline_rays and here < 0
+                    if inline:
+                        here = face
+                        box_here = box
+                    elif wp.static(splits):
+                        position = lights[bits.light]
+                        again = corners_at(mesh, i)
+                        sides_here = sides_on_face(flat, position, cube, face, again, r)
+                        large = occluder_of(i, False, position, again, row, True)
+                        if not occludes_none(large):
+                            queue_rows(queue, i, face, box, sides_here, large)
+                    elif wp.static(queued):
+                        place = next_number(queue.counts, LARGE)
+                        if place < queue.large.shape[0]:
+                            work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
+                            set_entry(queue.large, place, work)
+                    else:
+                        light = lights[bits.light]
+                        sides = sides_on_face(flat, light, cube, face, corners, r)
+                        planes = occluder_of(i, holes, light, corners, row, True)
+                        last = wp.where(occludes_none(planes), box[1] - 1, box[3])
+                        for y in range(box[1], last + 1):
+                            ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
+                            test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
+        if wp.static(not splits):
+            if here >= 0:
+                # Corners are read again: held until here, they would take the registers of the loop.
+                planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row, False)
+                test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
+
+    return stream_kernel

@@ -1,0 +1,96 @@
+"""Pairs of a triangle and a shadow ray that float64 decides: those that float32 left, and rays outside the region.
+
+The exact hit points need not be stored: few are needed, and they are computed again.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Mesh, Ray
+from ....harness.frame.specialise import effects
+from ...exact.hit_point import hit_point, plane_distance
+from ...exact.holes import opaque_to_light
+from ...exact.segment import occludes
+from ...exact.triangle import largest
+from ...gpu.entries import entry
+from ..queues import DOUBTS, Queue
+from ..reads import corners_at, direction_at, weld_at
+from .planes import ShadowBits, set_shadowed
+
+PAIRS_UNASKED = wp.constant(4)
+"""Doubtful pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
+
+REGISTERS = 96
+"""Registers per thread: there are fewer threads than a GPU has room for."""
+
+
+@functools.cache
+def make_doubt_kernel(stored: bool, outside: bool) -> wp.Kernel:
+    """The kernel. ``stored``: hit_points vec3d [pixels] are exact. ``outside``: there may be rays outside the region
+    (:mod:`..rays.cone`), which it tests against every triangle, too."""
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
+    def doubt_kernel(
+        threads: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        camera: Camera,
+        mesh: Mesh,
+        alpha: Alpha,
+        hit_points: wp.array(dtype=wp.vec3d),
+        strays: wp.array(dtype=wp.int32),
+        bits: ShadowBits,
+        queue: Queue,
+    ):
+        """strays: int32 [1 + pixels]: how many rays lie outside the region, and their pixels; [0] without ``outside``."""
+        pairs = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+        origin_size = wp.float64(largest(camera.eye[0]))
+        light = lights[bits.light]
+        # Whether the pixel is shadowed already: a thread with few pairs would wait for the answer, and what it reads of both
+        # triangles is on its way at once without it. Where a light stands close to a surface, pairs are a hundred times as
+        # many, and nearly all of their pixels are shadowed.
+        asks = pairs > PAIRS_UNASKED * threads
+        rounds = wp.int32(1)
+        if wp.static(outside):
+            rounds += entry(strays, 0)
+        for r in range(rounds):  # first the doubtful pairs, then a round for each ray outside the region
+            stray = wp.int32(-1)
+            stop = wp.int32(pairs)
+            if wp.static(outside):
+                if r > 0:
+                    stray = entry(strays, r)
+                    stop = mesh.triangles.shape[0]
+            k = wp.int32(wp.tid())
+            while k < stop:
+                pair = wp.vec2i(k, stray)
+                if stray < 0:
+                    pair = entry(queue.doubts, k)
+                k += threads
+                i = pair[0]
+                wanted = wp.bool(True)
+                if stray >= 0:
+                    wanted = i != entry(bits.triangle, stray) and entry(mesh.valid, i) != wp.uint8(0)
+                elif asks:
+                    wanted = entry(bits.shadowed, bits.light, pair[1]) == wp.uint8(0)
+                if wanted:
+                    corners = corners_at(mesh, i)
+                    weld = weld_at(mesh, i)
+                    h = wp.vec3d()
+                    if wp.static(stored):
+                        h = hit_points[pair[1]]
+                    else:
+                        y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
+                        ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                        own = corners_at(mesh, entry(bits.triangle, pair[1]))
+                        h = hit_point(ray, plane_distance(ray, own), own)
+                    occluded = occludes(h, light, corners, weld, origin_size)
+                    if wp.static(effects.alpha):
+                        if occluded:
+                            occluded = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
+                    if occluded:
+                        set_shadowed(bits, pair[1], i)
+
+    return doubt_kernel

@@ -1,0 +1,318 @@
+"""The region of a light's rays from the triangles, before there are rays: places and cells in one pass.
+
+What the triangles cover of the cube bounds what the hits on them do. It is found beside the camera's passes, so that the
+pass that places the rays can count them in their cells, too. With few triangles that costs little.
+
+Where only surfaces that face the light have shadow rays, the triangles say which pixels do: eye and light lie on one side
+of a triangle's plane or not, whatever the pixel. The kernels' effect ``receivers`` means this; a spot's rays are placed
+in :mod:`.cone`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
+from ....harness.frame.receivers import faces_light, note_receiver
+from ....harness.frame.specialise import effects
+from ...common.pixels import tile_pixel
+from ...exact.triangle import U32, largest, spare_bits, to_float32, to_float64, total
+from ...gpu.entries import entry, set_entry
+from ..camera.pixels import edge_planes, index_of, inverse_depth
+from ..camera.stream import box_of
+from ..cube.aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, cube_of, ordered
+from ..cube.cells import RayCells
+from ..cube.density import expect_triangles
+from ..cube.faces import on_face
+from ..cube.footprint import FINEST, beyond_face, cube_space, reach_from, turned
+from ..reads import corners_at
+from .hit_points import FAR, Words, has_hit, point_of
+from .sort import REGISTERS, count_placed, put_ray, set_row_edges
+
+OFF = wp.constant(wp.float32(2.0**-7))
+"""Share of the way from the eye that is added to the reach of a triangle: a hit point is off by at most 2^-29 of that way
+(:mod:`.hit_points`), and 32 u of the share are eight times as much."""
+
+LARGE_BOX = wp.constant(256)
+"""Of a triangle with a box of more pixels only the part in view counts."""
+
+LEAST_PIXEL = wp.constant(wp.float32(2.0**-19))
+"""Least difference of the directions of neighbouring pixels for that. Directions are rounded by at most 8 u in each
+coordinate, those beyond the image included: by half a pixel if the difference is so small."""
+
+
+@wp.func
+def lower(words: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float32):
+    """Lower a side of the rectangle to at most x."""
+    word = ordered(x)
+    if word < words[k]:
+        wp.atomic_min(words, k, word)
+
+
+@wp.func
+def rectangle_of(
+    a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, reach: wp.float32, before: wp.vec4f
+) -> wp.vec4f:
+    """The part of a rectangle of face 0 (least u and v, greatest u and v) that the convex hull of four points may cover.
+
+    Points are (along, across, up), and ``reach`` bounds |p - middle|_1 of them; errors are those of
+    :func:`..cube.footprint.on_bins`. Where a point lies behind the centre of projection or too near its plane, the
+    rectangle is returned as it is.
+    """
+    nearest = wp.min(wp.min(a[0], b[0]), wp.min(c[0], d[0]))
+    most = wp.max(wp.max(largest(a), largest(b)), wp.max(largest(c), largest(d)))
+    if not (nearest > 0.01 * most and most < 1.0e30):
+        return before
+    u = wp.vec4f(a[1] / a[0], b[1] / b[0], c[1] / c[0], d[1] / d[0])
+    v = wp.vec4f(a[2] / a[0], b[2] / b[0], c[2] / c[0], d[2] / d[0])
+    least_u = wp.min(u)
+    least_v = wp.min(v)
+    most_u = wp.max(u)
+    most_v = wp.max(v)
+    widest = wp.max(wp.max(-least_u, most_u), wp.max(wp.max(-least_v, most_v), FINEST))
+    pad = 32.0 * U32 * ((1.0 + widest) * reach / nearest + widest)
+    return wp.vec4f(
+        wp.max(before[0], least_u - pad),
+        wp.max(before[1], least_v - pad),
+        wp.min(before[2], most_u + pad),
+        wp.min(before[3], most_v + pad),
+    )
+
+
+@wp.func
+def relative_point(ray: Ray, m: wp.vec3d, middle: wp.vec3f) -> wp.vec3f:
+    """Where a ray meets a plane (1 / t = m . direction), relative to ``middle``; infinite where it does not."""
+    inverse = wp.dot(m, to_float64(ray.direction))
+    if not (inverse > wp.float64(0.0)):
+        return wp.vec3f(wp.INF)
+    return to_float32(to_float64(ray.direction) / inverse + (to_float64(ray.origin) - to_float64(middle)))
+
+
+@wp.func
+def beyond_pixel(camera: Camera, x: wp.int32, y: wp.int32) -> wp.vec3f:
+    """The direction of a pixel that may lie outside the image."""
+    across = (entry(camera.column, camera.width - 1) - entry(camera.column, 0)) / wp.float32(camera.width - 1)
+    down = (entry(camera.row, camera.height - 1) - entry(camera.row, 0)) / wp.float32(camera.height - 1)
+    return entry(camera.column, 0) + wp.float32(x) * across + entry(camera.row, 0) + wp.float32(y) * down
+
+
+@wp.func
+def part_is_known(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera) -> wp.bool:
+    """Whether only the part of a triangle in a box of pixels counts (:func:`part_in_view`).
+
+    Pixels must be farther apart than their directions are rounded, and the distance to the triangle's plane must be known.
+    """
+    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= LARGE_BOX:
+        return False
+    across = largest(entry(camera.column, camera.width - 1) - entry(camera.column, 0))
+    down = largest(entry(camera.row, camera.height - 1) - entry(camera.row, 0))
+    # An image of one column or row has no neighbours: it is not known either.
+    if not (
+        across > LEAST_PIXEL * wp.float32(camera.width) and down > LEAST_PIXEL * wp.float32(camera.height)
+    ):
+        return False
+    return edge_planes(o, corners).steep
+
+
+@wp.struct
+class Part:
+    """Four points in whose convex hull the hits of a triangle lie, in the space of the cube. reach: the largest
+    |p - middle|_1 of them; infinite where there are none. size: at least their largest coordinate in the scene's space."""
+
+    a: wp.vec3f
+    b: wp.vec3f
+    c: wp.vec3f
+    d: wp.vec3f
+    reach: wp.float32
+    size: wp.float32
+
+
+@wp.func
+def part_in_view(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera, cube: Cube) -> Part:
+    """Where the hits of a box of pixels lie on the plane of a triangle: between those of the four pixels around it, one
+    pixel farther, if these all see the plane. For what :func:`part_is_known` says."""
+    m = inverse_depth(o, corners)
+    a = relative_point(Ray(o, beyond_pixel(camera, box[0] - 1, box[1] - 1)), m, cube.middle)
+    b = relative_point(Ray(o, beyond_pixel(camera, box[2] + 1, box[1] - 1)), m, cube.middle)
+    c = relative_point(Ray(o, beyond_pixel(camera, box[0] - 1, box[3] + 1)), m, cube.middle)
+    d = relative_point(Ray(o, beyond_pixel(camera, box[2] + 1, box[3] + 1)), m, cube.middle)
+    way = wp.vec3f(cube.distance, 0.0, 0.0)
+    part = Part()
+    part.reach = wp.max(wp.max(total(a), total(b)), wp.max(total(c), total(d)))
+    beyond = wp.max(
+        wp.max(largest(a + cube.middle), largest(b + cube.middle)),
+        wp.max(largest(c + cube.middle), largest(d + cube.middle)),
+    )
+    part.size = beyond + 8.0 * U32 * part.reach
+    part.a = turned(a, cube) + way
+    part.b = turned(b, cube) + way
+    part.c = turned(c, cube) + way
+    part.d = turned(d, cube) + way
+    return part
+
+
+@wp.func
+def part_beyond_face(part: Part, face: wp.int32, distance: wp.float32) -> wp.bool:
+    """Whether the hull lies certainly behind a face's centre or beyond its sides: both triangles that it consists of."""
+    slack = 32.0 * U32 * (part.reach + distance)
+    b = on_face(part.b, face)
+    c = on_face(part.c, face)
+    return beyond_face(on_face(part.a, face), b, c, slack) and beyond_face(on_face(part.d, face), b, c, slack)
+
+
+@wp.func
+def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, cells: Any):
+    """Enlarge the region by what a triangle with such a ``box`` on the image covers."""
+    qa = cube_space(corners.a, cube)
+    qb = cube_space(corners.b, cube)
+    qc = cube_space(corners.c, cube)
+    reach = reach_from(cube.middle, corners)
+    # What a hit point may be off (:mod:`.hit_points`), in the units of the slack and of a corner's error.
+    far = wp.max(largest(corners.a - o), wp.max(largest(corners.b - o), largest(corners.c - o)))
+    reach += OFF * far
+    slack = 32.0 * U32 * (reach + cube.distance)
+    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
+    part = Part()
+    part.reach = wp.INF
+    if part_is_known(box, o, corners, camera):
+        part = part_in_view(box, o, corners, camera, cube)
+        part.reach += OFF * far
+    in_part = part.reach < 1.0e30
+    if in_part:
+        size = wp.min(size, part.size)
+    most = wp.cast(1.0001 * wp.max(size, FAR * wp.min(far, size + largest(o))), wp.int32)
+    if most > cells.rectangle[LARGEST]:
+        wp.atomic_max(cells.rectangle, LARGEST, most)
+    for face in range(FACES):
+        beyond = beyond_face(on_face(qa, face), on_face(qb, face), on_face(qc, face), slack)
+        if in_part and not beyond:
+            beyond = part_beyond_face(part, face, cube.distance)
+        if not beyond:
+            if cells.rectangle[FACE + face] != 0:
+                cells.rectangle[FACE + face] = 0
+            if face == 0:
+                sides = rectangle_of(qa, qb, qc, qc, reach, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
+                if in_part:
+                    sides = rectangle_of(part.a, part.b, part.c, part.d, part.reach, sides)
+                lower(cells.rectangle, LOW_U, sides[0])
+                lower(cells.rectangle, LOW_V, sides[1])
+                lower(cells.rectangle, HIGH_U, -sides[2])
+                lower(cells.rectangle, HIGH_V, -sides[3])
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def bounds_kernel(
+    threads: wp.int32,
+    lanes: wp.int32,
+    empties: wp.bool,
+    light: wp.int32,
+    camera: Camera,
+    cubes: wp.array2d(dtype=wp.vec4f),
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    cells: RayCells,
+    facing: wp.array(dtype=wp.uint8),
+):
+    """What the triangles in view cover of face 0, with the error of a corner; the faces they touch; the largest coordinate
+    of them, of a large one that of the part in view; and the rays that are expected. Empties ``farthest`` if it ``empties``.
+    One thread per triangle or more, in whole blocks; ``lanes`` of a warp: 32, or 1 on a CPU.
+
+    facing: uint8 [triangles]: of those in view, whether their hits have a ray. Only those that do are counted.
+    """
+    i = wp.tid()
+    if empties:
+        for tile in range(i, cells.farthest.shape[0], threads):
+            cells.farthest[tile] = 0
+    o = entry(camera.eye, 0)
+    cube = cube_of(cubes, light)
+    box = wp.vec4i(0, 0, -1, -1)
+    if i < mesh.triangles.shape[0] and mesh.valid[i] != wp.uint8(0):
+        corners = corners_at(mesh, i)
+        box = box_of(corners, o, camera)
+        wanted = box[2] >= box[0] and box[3] >= box[1]
+        if wp.static(effects.receivers):
+            if wanted:
+                wanted = faces_light(light, o, corners, lights)
+                set_entry(facing, i, wp.uint8(wanted))
+        if wanted:
+            bound_rays(corners, box, o, camera, cube, cells)
+        else:
+            box = wp.vec4i(0, 0, -1, -1)
+    expect_triangles(i, lanes, box, o, camera, cube, mesh, cells)
+
+
+@wp.func
+def facing_of(rays: Words, pixel: wp.int32, mesh: Mesh, facing: wp.array(dtype=wp.uint8)) -> wp.uint8:
+    """What ``facing`` says of the triangle that a pixel hits; 0 at a miss."""
+    word = entry(rays.nearest, pixel)
+    faces = wp.uint8(0)
+    if word != wp.uint64(0):
+        faces = entry(facing, index_of(word, spare_bits(mesh.triangles.shape[0])))
+    return faces
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def place_kernel(
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    lights: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.mat33d),
+    mesh: Mesh,
+    rays: Words,
+    facing: wp.array(dtype=wp.uint8),
+    cells: RayCells,
+    receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
+    shadowed: wp.array2d(dtype=wp.uint8),
+):
+    """:func:`.sort.map_kernel` and :func:`.sort.count_kernel` in one, where the rectangle is known. Sets where rows begin.
+
+    If not all hits have a ray, marks the receivers, too: those on triangles that are ``facing`` (:func:`bounds_kernel`).
+    reached: int32 [1], set to 1 if there is one; or empty.
+    """
+    set_row_edges(first + wp.tid(), camera, cells)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    set_entry(shadowed, light, pixel, wp.uint8(0))
+    faces = wp.uint8(0)
+    if wp.static(effects.receivers):
+        # Before the point is computed: the byte is then on its way together with what that reads of the triangle.
+        faces = facing_of(rays, pixel, mesh, facing)
+    point = point_of(rays, pixel, at, camera, mesh)
+    wanted = point.triangle >= 0
+    if wp.static(effects.receivers):
+        wanted = faces != wp.uint8(0)
+        set_entry(receivers, light, pixel, wp.uint8(wanted))
+        if wanted:
+            note_receiver(reached)
+    if wanted:
+        count_placed(rays, point, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), cells)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def scatter_kernel(
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    rays: Words,
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
+):
+    """:func:`.sort.scatter_kernel`, where pixels without a ray have no slot."""
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    wanted = wp.bool(False)
+    if wp.static(effects.receivers):
+        wanted = entry(receivers, light, pixel) != wp.uint8(0)
+    else:
+        wanted = has_hit(rays, pixel)
+    if wanted:
+        put_ray(rays, pixel, at, entry(cells.slot, pixel), camera, mesh, cells)

@@ -1,0 +1,309 @@
+"""Shadow rays sorted into the cells of the light's cube: face, row, cell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ....harness.frame.geometry import Camera, Mesh
+from ....harness.frame.specialise import effects
+from ...common.pixels import tile_pixel, tile_threads
+from ...exact.triangle import spare_bits
+from ...gpu.entries import entry, entry_if, set_entry
+from ...gpu.reserve import number_among
+from ...gpu.warps import scan_row
+from ..cube.cells import SPARE, RayCells, place_in_order, set_slot
+from ..cube.density import expect_ray
+from ..cube.faces import record_place
+from ..cube.farthest import empty_tiles, raise_from, tile_index
+from ..cube.rectangle import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
+from ..cube.spacing import in_cells, set_edges
+from ..queues import RAYS
+from .hit_points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
+
+STORED_FACE = wp.constant(8)
+"""Added to the face of a place whose ray has its point in ``point``."""
+
+REGISTERS = 40
+"""Registers per thread of the passes that place rays, for twelve blocks of 128 per multiprocessor. The few rays that take
+care spill; with 32 the others would, too."""
+
+
+@wp.func
+def cell_of(p: wp.vec4f, face: wp.int32, r: wp.vec4f, along: wp.int32, cells: Any) -> wp.vec2i:
+    """Column and row of a ray's cell, given its place (u, v, ...) and its face's row of the table."""
+    x = in_cells(cells, 0, face, (p[0] - r[0]) * r[2], along)
+    y = in_cells(cells, 1, face, (p[1] - r[1]) * r[3], along)
+    last = wp.float32(along) - 0.5
+    return wp.vec2i(wp.int32(wp.min(x, last)), wp.int32(wp.min(y, last)))
+
+
+@wp.func
+def cell_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.int32:
+    """Cells of a row are neighbours in memory, and so are the rays in them."""
+    return (face * cells + y) * (cells + SPARE) + x
+
+
+@wp.func
+def span_of(
+    offset: wp.array(dtype=wp.int32), face: wp.int32, x0: wp.int32, x1: wp.int32, y: wp.int32, cells: wp.int32
+) -> wp.vec2i:
+    """First ray and end of cells x0..x1 of a row."""
+    first = cell_index(face, x0, y, cells)
+    return wp.vec2i(entry(offset, first), entry(offset, first + (x1 - x0) + 1))
+
+
+@wp.func
+def rays_in_box(offset: wp.array(dtype=wp.int32), face: wp.int32, box: wp.vec4i, cells: wp.int32) -> wp.int32:
+    """Number of rays in a box of cells: first column and row, last column and row."""
+    first = wp.int32(cell_index(face, box[0], box[1], cells))
+    across = box[2] - box[0] + 1
+    number = wp.int32(0)
+    y = wp.int32(box[1])
+    # Two rows at a time: what is loaded of both is on its way at once.
+    while y <= box[3]:
+        two = y < box[3]
+        other = first + cells + SPARE
+        start = entry(offset, first)
+        end = entry(offset, first + across)
+        start_other = entry_if(two, offset, other, 0)
+        end_other = entry_if(two, offset, other + across, 0)
+        number += (end - start) + (end_other - start_other)
+        first = other + cells + SPARE
+        y += 2
+    return number
+
+
+@wp.func
+def store_point(pixel: wp.int32, triangle: wp.int32, h: wp.vec3f, cells: Any):
+    """Store a pixel's hit point and what its ray hit."""
+    set_entry(cells.triangle, pixel, triangle)
+    set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
+
+
+@wp.func
+def place_ray(
+    rays: Words,
+    point: Point,
+    wanted: wp.bool,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    camera: Camera,
+    mesh: Mesh,
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    keeps: wp.bool,
+    cells: Any,
+):
+    """Store the place of a pixel's ray, if it has one (``wanted``). All threads of a block must call it.
+
+    Not ``keeps``: only points that the triangle gives are stored; what the word gives :func:`put_ray` computes again, which
+    takes less than 24 bytes of memory traffic.
+    """
+    found = placed(point, wanted, light, axes)
+    if found.place[2] >= 0.0:
+        set_entry(cells.place, pixel, found.place)
+        if keeps:
+            store_point(pixel, point.triangle, found.h, cells)
+        else:
+            set_entry(cells.triangle, pixel, point.triangle)
+    elif wanted:
+        found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
+        store_point(pixel, point.triangle, found.h, cells)
+        p = found.place
+        if not keeps:
+            p[2] += wp.float32(STORED_FACE)
+        set_entry(cells.place, pixel, p)
+    expect_ray(pixel, found.place, cells)
+    record_place(found.place, found.size, cells.rectangle)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def map_kernel(
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    lights: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.mat33d),
+    mesh: Mesh,
+    rays: Words,
+    receivers: wp.array2d(dtype=wp.uint8),
+    keeps: wp.bool,
+    cells: RayCells,
+    shadowed: wp.array2d(dtype=wp.uint8),
+):
+    """Places of rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits, unless
+    the receivers' pass of the harness has. ``first``: of an image's threads, the first one here (as in the passes below).
+
+    point: the hit in float32, and the pixel's number in the bits of the fourth; ``keeps``: of :func:`place_ray`. Nothing is
+    written for pixels without ray.
+    """
+    empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    point = Point()
+    wanted = wp.bool(False)
+    pixel = at[1] * camera.width + at[0]
+    if at[0] >= 0:
+        point = point_of(rays, pixel, at, camera, mesh)
+        if wp.static(effects.receivers):
+            wanted = entry(receivers, light, pixel) != wp.uint8(0)
+        else:
+            set_entry(shadowed, light, pixel, wp.uint8(0))
+            wanted = point.triangle >= 0
+    place_ray(
+        rays, point, wanted, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), keeps, cells
+    )
+
+
+@wp.func
+def count_in_cell(
+    pixel: wp.int32,
+    p: wp.vec4f,
+    face: wp.int32,
+    r: wp.vec4f,
+    along: wp.int32,
+    stored: wp.bool,
+    cells: Any,
+):
+    """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it; ``stored``:
+    whether its point is."""
+    at = cell_of(p, face, r, along, cells)
+    cell = cell_index(face, at[0], at[1], along)
+    # Loaded before the rank is waited for.
+    tile = tile_index(face, at[0], at[1], along)
+    seen = entry(cells.farthest, tile)
+    set_slot(pixel, cell, number_among(cells.count, cell), stored, cells)
+    raise_from(seen, cells.farthest, tile, p[3])
+
+
+@wp.func
+def count_ray(pixel: wp.int32, p: wp.vec4f, cells: Any):
+    """Count the ray of a pixel in its cell, given its place."""
+    face = wp.int32(p[2]) & (STORED_FACE - 1)
+    along = cells_in_use(cells.rectangle, cells.cells)
+    stored = p[2] >= wp.float32(STORED_FACE)
+    count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle), along, stored, cells)
+
+
+@wp.func
+def set_row_edges(thread: wp.int32, camera: Camera, cells: Any):
+    """Set where rows begin, by the threads of an image, where the spacing is known before the rays are placed."""
+    along = cells_of(last_row(cells.table))
+    set_edges(thread, tile_threads(camera.width, camera.height), cells, along)
+
+
+@wp.func
+def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: Any):
+    """:func:`count_ray`, where the faces' rectangles are in the table already."""
+    face = wp.int32(p[2])
+    count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(last_row(cells.table)), stored, cells)
+
+
+@wp.func
+def count_quickly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
+    """Count a ray that the word places: its point is not stored (:func:`place_ray`)."""
+    set_entry(cells.triangle, pixel, triangle)
+    count_in_table(pixel, found.place, False, cells)
+
+
+@wp.func
+def count_exactly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
+    """Count a ray that the triangle places, and store its point."""
+    store_point(pixel, triangle, found.h, cells)
+    count_in_table(pixel, found.place, True, cells)
+
+
+@wp.func
+def count_placed(
+    rays: Words,
+    point: Point,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    camera: Camera,
+    mesh: Mesh,
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    cells: Any,
+):
+    """Place the ray of a pixel and count it in its cell, where the rectangle is known. Points are stored
+    as by :func:`place_ray`."""
+    found = placed(point, True, light, axes)
+    if found.place[2] >= 0.0:
+        count_quickly(pixel, point.triangle, found, cells)
+    else:
+        found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
+        count_exactly(pixel, point.triangle, found, cells)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def count_kernel(
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    rays: Words,
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
+):
+    """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
+    does."""
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    if wp.static(effects.receivers):
+        if entry(receivers, light, pixel) == wp.uint8(0):
+            set_entry(cells.slot, pixel, -1)
+            return
+    elif not has_hit(rays, pixel):
+        set_entry(cells.slot, pixel, -1)
+        return
+    count_ray(pixel, entry(cells.place, pixel), cells)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def table_kernel(cells: RayCells):
+    """The table, where what the rays cover is known before there are rays."""
+    set_table(wp.tid(), cells.rectangle, cells.table, cells_in_use(cells.rectangle, cells.cells))
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def scan_kernel(threads: wp.int32, tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int32)):
+    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table and the edges of rows
+    for triangles, unless they are ``tabled``."""
+    k = wp.tid()
+    row = k // 128
+    along = cells_in_use(cells.rectangle, cells.cells)
+    before = row // along
+    face = face_in_use(cells.rectangle, before)
+    if face >= 0:
+        first = (face * along + row - before * along) * (along + SPARE)
+        scan_row(cells.count, cells.offset, first, along, counts, RAYS)
+    if not tabled:
+        set_table(k, cells.rectangle, cells.table, along)
+        set_edges(k, threads, cells, along)
+
+
+@wp.func
+def put_ray(
+    rays: Words, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, camera: Camera, mesh: Mesh, cells: Any
+):
+    """Put the ray of a pixel in column and row ``at`` where its slot says, if it has one."""
+    if slot == -1:
+        return
+    place = place_in_order(pixel, slot, cells)
+    if slot < 0:
+        set_entry(cells.rays, place, entry(cells.point, pixel))
+    else:
+        h = point_of_word(rays, pixel, at, camera, spare_bits(mesh.triangles.shape[0]))
+        set_entry(cells.rays, place, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def scatter_kernel(first: wp.int32, camera: Camera, mesh: Mesh, rays: Words, cells: RayCells):
+    """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    put_ray(rays, pixel, at, entry(cells.slot, pixel), camera, mesh, cells)
