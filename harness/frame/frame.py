@@ -76,12 +76,12 @@ class Frame:
     weld      int32 [vertex_count]      valid     uint8 [triangle_count]
     eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
     tangents  float32 [2]               column    vec3f [width], row vec3f [height]
-    reach     float32 [1]: bounds every coordinate of scene and eye
+    max_coordinate  float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.judge.receivers`
-    posts     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
+    proxy_positions     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light has receivers
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
-    fronts    uint8 [light_count, triangle_count]: 1 = may face the light; empty unless a pass finds it
+    front_facing    uint8 [light_count, triangle_count]: 1 = may face the light; empty unless a pass finds it
               (:func:`.receivers.facing_passes`)
     alpha     the scene's mask (:class:`.frame.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
@@ -115,17 +115,17 @@ class Frame:
             self.valid = wp.zeros(max(1, self.triangle_count), dtype=wp.uint8)
             self.eye = wp.zeros(1, dtype=wp.vec3f)
             self.axes = wp.zeros(3, dtype=wp.vec3f)
-            self.reach = wp.zeros(1, dtype=wp.float32)
+            self.max_coordinate = wp.zeros(1, dtype=wp.float32)
             self.tangents = wp.zeros(2, dtype=wp.float32)
             self.column = wp.zeros(width, dtype=wp.vec3f)
             self.row = wp.zeros(height, dtype=wp.vec3f)
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
             far = effects is not None and any(effects.directional)
-            self.posts = wp.zeros_like(self.lights) if far else self.lights
+            self.proxy_positions = wp.zeros_like(self.lights) if far else self.lights
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
             self.receivers = wp.zeros((light_count, self.pixels) if limited else (0, 0), dtype=wp.uint8)
             self.reached = wp.zeros(light_count * (bounces + 1) if limited else 0, dtype=wp.int32)
-            self.fronts = wp.empty((0, 0), dtype=wp.uint8)
+            self.front_facing = wp.empty((0, 0), dtype=wp.uint8)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),
@@ -230,14 +230,16 @@ class Frame:
             self.valid.assign(moment.valid)
         self.eye.assign(moment.eye.reshape(1, 3))
         self.axes.assign(moment.axes)
-        self.reach.assign(moment.reach)
+        self.max_coordinate.assign(moment.max_coordinate)
         self.tangents.assign(moment.tangents)
         self.column.assign(moment.column)
         self.row.assign(moment.row)
         if self.light_count:
             self.lights.assign(moment.lights)
-            if self.posts is not self.lights:
-                self.posts.assign(moment.lights if moment.posts is None else moment.posts)
+            if self.proxy_positions is not self.lights:
+                self.proxy_positions.assign(
+                    moment.lights if moment.proxy_positions is None else moment.proxy_positions
+                )
             spots = np.zeros(self.spots.shape)
             spots[: len(moment.spots)] = moment.spots
             self.spots.assign(spots)

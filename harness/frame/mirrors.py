@@ -57,12 +57,12 @@ def left_surface(
     query subtracts and multiplies, projected on the normal, and for a query that measures along the ray, the extent of
     the triangle along the ray. ``size`` is the largest coordinate that h was computed from.
     """
-    reach = wp.max(largest(a - h), wp.max(largest(b - h), largest(c - h)))
-    step = FINE * (reach + largest(h) + size) + GAMMA7 * (
+    extent = wp.max(largest(a - h), wp.max(largest(b - h), largest(c - h)))
+    step = FINE * (extent + largest(h) + size) + GAMMA7 * (
         wp.abs(side[0]) * spread(a[0], b[0], c[0], h[0])
         + wp.abs(side[1]) * spread(a[1], b[1], c[1], h[1])
         + wp.abs(side[2]) * spread(a[2], b[2], c[2], h[2])
-        + reach * wp.abs(wp.dot(side, way)) / largest(way)
+        + extent * wp.abs(wp.dot(side, way)) / largest(way)
     )
     return wp.vec3d(
         outward(h[0], step * side[0]), outward(h[1], step * side[1]), outward(h[2], step * side[2])

@@ -106,13 +106,13 @@ def hit_receives(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
 ) -> wp.bool:
-    """:func:`receives` of the hit of a ray on triangle ``hit``. ``fronts``: of a primary ray, which triangles may face the
-    light, if that is known (:class:`.frame.Frame`); else empty."""
+    """:func:`receives` of the hit of a ray on triangle ``hit``. ``front_facing``: of a primary ray, which triangles may
+    face the light, if that is known (:class:`.frame.Frame`); else empty."""
     wanted = wp.bool(True)
-    if fronts.shape[0] > 0:
-        wanted = fronts[light, hit] != wp.uint8(0)
+    if front_facing.shape[0] > 0:
+        wanted = front_facing[light, hit] != wp.uint8(0)
     elif facing:
         wanted = faces_light(light, ray.origin, corners_of(mesh, hit), lights)
     if wanted and spots[light, 0] != wp.float64(0.0):
@@ -141,7 +141,7 @@ def receivers_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
     hits: Hits,
     rays: Rays,
     receivers: wp.array2d(dtype=wp.uint8),
@@ -162,7 +162,7 @@ def receivers_kernel(
             ray = ray_of(camera, pixel)
             if wp.static(effects.bounced):
                 ray = mirrored_ray(rays, pixel)
-            wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, fronts)
+            wanted = hit_receives(light, facing, ray, hit, mesh, lights, spots, front_facing)
         receivers[light, pixel] = wp.uint8(wanted)
         some = some or wanted
     if some:
@@ -176,12 +176,12 @@ def facing_kernel(
     camera: Camera,
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
 ):
     """Which triangles may face a light (:func:`faces_light`); ``first``: of them, the first one here."""
     i = first + wp.tid()
     if mesh.valid[i] != wp.uint8(0):
-        fronts[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
+        front_facing[light, i] = wp.uint8(faces_light(light, camera.eye[0], corners_of(mesh, i), lights))
 
 
 def facing_reads(frame: Frame, effects: Effects, light: int) -> tuple[str, ...]:
@@ -196,16 +196,16 @@ def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> l
     made = facing_reads(frame, effects, light)
     if not made:
         return []
-    if not frame.fronts.size:
+    if not frame.front_facing.size:
         shape = (frame.light_count, frame.triangle_count)
-        frame.fronts = wp.zeros(shape, dtype=wp.uint8, device=frame.device)
+        frame.front_facing = wp.zeros(shape, dtype=wp.uint8, device=frame.device)
 
     def launch(first: int, number: int) -> None:
         wp.launch(
             facing_kernel,
             dim=number,
             inputs=[first, light, frame.camera, frame.mesh, frame.lights],
-            outputs=[frame.fronts],
+            outputs=[frame.front_facing],
             device=frame.device,
         )
 
@@ -216,7 +216,7 @@ def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> l
 
 def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, threads: int) -> Launch:
     """Launch :func:`receivers_kernel` on all pixels, on a CPU in ``threads``."""
-    fronts = wp.empty((0, 0), dtype=wp.uint8, device=frame.device) if bounce else frame.fronts
+    front_facing = wp.empty((0, 0), dtype=wp.uint8, device=frame.device) if bounce else frame.front_facing
     reached = reached_by(frame, light, bounce)
     each = 1 if wp.get_device(frame.device).is_cuda else EACH
 
@@ -225,8 +225,8 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
             specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
             dim=-(-number // each),
             inputs=[
-                first, number, each, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, fronts,
-                frame.hits(bounce), frame.rays(bounce),
+                first, number, each, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots,
+                front_facing, frame.hits(bounce), frame.rays(bounce),
             ],
             outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
             device=frame.device,

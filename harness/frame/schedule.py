@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from ..scene.effects import Effects
 from .passes import Pass
 
-INPUTS = ("points", "triangles", "camera", "reach", "surfaces")
+INPUTS = ("points", "triangles", "camera", "max_coordinate", "surfaces")
 
 
 @dataclass(frozen=True)

@@ -207,8 +207,8 @@ def changes(before: Moment | None, after: Moment) -> frozenset[str]:
     views = ((m.eye, m.axes, m.tangents, m.column, m.row) for m in (before, after))
     if not all(np.array_equal(a, b) for a, b in zip(*views, strict=True)):
         changed.add("camera")
-    if before.reach != after.reach:
-        changed.add("reach")
+    if before.max_coordinate != after.max_coordinate:
+        changed.add("max_coordinate")
     for i in range(len(after.lights)):
         pairs = ((before.lights, after.lights), (before.spots, after.spots))
         if not all(np.array_equal(a[i : i + 1], b[i : i + 1]) for a, b in pairs):

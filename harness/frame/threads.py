@@ -57,7 +57,7 @@ def _pool(workers: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(workers, thread_name_prefix="launch")
 
 
-def beside(launches: Sequence[Launch]) -> Launch:
+def at_once(launches: Sequence[Launch]) -> Launch:
     """A launch of several parts, each in a thread of its own. At first in one, since kernels may have to be compiled."""
     known = False
 
@@ -72,7 +72,7 @@ def beside(launches: Sequence[Launch]) -> Launch:
 def in_ranges(launch: Callable[[int, int], None], count: int, threads: int, device: str) -> Launch:
     """A launch of ``launch(first, number)`` for ``count`` elements: on a CPU in ``threads`` (:func:`cpu_threads`)."""
     parts = ranges(count, cpu_threads(threads, device))
-    return beside([functools.partial(launch, *part) for part in parts])
+    return at_once([functools.partial(launch, *part) for part in parts])
 
 
 def launch_parts(launches: Sequence[Launch], compiled: bool) -> None:

@@ -32,13 +32,13 @@ class Moment:
              and ``tangents`` are half the width and height of what the image shows
     lights   float32 [light_count, 3]
     spots    float64 [light_count, 12]: the spot of each light (:mod:`.judge.receivers`); no row: not limited
-    posts    float32 [light_count, 3]: the points from which a structure may be built in place of the lights. For a light
-             with a position this is the light; for a directional light it is the point at :data:`NEARER` of its distance.
-             A ray of the light lies within 2^-23 of its direction as seen from the post, relative to the angle between
-             that direction and the direction to the scene's middle
-    reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds; bounds on rounding are proportional
-             to it. It does not change while the camera moves near the scene, so that a structure does not depend on the
-             eye
+    proxy_positions    float32 [light_count, 3]: the points from which a structure may be built in place of the lights.
+             For a light with a position this is the light; for a directional light it is the point at :data:`NEARER` of
+             its distance. A ray of the light lies within 2^-23 of its direction as seen from the proxy, relative to the
+             angle between that direction and the direction to the scene's middle
+    max_coordinate  float32 [1]: a power of two that no coordinate of scene and eye exceeds; bounds on rounding are
+             proportional to it. It does not change while the camera moves near the scene, so that a structure does not
+             depend on the eye
     facing   whether only hit points that face a light have a shadow ray to it
     """
 
@@ -53,8 +53,8 @@ class Moment:
     lights: F32
     spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
     facing: bool = False
-    reach: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
-    posts: F32 | None = None
+    max_coordinate: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
+    proxy_positions: F32 | None = None
     orthographic: bool = False
 
     @property
@@ -81,13 +81,14 @@ class Moment:
         return self.column[pixels % self.width] + self.row[pixels // self.width]
 
 
-def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
-    """Float32 [light_count, 3]: see :attr:`Moment.posts`. Scaled by a power of two, which keeps the direction exactly."""
+def proxy_positions_of(positions: F32, lights: tuple[Light, ...]) -> F32:
+    """Float32 [light_count, 3]: see :attr:`Moment.proxy_positions`. Scaled by a power of two, which keeps the direction
+    exactly."""
     scale = [NEARER if light.directional else 1.0 for light in lights]
     return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
 
 
-def reach_of(starts: F32, extent: float) -> F32:
+def max_coordinate_of(starts: F32, extent: float) -> F32:
     """Float32 [1]: the least power of two from eight times ``extent`` upwards that bounds the coordinates of ``starts``."""
     most = max(8.0 * extent, float(np.abs(starts).max()))
     return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from .alpha import alpha_of
-from .moment import F32, Moment, posts_of, ray_tables, reach_of
+from .moment import F32, Moment, max_coordinate_of, proxy_positions_of, ray_tables
 from .scene import AlphaMask, Camera, Geometry, Light, Scene
 
 INFINITELY_FAR = 2.0**56
@@ -100,8 +100,8 @@ class Prepared:
             np.ascontiguousarray(positions.astype(np.float32)),
             spot_rows(lights),
             self.scene.facing,
-            reach_of(starts, extent),
-            posts_of(positions.astype(np.float32), lights),
+            max_coordinate_of(starts, extent),
+            proxy_positions_of(positions.astype(np.float32), lights),
             chosen.height is not None,
         )
 
@@ -112,7 +112,7 @@ class Prepared:
 
         Both are the first frame's while the mesh keeps its size, so that lights and structures rest where nothing else
         changes. A mesh that grows beyond this bound, or shrinks below :data:`SHRUNK` of it, has the scale of its largest
-        coordinate: it would reach its lights' posts, or be lost in the rounding of the way to them.
+        coordinate: it would reach the proxies of its lights, or be lost in the rounding of the way to them.
         """
         extent = self.radius + float(np.abs(self.middle).max())
         size = largest_coordinate(points) if self.frame_count > 1 else 0.0
@@ -135,13 +135,13 @@ class Prepared:
         if not 0.0 < size < np.inf:
             raise UserError(f"directional light: its direction {light.position} must be finite and not zero")
         way = position / size
-        reach = 2.0 ** np.ceil(np.log2(radius))
-        if INFINITELY_FAR * reach > np.finfo(np.float32).max:
+        scale = 2.0 ** np.ceil(np.log2(radius))
+        if INFINITELY_FAR * scale > np.finfo(np.float32).max:
             raise UserError(
                 f"directional light: the scene has a radius of {radius:.3g}, too large for one; scale it below "
                 f"{float(np.finfo(np.float32).max) / INFINITELY_FAR / 2:.2g}, or use a light with a position"
             )
-        return way / np.linalg.norm(way) * (INFINITELY_FAR * reach)
+        return way / np.linalg.norm(way) * (INFINITELY_FAR * scale)
 
     def lights(self, frame: int) -> tuple[Light, ...]:
         """The scene's lights at a frame, moved along its light path."""
@@ -278,8 +278,8 @@ def valid_triangles(points: F32, faces: NDArray[np.int32]) -> NDArray[np.uint8]:
         e, f = b - a, c - a
         normal = np.abs(np.cross(e, f)).max(axis=1)
         # A difference, a product and their difference each round once, by at most 2^-53 of their size.
-        reach = np.maximum(np.abs(e), np.abs(f)).max(axis=1)
-        bound = 16 * 2.0**-53 * reach * reach
+        size = np.maximum(np.abs(e), np.abs(f)).max(axis=1)
+        bound = 16 * 2.0**-53 * size * size
         same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
     result = finite & (normal > bound)
     for i in np.nonzero(finite & ~result & ~same)[0]:

@@ -163,7 +163,7 @@ def launch_boxes(
     wp.launch(
         boxes_kernel,
         dim=frame.triangle_count,
-        inputs=[units, frame.mesh, box, frame.reach],
+        inputs=[units, frame.mesh, box, frame.max_coordinate],
         outputs=[lowers, uppers, records],
         device=frame.device,
     )

@@ -93,7 +93,7 @@ class BoxTree:
     def passes(self) -> list[Pass]:
         """Boxes, then the tree: the resource "bvh"."""
         return [
-            Pass("boxes", "build", ("points", "triangles", "reach"), ("boxes",), self._launch_boxes),
+            Pass("boxes", "build", ("points", "triangles", "max_coordinate"), ("boxes",), self._launch_boxes),
             Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
         ]
 

@@ -67,7 +67,7 @@ class TriangleGrid:
         """The passes. The number of pairs is written to ``need[slot]``."""
         pairs, geometry = self.binned.list, ("points", "triangles")
         return [
-            Pass("place grid", "build", (*geometry, "reach"), ("grid",), self._place),
+            Pass("place grid", "build", (*geometry, "max_coordinate"), ("grid",), self._place),
             Pass("count pairs", "build", (*geometry, "grid"), ("pair counts",), lambda: self._count(need, slot)),
             Pass("emit pairs", "build", (*geometry, "grid", "pair counts"), ("pairs",), self._emit),
             Pass("sort pairs", "build", ("pairs",), ("sorted pairs",), pairs.launch_sort),
@@ -79,7 +79,7 @@ class TriangleGrid:
         wp.launch(
             place_grid_kernel,
             dim=1,
-            inputs=[self.binned.list.cells, self.box, self._frame.reach],
+            inputs=[self.binned.list.cells, self.box, self._frame.max_coordinate],
             outputs=[self.grid],
             device=self._frame.device,
         )

@@ -46,10 +46,10 @@ def mean_layers(frame: Frame, lights: Collection[int]) -> float:
     moment = prepared.moment(0, 1, 1)
     step = -(-prepared.triangle_count // SAMPLED)
     faces = prepared.faces[::step][moment.valid[::step] != 0]
-    if moment.posts is None or not lights or not len(faces) or not prepared.radius > 0.0:
+    if moment.proxy_positions is None or not lights or not len(faces) or not prepared.radius > 0.0:
         return 0.0
     found = []
-    for post in moment.posts[list(lights)].astype(np.float64):
+    for post in moment.proxy_positions[list(lights)].astype(np.float64):
         way = (post - prepared.middle) / prepared.radius
         away = float(np.linalg.norm(way))
         if away > FAR:

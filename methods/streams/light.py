@@ -51,7 +51,7 @@ class LightStream:
     tabled: ClassVar[bool] = False
     beside: bool = False
     # With another camera there are other rays: what those before covered is forgotten.
-    aim_reads: tuple[str, ...] = ("points", "triangles", "reach", "camera")
+    aim_reads: tuple[str, ...] = ("points", "triangles", "max_coordinate", "camera")
 
     def __init__(
         self,
@@ -116,11 +116,11 @@ class LightStream:
         seen = (WORDS, f"light aim/{i}", *self.receiver_reads())
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"shadowed/{i}"
         scene = ("points", "triangles", light, aim, rays, *self.effects.surface_reads())
-        fronts = self.facing_passes()
+        front_facing = self.facing_passes()
         passes = [
             Pass(f"{who}: aim", build, (*self.aim_reads, light), (aim,), self.launch_aim, effect, ahead=True),
-            *fronts,
-            *self.map_passes(seen, place, bits, tuple(name for work in fronts for name in work.writes)),
+            *front_facing,
+            *self.map_passes(seen, place, bits, tuple(name for work in front_facing for name in work.writes)),
         ]
         sorting, steps = self.cell_passes(seen, place, rays, effect), self.steps()
         if self.beside:
@@ -145,14 +145,16 @@ class LightStream:
             return []
         return facing_passes(self.frame, self.effects, self.index, self.shares)
 
-    def map_passes(self, seen: tuple[str, ...], place: str, bits: str, fronts: tuple[str, ...]) -> list[Pass]:
-        """The pass that places the rays and clears their shadow bits. ``seen``: which pixels have one; ``fronts``: which
-        triangles may face the light."""
+    def map_passes(
+        self, seen: tuple[str, ...], place: str, bits: str, front_facing: tuple[str, ...]
+    ) -> list[Pass]:
+        """The pass that places the rays and clears their shadow bits. ``seen``: which pixels have one;
+        ``front_facing``: which triangles may face the light."""
         i = self.index
         receivers = self.effects.receiver_reads(i) if self.marking else ()
         if self.marking:
             others = tuple(name for name in seen if name not in receivers)
-            seen = (*others, f"light/{i}", *fronts)
+            seen = (*others, f"light/{i}", *front_facing)
         seen = (*seen, "camera", "points", "triangles")
         place_rays = Pass(
             f"light {i}: map rays",
@@ -196,8 +198,24 @@ class LightStream:
         wp.launch(
             light_aim.aim_kernel,
             dim=threads,
-            inputs=[threads, self.index, f.triangle_count, f.reach, f.posts, f.spots, f.mesh],
-            outputs=[a.posts, a.axes, a.cubes, a.cones, a.rectangles, self.counts.flatten(), self.density],
+            inputs=[
+                threads,
+                self.index,
+                f.triangle_count,
+                f.max_coordinate,
+                f.proxy_positions,
+                f.spots,
+                f.mesh,
+            ],
+            outputs=[
+                a.proxy_positions,
+                a.axes,
+                a.cubes,
+                a.cones,
+                a.rectangles,
+                self.counts.flatten(),
+                self.density,
+            ],
             device=f.device,
             block_dim=int(LANES),
         )
@@ -211,7 +229,7 @@ class LightStream:
             specialised(self.of_cells(light_bins.map_kernel), self.switches),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.receivers,
+                threads.first, self.index, f.camera, a.proxy_positions, a.axes, f.mesh, self.rays, self.receivers,
                 self.keeps,
             ],
             outputs=[self.cells, f.answers.shadowed],
@@ -230,8 +248,8 @@ class LightStream:
             self.of_cells(light_receivers.map_kernel),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, f.fronts, a.cones,
-                a.posts, a.axes, self.rays, self.keeps,
+                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, f.front_facing, a.cones,
+                a.proxy_positions, a.axes, self.rays, self.keeps,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed],
             device=f.device,

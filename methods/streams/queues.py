@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
-from ...harness.frame.threads import beside
+from ...harness.frame.threads import at_once
 from ..common.pairs import grown
 from ..gpu.entries import set_entry
 from ..gpu.prefetch import GROUP_WORDS
@@ -255,7 +255,7 @@ def in_shares(
     shares = queues.shares
     for name, taken, made, launch in steps:
         if queues.threaded:
-            together = beside([functools.partial(launch, share) for share in range(shares)])
+            together = at_once([functools.partial(launch, share) for share in range(shares)])
             read, written = (tuple(f"{who} {queue}" for queue in some) for some in (taken, made))
             passes.append(
                 Pass(f"{who}: {name}", part, (*reads, *read), (*writes, *written), together, effect)

@@ -15,9 +15,9 @@ the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d
     both products by themselves (no fused operations)  2 B u;    the centre rounded  B u
     the extent rounded: nothing, it is enlarged by 2^-22 of itself
 
-5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.reach``, which bounds the eye; a light that is farther is not
-traced from (:mod:`.trace.walk_shadow`), and mirrored rays start in the scene (:mod:`.trace.walk_ray`). (Ize 2013, "Robust
-BVH Ray Traversal", pads the ray instead.)
+5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.max_coordinate``, which bounds the eye; a light that is
+farther is not traced from (:mod:`.trace.walk_shadow`), and mirrored rays start in the scene (:mod:`.trace.walk_ray`).
+(Ize 2013, "Robust BVH Ray Traversal", pads the ray instead.)
 A component of the direction that is less than 2^-40 of the largest is replaced by that value, which moves a ray by 2^-40
 of its length.
 """

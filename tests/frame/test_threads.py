@@ -15,7 +15,7 @@ from helpers.brute_force import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.threads import beside, cpu_threads, processors, ranges, threads_given
+from shadowbench.harness.frame.threads import at_once, cpu_threads, processors, ranges, threads_given
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.common.bands import ThreadRanges
@@ -67,7 +67,7 @@ def test_parts_run_at_the_same_time_after_the_first_time():
             meeting.wait(timeout=20)
         times.append(threading.get_ident())
 
-    launch = beside([part, part, part])
+    launch = at_once([part, part, part])
     launch()
     assert len(set(times)) == 1
     launch()
@@ -82,7 +82,7 @@ def test_an_error_of_a_part_is_raised():
         if len(calls) > 1:
             raise ValueError("lost")
 
-    launch = beside([lambda: None, fails])
+    launch = at_once([lambda: None, fails])
     launch()
     with pytest.raises(ValueError, match="lost"):
         launch()
@@ -104,7 +104,7 @@ def test_an_error_is_raised_when_all_parts_have_ended(order):
                 time.sleep(0.2)
             ended.append(kind)
 
-    launch = beside([functools.partial(part, kind) for kind in order])
+    launch = at_once([functools.partial(part, kind) for kind in order])
     launch()
     with pytest.raises(ValueError, match="lost"):
         launch()
@@ -163,7 +163,7 @@ def test_a_word_that_another_thread_raises_meanwhile_keeps_the_greatest_value():
         time.sleep(0.001)
         wp.launch(raise_kernel, 1, [greatest], [word], device="cpu")
 
-    both = beside([raise_often, raise_once])
+    both = at_once([raise_often, raise_once])
     for _ in range(4):
         word.zero_()
         both()
@@ -215,7 +215,7 @@ def test_what_threads_count_and_bound_at_the_same_time_is_not_lost(last):
         time.sleep(0.002)
         launch(last, others)
 
-    both = beside([functools.partial(launch, 0, number), later])
+    both = at_once([functools.partial(launch, 0, number), later])
     for _ in range(8 if others == number else 30):
         numbers.zero_()
         greatest.zero_()

@@ -76,10 +76,12 @@ def test_the_stories_have_shadows_in_every_frame() -> None:
 def test_a_directional_light_and_its_post_keep_their_distance_from_the_mesh() -> None:
     for moment in STORIES["followed"].moments:
         size = np.abs(moment.points).max()
-        light, post = (np.linalg.norm(place[0].astype(np.float64)) for place in (moment.lights, moment.posts))
+        light, post = (
+            np.linalg.norm(place[0].astype(np.float64)) for place in (moment.lights, moment.proxy_positions)
+        )
         assert 2.0**55 <= light / size <= 2.0**62
         assert 2.0**23 <= post / size <= 2.0**30
-        assert np.abs(moment.points).max() <= moment.reach[0]
+        assert np.abs(moment.points).max() <= moment.max_coordinate[0]
         np.testing.assert_allclose(moment.lights[0] / light, np.array(WAY) / np.linalg.norm(WAY), rtol=1e-6)
 
 
@@ -88,7 +90,7 @@ def test_light_and_reach_rest_while_a_mesh_keeps_its_size() -> None:
     first, *others = (prepared.moment(frame, *SIZE) for frame in range(4))
     for other in others:
         np.testing.assert_array_equal(other.lights, first.lights)
-        assert other.reach == first.reach
+        assert other.max_coordinate == first.max_coordinate
 
 
 def test_vertices_that_are_not_finite_have_no_size() -> None:

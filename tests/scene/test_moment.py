@@ -30,7 +30,7 @@ def test_rays_of_an_orthographic_camera_are_parallel_and_a_pixel_apart():
     x, y = np.meshgrid(np.arange(6) - 2.5, 1.5 - np.arange(4))  # pixels of size 1, row 0 at the top
     starts = np.stack([1 + x.ravel(), 2 + y.ravel(), np.full(24, 5.0)], axis=1)
     np.testing.assert_array_equal(moment.origins(pixels), starts)
-    assert moment.reach[0] >= 8
+    assert moment.max_coordinate[0] >= 8
 
 
 def test_a_mesh_near_the_origin_stays_as_it_is():

@@ -60,7 +60,7 @@ def holds_light(light: wp.vec3f, corners: Corners) -> wp.bool:
 @wp.func
 def lit_triangle(space: LightSpace, face: wp.int32, widening: wp.float64, corners: Corners) -> LitTriangle:
     """A triangle that is widened about its middle, in the frame of a face."""
-    l64 = to_float64(space.posts[space.index])
+    l64 = to_float64(space.proxy_positions[space.index])
     axes = space.axes[0]
     pad = space.pads[0]
     a = face_frame(axes * (to_float64(corners.a) - l64), face)

@@ -47,7 +47,7 @@ def box_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
@@ -70,7 +70,7 @@ def box_kernel(
             if marks:
                 if wanted:
                     ray = ray_of(camera, pixel)
-                    wanted = hit_receives(index, faces, ray, hit, mesh, lights, spots, fronts)
+                    wanted = hit_receives(index, faces, ray, hit, mesh, lights, spots, front_facing)
                 receivers[index, pixel] = wp.uint8(wanted)
             else:
                 wanted = receivers[index, pixel] != wp.uint8(0)
@@ -129,7 +129,7 @@ def aim_kernel(
     space.pads[0] = pad
     space.pads[1] = wp.float64(0.0)
     middle = box_middle(space.box)
-    forward = middle - to_float64(space.posts[index])
+    forward = middle - to_float64(space.proxy_positions[index])
     if aimed and spots[index, 0] != wp.float64(0.0):
         space.axes[0] = wp.matrix_from_rows(
             wp.vec3d(spots[index, 1], spots[index, 2], spots[index, 3]),
@@ -143,7 +143,7 @@ def aim_kernel(
         size = wp.float64(1.0)
     space.axes[0] = axes_along(wp.normalize(forward / size))
     if centred:
-        distance = wp.length(middle - to_float64(space.posts[index]))
+        distance = wp.length(middle - to_float64(space.proxy_positions[index]))
         box = space.box
         reach = wp.length(wp.vec3d(box[3] - box[0], box[4] - box[1], box[5] - box[2]))
         if distance >= reach:
@@ -168,7 +168,7 @@ def map_kernel(
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
-    light = to_float64(space.posts[space.index])
+    light = to_float64(space.proxy_positions[space.index])
     axes = space.axes[0]
     middle = box_middle(space.box)
     pixel = k

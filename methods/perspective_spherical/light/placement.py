@@ -66,7 +66,7 @@ class LightPlaces:
                 LightSpace,
                 index=index,
                 lights=frame.lights,
-                posts=frame.posts,
+                proxy_positions=frame.proxy_positions,
                 axes=wp.zeros(1, dtype=wp.mat33d),
                 pads=wp.zeros(2, dtype=wp.float64),
                 distance_pad=1e-9 if build.precision == "float64" else FLOAT32_PAD,
@@ -98,7 +98,7 @@ class LightPlaces:
             return [*first, mapping], rect, rect
         # The rectangle does not depend on the rays, so the grid is not rebuilt where only the camera moves.
         place = f"ray places/{i}"
-        around = ("points", "triangles", "reach", light)
+        around = ("points", "triangles", "max_coordinate", light)
         passes = [
             *first,
             Pass(f"light {i}: rectangle", "light build", around, (rect,), self.launch_rectangle, effect),
@@ -115,7 +115,7 @@ class LightPlaces:
         self._launch(
             scene_kernel,
             b.light_faces,
-            [self.map, b.aimed, self.space, f.spots, self.scene_box, f.reach],
+            [self.map, b.aimed, self.space, f.spots, self.scene_box, f.max_coordinate],
             [self.extent],
         )
         self._aim()
@@ -153,7 +153,7 @@ class LightPlaces:
             dim=self.reduce_threads,
             inputs=[
                 f.pixels, self.reduce_threads, self.index, self.marks, self.effects.facing, f.camera, f.mesh, f.lights,
-                f.spots, f.fronts, f.hits(0), self.camera.hit,
+                f.spots, f.front_facing, f.hits(0), self.camera.hit,
             ],
             outputs=[f.receivers, self.receiver, box],
             block_dim=REDUCE_BLOCK,

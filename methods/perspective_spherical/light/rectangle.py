@@ -116,7 +116,7 @@ def scene_kernel(
         return
     half = wp.float64(0.5)
     radius = half * wp.length(high - low) * wp.float64(1.0 + 1.0e-6)
-    distance = wp.length((low + high) * half - to_float64(space.posts[space.index]))
+    distance = wp.length((low + high) * half - to_float64(space.proxy_positions[space.index]))
     bounds = whole(map)
     if spots[space.index, 0] != wp.float64(0.0):
         if map == 0 and aimed:
@@ -160,7 +160,7 @@ def view_bounds(
 ) -> wp.vec4d:
     """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light."""
     all = whole(map)
-    light = to_float64(space.posts[space.index])
+    light = to_float64(space.proxy_positions[space.index])
     axes = space.axes[0]
     if in_frustum(camera, depth, light):
         return all

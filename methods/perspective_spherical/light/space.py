@@ -15,7 +15,7 @@ EXTENT = wp.constant(8)
 class LightSpace:
     """Light ``index`` and its axes.
 
-    lights, posts  vec3f [light_count]: the lights, and what their grids look from (:class:`.frame.frame.Frame`)
+    lights, proxy_positions  vec3f [light_count]: the lights, and what their grids look from (:class:`.frame.frame.Frame`)
     axes          mat33d [1], rows: forward, right, up
     pads          float64 [2]: error bound of a ray's direction, relative to its length; see ``frame.aim_kernel``
     distance_pad  relative error bound of a ray's distance
@@ -25,7 +25,7 @@ class LightSpace:
 
     index: wp.int32
     lights: wp.array(dtype=wp.vec3f)
-    posts: wp.array(dtype=wp.vec3f)
+    proxy_positions: wp.array(dtype=wp.vec3f)
     axes: wp.array(dtype=wp.mat33d)
     pads: wp.array(dtype=wp.float64)
     distance_pad: wp.float64

@@ -111,14 +111,14 @@ def cone_of(light: wp.int32, spots: wp.array2d(dtype=wp.float64)) -> wp.vec4f:
 
 
 @wp.func
-def nearer_post(post: wp.vec3f, reach: wp.float32) -> wp.vec3f:
+def nearer_proxy(proxy: wp.vec3f, reach: wp.float32) -> wp.vec3f:
     """The position from which rays and triangles are placed: the light's, or a point towards it at :data:`FARTHEST` times
     ``reach``. Seen from there, rays that end at the light turn by 2^-28 of their angle to the axis, far less than the
     rounding of float32.
 
     From farther away float64 would not distinguish the rays, and finally float32 could not represent their angles.
     """
-    return brought_nearer(post, FARTHEST * reach)
+    return brought_nearer(proxy, FARTHEST * reach)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -130,7 +130,7 @@ def aim_kernel(
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
     mesh: Mesh,
-    posts: wp.array(dtype=wp.vec3f),
+    proxy_positions: wp.array(dtype=wp.vec3f),
     frames: wp.array(dtype=wp.mat33d),
     cubes: wp.array2d(dtype=wp.vec4f),
     cones: wp.array(dtype=wp.vec4f),
@@ -165,9 +165,9 @@ def aim_kernel(
     middle = wp.vec3f(0.0)
     if low[0] < wp.INF:
         middle = 0.5 * low + 0.5 * high
-    post = nearer_post(lights[index], reach[0])
-    posts[index] = post
-    forward = to_float64(middle) - to_float64(post)
+    proxy = nearer_proxy(lights[index], reach[0])
+    proxy_positions[index] = proxy
+    forward = to_float64(middle) - to_float64(proxy)
     far = largest(forward)
     if not (far > wp.float64(0.0)) or not (far < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
@@ -181,7 +181,7 @@ def aim_kernel(
     c.up = to_float32(axes[2])
     c.middle = middle
     c.distance = wp.float32(distance)
-    if middle == post:
+    if middle == proxy:
         c.distance = 0.0
     set_cube(cubes, index, c)
     cones[index] = cone_of(index, spots)

@@ -29,7 +29,7 @@ from .sort import count_exactly, count_quickly, set_row_edges
 
 SLACK = 1.0e-4
 """Added to the angle of a cone: a ray that takes no care is placed to 2^-18 of its direction (:mod:`.hit_points`), and
-the post turns it by less."""
+the proxy turns it by less."""
 
 COS_SLACK, SIN_SLACK = wp.constant(wp.float64(math.cos(SLACK))), wp.constant(wp.float64(math.sin(SLACK)))
 
@@ -126,9 +126,9 @@ def place_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
-    posts: wp.array(dtype=wp.vec3f),
+    proxy_positions: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
     rays: Words,
     cells: RayCells,
@@ -148,16 +148,16 @@ def place_kernel(
     set_entry(shadowed, light, pixel, wp.uint8(0))
     point = point_of(rays, pixel, at, camera, mesh)
     if not mark_receiver(
-        light, False, pixel, at, point, camera, mesh, lights, spots, fronts, cones, receivers, reached
+        light, False, pixel, at, point, camera, mesh, lights, spots, front_facing, cones, receivers, reached
     ):
         return
-    post = entry(posts, light)
+    proxy = entry(proxy_positions, light)
     axis = entry(axes, light)
-    found = placed(point, True, post, axis)
+    found = placed(point, True, proxy, axis)
     if found.place[2] >= 0.0:
         count_quickly(pixel, point.triangle, found, cells)
         return
-    found = placed_exactly(rays, pixel, at, camera, mesh, post, axis)
+    found = placed_exactly(rays, pixel, at, camera, mesh, proxy, axis)
     if in_region(found.place, cells):
         count_exactly(pixel, point.triangle, found, cells)
         return

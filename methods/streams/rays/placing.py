@@ -83,7 +83,7 @@ class KnownRegionLight(LightStream):
             specialised(self.of_cells(light_region.place_kernel), self.switches),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.facing,
+                threads.first, self.index, f.camera, a.proxy_positions, a.axes, f.mesh, self.rays, self.facing,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed],
             device=f.device,
@@ -137,8 +137,8 @@ class SpotLight(KnownRegionLight):
             self.of_cells(light_spots.place_kernel),
             dim=threads.number,
             inputs=[
-                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, f.fronts, a.cones, a.posts, a.axes,
-                self.rays,
+                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, f.front_facing, a.cones,
+                a.proxy_positions, a.axes, self.rays,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed, self.strays],
             device=f.device,

@@ -3,8 +3,8 @@ bits.
 
 A cone is decided in float32, from the distance t, where a bound on the rounding allows. The triangle is read only in doubt,
 and where eye and light must lie on one side of its plane and that is not known of each triangle
-(:attr:`....harness.frame.frame.Frame.fronts`). Where the region of the rays is known before them, what finds it knows that,
-too (:mod:`.region`).
+(:attr:`....harness.frame.frame.Frame.front_facing`). Where the region of the rays is known before them, what finds it
+knows that, too (:mod:`.region`).
 """
 
 from __future__ import annotations
@@ -59,16 +59,16 @@ def is_receiver(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
 ) -> wp.bool:
     """Whether the hit of a ray has a shadow ray to a light."""
     asked = facing
     wanted = wp.bool(True)
     unsure = wp.bool(True)
-    if fronts.shape[0] > 0:
+    if front_facing.shape[0] > 0:
         asked = wp.bool(False)
-        wanted = entry(fronts, light, point.triangle) != wp.uint8(0)
+        wanted = entry(front_facing, light, point.triangle) != wp.uint8(0)
         unsure = wanted and spots[light, 0] != wp.float64(0.0)
     if unsure:
         margin = wp.float32(0.0)
@@ -91,7 +91,7 @@ def mark_receiver(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
@@ -101,7 +101,7 @@ def mark_receiver(
     wanted = wp.bool(False)
     if point.triangle >= 0:
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots, fronts, cones)
+        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots, front_facing, cones)
     set_entry(receivers, light, pixel, wp.uint8(wanted))
     if wanted:
         note_receiver(reached)
@@ -117,9 +117,9 @@ def map_kernel(
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    fronts: wp.array2d(dtype=wp.uint8),
+    front_facing: wp.array2d(dtype=wp.uint8),
     cones: wp.array(dtype=wp.vec4f),
-    posts: wp.array(dtype=wp.vec3f),
+    proxy_positions: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
     rays: Words,
     keeps: wp.bool,
@@ -138,8 +138,30 @@ def map_kernel(
         set_entry(shadowed, light, pixel, wp.uint8(0))
         point = point_of(rays, pixel, at, camera, mesh)
         wanted = mark_receiver(
-            light, facing, pixel, at, point, camera, mesh, lights, spots, fronts, cones, receivers, reached
+            light,
+            facing,
+            pixel,
+            at,
+            point,
+            camera,
+            mesh,
+            lights,
+            spots,
+            front_facing,
+            cones,
+            receivers,
+            reached,
         )
     place_ray(
-        rays, point, wanted, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), keeps, cells
+        rays,
+        point,
+        wanted,
+        pixel,
+        at,
+        camera,
+        mesh,
+        entry(proxy_positions, light),
+        entry(axes, light),
+        keeps,
+        cells,
     )

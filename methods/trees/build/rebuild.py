@@ -44,10 +44,10 @@ class Rebuilt:
     def passes(self) -> tuple[list[Pass], Pass]:
         """The passes before the records of triangles, and the one that makes the tree, concurrently with those."""
         first = [
-            Pass("keys", "build", ("points", "triangles", "reach"), ("keys", "extent"), self._keys),
+            Pass("keys", "build", ("points", "triangles", "max_coordinate"), ("keys", "extent"), self._keys),
             Pass("sort", "build", ("keys",), ("order",), self.sort.launch),
         ]
-        reads = ("points", "triangles", "reach", "order", "extent")
+        reads = ("points", "triangles", "max_coordinate", "order", "extent")
         return first, Pass("tree", "build", reads, ("bvh",), self._tree)
 
     def _keys(self) -> None:
@@ -77,7 +77,7 @@ class Rebuilt:
             kernel,
             dim=-(-f.triangle_count // block) * block,
             inputs=[
-                self.sort.held, f.reach, self.extent, self.keys, self.order, f.points, f.triangles,
+                self.sort.held, f.max_coordinate, self.extent, self.keys, self.order, f.points, f.triangles,
             ],
             outputs=[self.scratch, self.flags, self.nodes, self.root],
             device=f.device,

@@ -151,7 +151,11 @@ class Refitted:
 
     def passes(self) -> tuple[list[Pass], Pass]:
         """The passes before the records of triangles, and the refit, which runs concurrently with those."""
-        reads = ("triangles", "reach") if self.build.update == "static" else ("points", "triangles", "reach")
+        reads = (
+            ("triangles", "max_coordinate")
+            if self.build.update == "static"
+            else ("points", "triangles", "max_coordinate")
+        )
         box = Pass("box", "build", reads, ("extent",), self._box)
         return [box], Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)
 
@@ -165,7 +169,7 @@ class Refitted:
             make_refit_kernel(self.build.node_bytes),
             dim=f.triangle_count,
             inputs=[
-                f.triangle_count, f.reach, self.extent, self.order, self.refs, self.leaf_parent, self.node_parent,
+                f.triangle_count, f.max_coordinate, self.extent, self.order, self.refs, self.leaf_parent, self.node_parent,
                 f.points, f.triangles, f.valid,
             ],
             outputs=[self.scratch, self.flags, self.tree.nodes, self.tree.root],

@@ -34,7 +34,7 @@ class Careful:
             specialised(make_closest_kernel(self.node_bytes), self.effects.switches(bounce=bounce)),
             dim=self.threads,
             inputs=[
-                f.camera, self.tree, f.reach, f.mesh, f.alpha, f.rays(bounce),
+                f.camera, self.tree, f.max_coordinate, f.mesh, f.alpha, f.rays(bounce),
             ],
             outputs=[f.hits(bounce), starts],
             device=f.device,
@@ -47,7 +47,7 @@ class Careful:
             specialised(make_shadow_kernel(self.node_bytes), self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
-                f.camera, light, f.lights, self.tree, f.reach, f.mesh, f.alpha,
+                f.camera, light, f.lights, self.tree, f.max_coordinate, f.mesh, f.alpha,
                 f.hits(bounce), f.masks(bounce), f.rays(bounce),
             ],
             outputs=[f.bits(bounce)],

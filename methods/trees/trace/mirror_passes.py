@@ -10,7 +10,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
-from ....harness.frame.threads import beside
+from ....harness.frame.threads import at_once
 from ....harness.scene.effects import Effects
 from ..nodes import Tree
 from ..parameters import Build, Trace
@@ -59,7 +59,7 @@ class MirroredRays:
             self.found = [wp.zeros(threads if self.exact else 0, dtype=wp.vec4i) for _ in parts]
         shares = range(len(parts))
         self._shares = [
-            beside([functools.partial(self._share, bounce, share) for share in shares])
+            at_once([functools.partial(self._share, bounce, share) for share in shares])
             for bounce in range(1, bounces + 1)
         ]
 
@@ -84,7 +84,7 @@ class MirroredRays:
         doubts, found, starts = self.doubts[share], self.found[share], self.starts[bounce]
         hits, rays = f.hits(bounce), f.rays(bounce)
         self._run(mirrored.list_kernel, [f.camera, self.parts[share], rays], [hits, length, listed])
-        walk = [length, listed, rays, self.tree, self.records, f.reach]
+        walk = [length, listed, rays, self.tree, self.records, f.max_coordinate]
         pairs = [self.counts[bounce - 1, share : share + 1], doubts]
         if not self.exact:
             kernel = mirrored.make_float32_kernel(self.node_bytes, self.registers)

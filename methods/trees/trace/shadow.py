@@ -90,7 +90,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
         faces: wp.bool,
         lights: wp.array(dtype=wp.vec3f),
         spots: wp.array2d(dtype=wp.float64),
-        fronts: wp.array2d(dtype=wp.uint8),
+        front_facing: wp.array2d(dtype=wp.uint8),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         sides: wp.array(dtype=wp.vec4f),
@@ -116,7 +116,7 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int, marks: b
             if wp.static(marks):
                 if wanted:
                     ray = ray_of(camera, pixel)
-                    wanted = hit_receives(light, faces, ray, hit, mesh, lights, spots, fronts)
+                    wanted = hit_receives(light, faces, ray, hit, mesh, lights, spots, front_facing)
                 set_entry(receivers, light, pixel, wp.uint8(wanted))
             else:
                 wanted = wanted and receivers[light, pixel] != wp.uint8(0)

@@ -15,7 +15,7 @@ from ....harness.frame.mirrors import traced_bounces
 from ....harness.frame.passes import Pass
 from ....harness.frame.receivers import facing_passes, facing_reads
 from ....harness.frame.specialise import specialised
-from ....harness.frame.threads import Launch, beside, cpu_threads
+from ....harness.frame.threads import Launch, at_once, cpu_threads
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from ...gpu.reserve import counted
@@ -185,7 +185,7 @@ class ShadowRays:
             name=steps[0].name.removesuffix(self.of(0)),
             reads=tuple(dict.fromkeys(name for step in steps for name in step.reads)),
             writes=tuple(dict.fromkeys(name for step in steps for name in step.writes)),
-            launch=beside([step.launch for step in steps]),
+            launch=at_once([step.launch for step in steps]),
         )
 
     def share_passes(self, share: int, seen: tuple[str, ...]) -> list[Pass]:
@@ -197,7 +197,7 @@ class ShadowRays:
             counts, planes = f"shadow counts/{i}", f"light triangles/{i}"
             masks = self.effects.receiver_reads(i)
             made, given = (masks, facing_reads(self.frame, self.effects, i)) if self.marks else ((), masks)
-            reads = (*seen, f"light/{i}", planes, counts, "reach", *given)
+            reads = (*seen, f"light/{i}", planes, counts, "max_coordinate", *given)
             bits, doubts, effect = f"shadowed/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
             passes.append(Pass(name, "shadow", reads, (bits, doubts, counts, *made), launch, effect))
@@ -213,7 +213,7 @@ class ShadowRays:
 
     def bounce_passes(self) -> list[Pass]:
         """Mirrored rays, and the shadow rays of their hits."""
-        scene = ("bvh", "points", "triangles", "reach")
+        scene = ("bvh", "points", "triangles", "max_coordinate")
         if self.mirrored is None:
             closest = self.careful.launch_closest
             return traced_bounces(
@@ -249,8 +249,8 @@ class ShadowRays:
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
-                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, f.fronts, self.tree,
-                self.light_records[light], self.sides[light], self.facing[light], f.reach, self.extent, f.mesh,
+                f.camera, self.parts[share], light, self.effects.facing, f.lights, f.spots, f.front_facing, self.tree,
+                self.light_records[light], self.sides[light], self.facing[light], f.max_coordinate, self.extent, f.mesh,
                 f.alpha, f.hits(bounce), self.starts[bounce],
             ],
             outputs=[f.masks(bounce), counts, self.doubts[share], f.bits(bounce)],
@@ -263,7 +263,7 @@ class ShadowRays:
         self.frame.bits(bounce)[light].zero_()
         if (light, bounce) not in self._bounced:
             shares = range(self.bounce_shares)
-            self._bounced[light, bounce] = beside(
+            self._bounced[light, bounce] = at_once(
                 [functools.partial(self._mirrored_shadow, light, bounce, share) for share in shares]
             )
         self._bounced[light, bounce]()
@@ -279,7 +279,7 @@ class ShadowRays:
             dim=self.bounce_threads,
             inputs=[
                 *self.mirrored.list_of(bounce, share), light, f.lights, self.tree, self.light_records[light],
-                self.sides[light], self.facing[light], f.reach, self.extent, f.mesh, f.alpha, f.rays(bounce),
+                self.sides[light], self.facing[light], f.max_coordinate, self.extent, f.mesh, f.alpha, f.rays(bounce),
                 f.hits(bounce), self.starts[bounce], f.masks(bounce),
             ],
             outputs=[counts, self.doubts[share], f.bits(bounce)],

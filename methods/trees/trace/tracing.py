@@ -105,7 +105,7 @@ class Rays(ShadowRays):
         wp.launch(
             kernel,
             dim=self.threads,
-            inputs=[f.camera, self.parts[share], self.tree, self.eye_records, f.reach, *inputs],
+            inputs=[f.camera, self.parts[share], self.tree, self.eye_records, f.max_coordinate, *inputs],
             outputs=[counts, self.doubts[share], f.hits(0), self.starts[0]],
             device=f.device,
             block_dim=BLOCK,

@@ -1,9 +1,9 @@
 """The closest hit of a ray with an origin of its own, as a mirrored one: the step of :mod:`.walk_primary`, other tests of
 triangles (:mod:`..records.rays`).
 
-Boxes are padded for origins within ``frame.reach`` (:mod:`..nodes`). Mirrored rays start at points of the scene, moved off
-the surface by some roundings, and what they can meet lies in the scene: there A exceeds B by less than 2^-18 of it, and
-13 u B of the 18 u B or more of padding are used.
+Boxes are padded for origins within ``frame.max_coordinate`` (:mod:`..nodes`). Mirrored rays start at points of the
+scene, moved off the surface by some roundings, and what they can meet lies in the scene: there A exceeds B by less than
+2^-18 of it, and 13 u B of the 18 u B or more of padding are used.
 
 Exact: a test accepts or rejects what float32 decides with its bound. The rest is left to float64, chained to its ray.
 The current closest hit is always certain, as for primary rays: a triangle replaces it only if it certainly lies in front, is

@@ -53,7 +53,7 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     wp.launch(
         points_kernel,
         dim=thread_count(*SIZE, True),
-        inputs=[frame.camera, frame.mesh, light.rays, aims.posts, aims.axes],
+        inputs=[frame.camera, frame.mesh, light.rays, aims.proxy_positions, aims.axes],
         outputs=list(found.values()),
         device="cpu",
     )
