@@ -10,7 +10,13 @@
 #SBATCH --time=04:00:00
 set -e
 source .venv/bin/activate                        # the same environment on every node, with shadowbench-rt[cluster]
-ADDRESS=tcp://$(hostname):8786
+ADDRESS=tls://$(hostname):8786
+
+# Other users reach the ports, too: only who has the keys of this job may speak to them.
+KEYS=$PWD/.keys-$SLURM_JOB_ID
+python docs/cluster/keys.py "$KEYS"
+trap 'rm -rf "$KEYS"' EXIT
+source "$KEYS/settings"
 
 # A shard is never repeated by Dask itself: shadowbench does that, and says so.
 DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=0 dask scheduler --port 8786 --no-dashboard &

@@ -1,5 +1,7 @@
 """A scheduler here, and one job of Slurm for each worker: python docs/cluster/slurm_jobqueue.py run table1 --preset paper
 
+Before that, in the same shell: python docs/cluster/keys.py ~/keys && source ~/keys/settings
+
 Needs dask-jobqueue beside shadowbench-rt[cluster]. A job that ends, or is taken away, is a lost worker: its scene is
 measured again by another one, and the results folder says so. Change the arguments to what your site calls for.
 """
@@ -8,6 +10,7 @@ import subprocess
 import sys
 
 import dask
+import distributed
 from dask_jobqueue import SLURMCluster
 
 WORKERS = 4
@@ -22,7 +25,9 @@ if __name__ == "__main__":
         walltime="04:00:00",
         job_extra_directives=["--gpus=1", "--exclusive"],
         worker_extra_args=["--resources", "GPU=1"],
-        job_script_prologue=["source .venv/bin/activate"],
+        job_script_prologue=["source .venv/bin/activate", "source ~/keys/settings"],
+        protocol="tls",
+        security=distributed.Security(),
     ) as cluster:
         cluster.scale(jobs=WORKERS)
         cluster.wait_for_workers(1)

@@ -33,8 +33,8 @@ def free_port() -> int:
 class Cluster:
     """A scheduler and workers as a person starts them, each a process; ``inside``: a command before the worker's own."""
 
-    def __init__(self, folder: Path, pythonpath: str, host: str = "127.0.0.1"):
-        self.address = f"tcp://{host}:{free_port()}"
+    def __init__(self, folder: Path, pythonpath: str, host: str = "127.0.0.1", scheme: str = "tcp"):
+        self.address = f"{scheme}://{host}:{free_port()}"
         self.log = (folder / "dask.log").open("ab")
         settings = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": f"{TTL_S}s", "PYTHONPATH": pythonpath}
         self.environment = {**os.environ, **settings}

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import http.client
 import json
 import os
+import shlex
 import shutil
 import signal
+import subprocess
+import sys
+import urllib.request
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
-from helpers.dask_cluster import Cluster, Started, connected_when_ready, namespace, until
+from helpers.dask_cluster import PATIENCE_S, Cluster, Started, connected_when_ready, namespace, until
 from helpers.experiment_records import record_of
 from helpers.tiny_runs import install_misbehaving, options, write_scene
 from shadowbench.harness.commands.keep import keep
@@ -26,7 +33,11 @@ from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Run
 
-pytest.importorskip("distributed", reason="Dask distributed is not installed: the extra `cluster`")
+dask = pytest.importorskip("dask", reason="Dask is not installed: the extra `cluster`")
+distributed = pytest.importorskip(
+    "distributed", reason="Dask distributed is not installed: the extra `cluster`"
+)
+Security = distributed.Security
 
 
 @pytest.fixture
@@ -108,6 +119,43 @@ def test_records_and_answers_are_those_of_a_run_on_one_machine(place, monkeypatc
     assert not list((place / "out").glob("journal/*"))
 
 
+def listening() -> list[tuple[str, int]]:
+    """Addresses and ports at which this process and its workers accept connections."""
+    here = psutil.Process()
+    found = [one.net_connections(kind="inet") for one in (here, *here.children(recursive=True))]
+    return [(one.laddr.ip, one.laddr.port) for own in found for one in own if one.status == "LISTEN"]
+
+
+def answers(address: str, security: Security) -> bool:
+    """Whether what listens there greets as a scheduler or a worker does."""
+
+    async def greeted() -> bool:
+        options = security.get_connection_args("client")
+        try:
+            comm = await asyncio.wait_for(distributed.core.connect(address, timeout=1.5, **options), 2.0)
+        except (OSError, TimeoutError):
+            return False
+        comm.abort()
+        return True
+
+    return asyncio.run(greeted())
+
+
+def test_the_ports_of_local_workers_take_nobody_without_the_key_of_the_run(place):
+    """Whoever may speak to a scheduler or a worker may have it run code."""
+    with connected("local", "cpu") as pool:
+        scheduler, (worker,) = pool.client.scheduler.address, pool.workers()
+        ports = listening()
+        assert {address.rpartition(":")[2] for address in (scheduler, worker)} < {str(p) for _, p in ports}
+        assert {ip for ip, _ in ports} == {"127.0.0.1"}, "no other machine reaches them"
+        assert answers(scheduler, pool.client.security), "the run itself does"
+        for _, port in ports:
+            assert not answers(f"tcp://127.0.0.1:{port}", Security())
+            assert not answers(f"tls://127.0.0.1:{port}", Security.temporary())
+            with pytest.raises((OSError, http.client.HTTPException)):
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=5.0)
+
+
 def test_a_word_that_is_no_address_is_refused_at_once(place):
     with pytest.raises(UserError, match="give local, or the address") as caught, connected("nonsense", "cpu"):
         pass
@@ -124,11 +172,29 @@ def test_a_scheduler_that_is_not_there_is_one_line(place, monkeypatch):
     assert "\n" not in str(caught.value)
 
 
-def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(place):
+@pytest.fixture
+def keyed(place, monkeypatch):
+    """The settings of keys of one's own, for this process and those that it starts."""
+    program = Path(__file__).parents[2] / "docs" / "cluster" / "keys.py"
+    subprocess.run([sys.executable, str(program), str(place / "keys")], check=True, timeout=PATIENCE_S)
+    assert (place / "keys").stat().st_mode & 0o077 == 0
+    for line in (place / "keys" / "settings").read_text().splitlines():
+        name, _, value = line.removeprefix("export ").partition("=")
+        monkeypatch.setenv(name, shlex.split(value)[0])
+    dask.config.refresh()
+    yield
+    monkeypatch.undo()
+    dask.config.refresh()
+
+
+def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(place, keyed):
     chosen = slow(place)
-    with contextlib.closing(Cluster(place, os.environ["PYTHONPATH"])) as cluster:
+    with contextlib.closing(Cluster(place, os.environ["PYTHONPATH"], scheme="tls")) as cluster:
         worker = cluster.worker()
         with connected_when_ready(cluster) as pool:
+            assert not answers(
+                cluster.address.replace("tls://", "tcp://"), Security(require_encryption=False)
+            )
             started = Started(pool, chosen)
             until(lambda: rounds_taken(place) >= 1, "a round")
             cluster.scheduler.kill()

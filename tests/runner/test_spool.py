@@ -103,9 +103,8 @@ def test_without_the_variable_the_folder_has_a_name_that_nobody_knows_before(
     assert not any(target.iterdir())
     assert spool.shard_folder(NAME) == folder, "the next run finds it"
     assert spool.held() == [NAME]
-    second = spool.made(
-        Path(tempfile.mkdtemp(prefix=spool.PREFIX))
-    )  # of a worker that began at the same time
+    # Of a worker that began at the same time:
+    second = spool.made(Path(tempfile.mkdtemp(prefix=spool.PREFIX)))
     spool.made(second / NAME[::-1])
     assert sorted(spool.held()) == sorted([NAME, NAME[::-1]])
     assert spool.shard_folder(NAME[::-1]).parent == second

@@ -102,7 +102,12 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
             f"--cluster {cluster}: give {LOCAL}, or the address of a scheduler, such as tcp://HOST:8786"
         )
     _quiet()
-    settings = {"distributed.comm.timeouts.connect": CONNECT_S, "distributed.scheduler.allowed-failures": 0}
+    settings: dict[str, Any] = {
+        "distributed.comm.timeouts.connect": CONNECT_S,
+        "distributed.scheduler.allowed-failures": 0,
+    }
+    if cluster == LOCAL:
+        settings |= {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with contextlib.ExitStack() as open_:
         open_.enter_context(dask.config.set(settings))
         if cluster == LOCAL:
@@ -157,22 +162,39 @@ def _cards(kind: str | None) -> list[str]:
 
 @contextlib.contextmanager
 def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
-    """A scheduler in this process, and one worker process per GPU, which sees only this GPU; without GPUs, one worker."""
-    options = {"nthreads": 1, "memory_limit": 0, "dashboard": False, "silence_logs": logging.CRITICAL}
+    """A scheduler in this process, and one worker process per GPU, which sees only this GPU; without GPUs, one worker.
+
+    Whoever reaches a port of theirs could have them run code. So the ports take only those who have the key that is made
+    here and kept in memory: this process and its workers.
+    """
+    try:
+        security = distributed.Security.temporary()
+    except ImportError as error:
+        raise UserError(
+            f"--cluster local needs cryptography for its connections ({error}): {install('shadowbench-rt[cluster]')}"
+        ) from None
+    common = {
+        "host": "127.0.0.1",
+        "security": security,
+        "dashboard": False,
+        "dashboard_address": "127.0.0.1:0",
+    }
+    options = {**common, "nthreads": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
     specs: dict[Any, Any] = {}
     for number, card in enumerate(cards or [""]):
         env = {**QUIET_WORKERS, **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
         resources = {RESOURCES["cuda" if card else "cpu"]: 1}
         specs[number] = {
             "cls": distributed.Nanny,
-            "options": {**options, "env": env, "resources": resources, "host": "127.0.0.1"},
+            "options": {**options, "env": env, "resources": resources},
         }
-    scheduler = {
-        "cls": distributed.Scheduler,
-        "options": {"host": "127.0.0.1", "port": 0, "dashboard": False},
-    }
+    scheduler = {"cls": distributed.Scheduler, "options": {**common, "port": 0}}
     cluster = distributed.SpecCluster(
-        scheduler=scheduler, workers=specs, silence_logs=logging.CRITICAL, shutdown_on_close=False
+        scheduler=scheduler,
+        workers=specs,
+        security=security,
+        silence_logs=logging.CRITICAL,
+        shutdown_on_close=False,
     )
     try:
         yield cluster
