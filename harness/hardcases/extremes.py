@@ -1,4 +1,4 @@
-"""V scale, V far, V sun, V mixed and more: scenes, lights and directions near the limits of float32.
+"""V scale, V far, V sun, V behind, V mixed and more: scenes, lights and directions near the limits of float32.
 
 Products of two lengths overflow from 2e19 on and underflow from 1e-19 down, those of three from 7e12 and 2e-13. Numbers
 below 1.2e-38 are subnormal: they lose digits, and a processor that flushes them treats them as 0.
@@ -19,6 +19,9 @@ from .variants import ball_on_floor, small_scene
 
 SCALES = (1e-36, 1e-30, 1e-24, 1e-18, 1e-12, 1e12, 1e15, 5e18, 2e19, 1e20, 1e28, 1e36)
 LIGHTS = (1e10, 1e15, 1e20, 1e30, 1e38)
+BEHIND = ((2, 1e-36), (0, 2e-16), (5, 2e-16), (3, 1e12), (9, 1e12), (7, 1e34))
+"""Seeds and scales: at 2e-16 and 1e12 these have signs of products of three lengths that float32 does not hold."""
+
 SUNS = (1e-36, 1e-12, 1e12, 1e19, 1e20)
 
 
@@ -105,6 +108,21 @@ def two_zeros(turn: int) -> Trial:
     return replace(trial, prepared=prepared, moment=prepared.moment(0, 17, 17))
 
 
+def behind_the_light(seed: int, scale: float) -> Trial:
+    """A triangle that reaches behind a light, whose plane passes near it, and shadows all of a floor; turned at random."""
+    random = np.random.default_rng(seed)
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    height = 2.0 ** -random.uniform(3, 14)
+    roof = triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0))
+    points, faces = joined(roof, plane(2, -1, 4))
+    light, eye, towards = (
+        axes @ place for place in ((0.25, 0.125, height), (0.0, 0.0, -6.0), (0.0, 0.0, 1.0))
+    )
+    return view(
+        (points @ axes.T, faces), [tuple(light)], eye, towards, 0.125, scale=scale, stated=Counts(256, (256,))
+    )  # fmt: skip
+
+
 def mixed(seed: int) -> Mesh:
     """Triangles whose coordinates are each between 1e-8 and 1e8 in size, of either sign."""
     random = np.random.default_rng(seed)
@@ -150,6 +168,11 @@ def _cases() -> Iterator[HardCase]:
         yield HardCase(
             f"V far {radii:g}", f"light {radii:g} radii away", "directions and distances from a light far away",
             partial(far_light, radii, k % 3),
+        )  # fmt: skip
+    for seed, scale in BEHIND:
+        yield HardCase(
+            f"V behind {scale:g} {seed}", f"a triangle that reaches behind the light, scale {scale:g}",
+            "products of three lengths that leave float32", partial(behind_the_light, seed, scale),
         )  # fmt: skip
     for scale in SUNS:
         yield HardCase(

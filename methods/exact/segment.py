@@ -11,7 +11,18 @@ import warp as wp
 
 from ...harness.frame.geometry import Corners
 from .hit_point import hit_error
-from .triangle import CLOSED, FLOOR32, OVERFLOW, U32, U64, certainly_outside, largest, to_float64, total
+from .triangle import (
+    CLOSED,
+    FLOOR32,
+    OVERFLOW,
+    U32,
+    U64,
+    UNDERFLOW,
+    certainly_outside,
+    largest,
+    to_float64,
+    total,
+)  # fmt: skip
 
 
 @wp.func
@@ -33,9 +44,11 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     reach = wp.max(total(ha), wp.max(total(hb), total(hc)))
     from_light = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
-    if not (from_light * edge * reach < OVERFLOW):
+    # Where the normals of the planes lose digits, or vanish, that shows in proportion to the way to the hit point.
+    normal = from_light * edge + UNDERFLOW
+    if not (normal * reach < OVERFLOW):
         return True
-    bound = from_light * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
+    bound = normal * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
     if certainly_outside(
         wp.dot(wp.cross(lb, bc), hb), wp.dot(wp.cross(lc, ca), hc), wp.dot(wp.cross(la, ab), ha), bound
     ):
@@ -44,8 +57,9 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
     n = wp.cross(ab, ca)
     side_h = wp.dot(n, ha)
     side_l = -wp.dot(n, la)
-    bound_h = edge * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
-    bound_l = edge * edge * 48.0 * U32 * from_light + FLOOR32
+    square = edge * edge + UNDERFLOW
+    bound_h = square * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
+    bound_l = square * 48.0 * U32 * from_light + FLOOR32
     if (side_h > bound_h and side_l > bound_l) or (side_h < -bound_h and side_l < -bound_l):
         return False
     return True

@@ -68,7 +68,7 @@ def plane_of_edge(p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32) 
 def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
     """Edge planes; the bound of their values is that of ``may_hit``, for a direction with |d|_1 = 1.
 
-    All zero where a plane may overflow: float64 then decides every ray.
+    All zero where a plane may overflow in a product with a direction of up to 1e4: float64 then decides every ray.
     """
     a = corners.a
     b = corners.b
@@ -79,7 +79,7 @@ def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
     r = RayRecord()
-    if not (reach * edge < OVERFLOW):
+    if not (1.0e4 * reach * edge < OVERFLOW):
         return r
     n0 = plane_of_edge(pb, pc, weld[1], weld[2])
     n1 = plane_of_edge(pc, pa, weld[2], weld[0])

@@ -12,7 +12,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of
 from ...common.screen import in_camera_space
-from ...exact.triangle import FLOOR32, OVERFLOW, U32, largest
+from ...exact.triangle import FLOOR32, OVERFLOW, U32, UNDERFLOW, largest
 from ...gpu.reserve import reserve_many
 from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
 from .bounds import widened
@@ -58,7 +58,7 @@ def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> S
     s.n2 = wp.cross(a, ab)
     longest = 1.0 + camera.tangents[0] + camera.tangents[1]  # |d|_1 of a pixel's direction, at most
     s.error = longest * (32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32
-    n_error = 16.0 * U32 * edge * edge + 6.0 * edge * slack
+    n_error = 16.0 * U32 * (edge * edge + UNDERFLOW) + 6.0 * edge * slack
     det_error = 3.0 * n_error * reach + 16.0 * U32 * largest(n) * reach + 3.0 * largest(n) * slack + FLOOR32
     # A det that overflows may have either sign: where the compiler fuses, inf takes the place of inf - inf.
     known = wp.abs(det) < OVERFLOW

@@ -19,7 +19,7 @@ from ...gpu.entries import entry_now, raise_entry
 from ..queues import Queue, queue_doubt
 from ..reads import direction_at
 
-LEAST_HEIGHT = wp.constant(wp.float32(2.0**-14))
+LEAST_HEIGHT = wp.constant(wp.float64(2.0**-14))
 LONGEST_WAY = wp.constant(wp.float32(32.0))
 """Of ``steep`` in :class:`Planes`."""
 
@@ -78,12 +78,11 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     det = wp.dot(n, a64 - to_float64(o))
-    if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
+    product = wp.float64(reach) * wp.float64(edge) * wp.float64(edge)
+    if not (wp.abs(det) > wp.float64(96.0) * U64 * product):
         return planes
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
-    planes.steep = (
-        wp.float32(wp.abs(det)) > LEAST_HEIGHT * (reach * edge) * edge and reach < LONGEST_WAY * size
-    )
+    planes.steep = wp.abs(det) > LEAST_HEIGHT * product and reach < LONGEST_WAY * size
     scale = about_inverse(reach * edge)
     if det < wp.float64(0.0):
         scale = -scale

@@ -216,22 +216,28 @@ def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corner
 
     On a face the planes through the light and the edges are lines n0 + n1 u + n2 v >= 0; they hold for triangles
     that cannot be projected, too. Such a triangle is near the light for its size, so corners relative to the
-    light are precise enough.
+    light are precise enough. They are brought to a size of 1, since products of three lengths leave float32.
     """
     sides = Sides()
     qa = on_face(turned(corners.a - light, cube), face)
     qb = on_face(turned(corners.b - light, cube), face)
     qc = on_face(turned(corners.c - light, cube), face)
+    reach = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
+    if not (reach > LEAST_DIVISOR and reach < LARGEST_DIVISOR):
+        return sides
+    scale = about_inverse(reach)
+    qa *= scale
+    qb *= scale
+    qc *= scale
     ab = qb - qa
     bc = qc - qb
     ca = qa - qc
     det = wp.dot(wp.cross(ca, ab), qa)
-    reach = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
-    if not (wp.abs(det) > 256.0 * U32 * edge * edge * reach):
+    if not (wp.abs(det) > 256.0 * U32 * edge * edge):
         return sides
     sign = wp.sign(det)
-    error = 256.0 * U32 * reach * edge
+    error = 256.0 * U32 * edge
     sides.line0 = side_of_plane(wp.cross(qb, bc) * sign, error, r)
     sides.line1 = side_of_plane(wp.cross(qc, ca) * sign, error, r)
     sides.line2 = side_of_plane(wp.cross(qa, ab) * sign, error, r)
