@@ -11,9 +11,9 @@ import typer
 
 from ..errors import CapacityRejected, UserError
 from ..frame.devices import device_for, find_device
-from ..frame.passes import Pass
 from ..frame.registry import make_method, method_names
-from ..frame.schedule import Step, steps, wanted_of
+from ..frame.schedule.needed import Step, steps, wanted_of
+from ..frame.schedule.passes import Pass
 from ..frame.session import Session
 from ..runner.experiment import Entry, parse_size
 from ..runner.points import parse_settings

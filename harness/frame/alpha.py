@@ -20,7 +20,7 @@ HALF = wp.constant(wp.float64(0.5))
 
 @wp.struct
 class Alpha:
-    """The arrays of an :class:`.scene.scene.AlphaMask` on a device; empty arrays if the scene has no mask."""
+    """The arrays of an :class:`..scene.scene.AlphaMask` on a device; empty arrays if the scene has no mask."""
 
     masked: wp.array(dtype=wp.uint8)
     coordinates: wp.array2d(dtype=wp.vec2f)

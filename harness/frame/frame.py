@@ -77,15 +77,15 @@ class Frame:
     eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
     tangents  float32 [2]               column    vec3f [width], row vec3f [height]
     max_coordinate  float32 [1]: bounds every coordinate of scene and eye
-    lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.judge.receivers`
-    proxy_positions     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
-    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light has receivers
+    lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`..judge.receivers`
+    proxy_positions     vec3f [light_count]: what grids of a light look from (:class:`..scene.moment.Moment`)
+    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.effects.receivers`); empty unless a light has receivers
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
     front_facing    uint8 [light_count, triangle_count]: 1 = may face the light; empty unless a pass finds it
-              (:func:`.receivers.facing_passes`)
-    alpha     the scene's mask (:class:`.frame.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
+              (:func:`.effects.receivers.facing_passes`)
+    alpha     the scene's mask (:class:`.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
-    color     vec3f [pixels]: linear colour (:mod:`.frame.shading`); tint vec3f [triangle_count], lamps float64
+    color     vec3f [pixels]: linear colour (:mod:`.effects.shading`); tint vec3f [triangle_count], lamps float64
               [light_count, 5]: looks of surfaces and lights. All three are empty unless colour is wanted
     """
 

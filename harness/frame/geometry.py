@@ -76,7 +76,7 @@ class Rays:
 class Bounces:
     """Mirrored rays and the answers of a method to them; row b - 1 is bounce b. Empty if the scene has no mirrors.
 
-    origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.frame.mirrors`)
+    origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.effects.mirrors`)
     active      uint8 [bounces, pixels]: 1 = the pixel has a ray; where it is 0, the ray is zero
     triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`.frame.Answers`; a miss where there is no ray
     shadowed  uint8 [bounces, light_count, pixels]: the shadow bits of those hits

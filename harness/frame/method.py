@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from ..scene.effects import Effects, Limits
 from ..scene.scene import Scene
+from .effects.mirrors import traced_bounces
 from .frame import Frame
-from .mirrors import traced_bounces
-from .passes import Pass
+from .schedule.passes import Pass
 
 REASONS = MappingProxyType({"orthographic": "its primary rays start in one point"})
 """Why a method does not support an effect, unless it says so itself in ``cannot``."""
@@ -57,7 +57,7 @@ class Method(Protocol):
     def grow(self, needed: NDArray[np.int64]) -> bool:
         """Between frames: if a capacity was exceeded, raise it and return True; the frame is then repeated.
 
-        Raises :class:`~.errors.CapacityRejected` if the need exceeds the limits given to :meth:`plan`.
+        Raises :class:`~..errors.CapacityRejected` if the need exceeds the limits given to :meth:`plan`.
         """
 
     def counters(self) -> dict[str, int]:
@@ -77,7 +77,7 @@ class BaseMethod:
     capturable: bool = True
     devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
     simulates: frozenset[str] = frozenset({"shadows", "directional"})
-    """The effects (:meth:`~.scene.effects.Effects.names`) that it supports; give reasons for others in ``cannot``."""
+    """The effects (:meth:`~..scene.effects.Effects.names`) that it supports; give reasons for others in ``cannot``."""
     cannot: ClassVar[Mapping[str, str]] = {}
     """{effect: reason} for effects that it does not support; the reason is shown to the user."""
     outside: Mapping[str, str] = MappingProxyType({})

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from ..scene.effects import Effects, Limits
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
+from .effects.mirrors import mirror_passes
+from .effects.receivers import receiver_passes, skippable
+from .effects.shading import shading_passes
 from .frame import Frame
 from .method import Method
-from .mirrors import mirror_passes
-from .passes import Pass, PassRunner
-from .receivers import receiver_passes, skippable
-from .schedule import arranged, inputs_of, live, stale, wanted_of
-from .shading import shading_passes
-from .threads import threads_given
+from .schedule.needed import arranged, inputs_of, live, stale, wanted_of
+from .schedule.passes import Pass, PassRunner
+from .schedule.threads import threads_given
 
 GROWTH_LIMIT = 8
 """Largest number of repetitions of a frame; if a buffer still overflows then, the method is in error."""
@@ -139,7 +139,7 @@ class Session(PassRunner):
     def run_complete(self) -> None:
         """Run the frame until no buffer overflows, enlarging buffers after each run. Replays of the same frame then fit.
 
-        Raises :class:`~.errors.CapacityRejected` if a need exceeds the limits.
+        Raises :class:`~..errors.CapacityRejected` if a need exceeds the limits.
         """
         for _ in range(GROWTH_LIMIT):
             self.run()

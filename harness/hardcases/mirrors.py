@@ -1,6 +1,6 @@
 """Mirrors: rays that start on surfaces, edges and corners, and shadows on surfaces that are only visible in a mirror.
 
-The harness makes the rays (:mod:`.frame.mirrors`); the cases test whether a method finds their closest hits.
+The harness makes the rays (:mod:`..frame.effects.mirrors`); the cases test whether a method finds their closest hits.
 """
 
 from __future__ import annotations

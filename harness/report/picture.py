@@ -20,7 +20,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
 from ..files import replacing
-from ..frame.shading import shaded
+from ..frame.effects.shading import shaded
 from ..scene.facts import triangles
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared

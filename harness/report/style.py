@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..frame.passes import PARTS
 from ..frame.registry import PACKAGE, method_names
+from ..frame.schedule.passes import PARTS
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
 """Okabe and Ito's colours (distinct with every common colour vision), a wine red, a brown. Greys: parts of a frame."""

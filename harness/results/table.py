@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..frame.passes import BUILD_PARTS, PARTS
+from ..frame.schedule.passes import BUILD_PARTS, PARTS
 from .newest import newest, settings_text
 from ..judge.counts import Score, total
 from ..judge.verdict import ERRORS

@@ -13,7 +13,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.box_tree import QUERY_BLOCK, BoxTree
 from ..common.misses import miss_passes

@@ -13,8 +13,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Mesh
-from ...harness.frame.specialise import effects
 from ..common.grid import Grid, cell_index, cell_of, to_grid
 from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry

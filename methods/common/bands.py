@@ -16,7 +16,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, filled
-from ...harness.frame.threads import cpu_threads, launch_parts, ranges
+from ...harness.frame.schedule.threads import cpu_threads, launch_parts, ranges
 from .pixels import thread_count
 
 Part = TypeVar("Part")

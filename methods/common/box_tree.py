@@ -14,7 +14,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from ..exact.ray_queries import Found
 from .bounds import PADDED_UNITS, launch_boxes
 from .corner_records import CornerRecords, valid_in

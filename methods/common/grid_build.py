@@ -7,7 +7,7 @@ import warp as wp
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from .bounds import launch_bounds
 from .grid import Grid, place_grid_kernel
 from .grid_binning import LANES, LARGE_AT_ONCE, LargeItems, Pairs, bin_kernel, bin_large_kernel

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from ...harness.frame.effects.mirrors import traced_bounces
 from ...harness.frame.frame import Frame
-from ...harness.frame.mirrors import traced_bounces
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
 
 

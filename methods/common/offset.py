@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.mirrors import FINE, GAMMA7, outward, spread
+from ...harness.frame.effects.specialise import effects, specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
-from ...harness.frame.mirrors import FINE, GAMMA7, outward, spread
-from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Switches
 from ..exact.hit_point import hit_point, plane_distance
 from ..exact.triangle import largest, to_float32, to_float64

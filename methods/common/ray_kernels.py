@@ -14,8 +14,8 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
-from ...harness.frame.specialise import effects
 from ..exact.ray_queries import (
     any_hit,
     any_opaque_hit,

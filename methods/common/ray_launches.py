@@ -8,10 +8,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...harness.frame.effects.mirrors import traced_bounces
+from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
-from ...harness.frame.mirrors import traced_bounces
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import specialised
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
 from .bands import Band, Bands
 from .bounces import bounced_tests

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
 
 

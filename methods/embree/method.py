@@ -19,11 +19,11 @@ import numpy as np
 import warp as wp
 
 from ...harness.errors import UserError
+from ...harness.frame.effects.mirrors import traced_bounces
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.mirrors import traced_bounces
-from ...harness.frame.passes import Pass
-from ...harness.frame.threads import ranges
+from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.threads import ranges
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END, launch_shadow_origins

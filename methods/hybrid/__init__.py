@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...harness.frame.threads import check_threads
+from ...harness.frame.schedule.threads import check_threads
 from ..common.ray_launches import check_registers
 
 SMALL = 64

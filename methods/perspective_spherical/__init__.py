@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...harness.errors import UserError
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.passes import Pass
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ...harness.scene.scene import Scene
 from .camera.grid import CameraGrid

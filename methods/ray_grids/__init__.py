@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.passes import Pass
-from ...harness.frame.threads import cpu_threads
+from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from ..streams.camera.passes import CameraStream
 from ..streams.cube.aims import LightAims

@@ -14,11 +14,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
+from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import specialised
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes

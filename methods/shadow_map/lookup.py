@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Hits, Mesh, corners_of
-from ...harness.frame.specialise import effects
 from ..exact.triangle import to_float32, to_float64
 from .projection import face_axes, face_of, map_point
 from .raster import DepthMap

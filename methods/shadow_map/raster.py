@@ -10,8 +10,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import Alpha, texels_near
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Mesh, corners_of
-from ...harness.frame.specialise import effects
 from ..exact.triangle import U32, largest
 from ..gpu.reserve import reserve
 from .projection import LightMap, map_point

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 
 import warp as wp
 
+from ...harness.frame.effects.receivers import facing_passes, reached_by
+from ...harness.frame.effects.specialise import specialised, with_type
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
-from ...harness.frame.passes import Pass
-from ...harness.frame.receivers import facing_passes, reached_by
-from ...harness.frame.specialise import specialised, with_type
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
 from ..common.bands import ThreadRanges, Threads
 from ..gpu.warps import LANES

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
-from ...harness.frame.passes import Pass
-from ...harness.frame.threads import at_once
+from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.threads import at_once
 from ..common.pairs import grown
 from ..gpu.entries import set_entry
 from ..gpu.prefetch import GROUP_WORDS

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from ...harness.frame.threads import check_threads
+from ...harness.frame.schedule.threads import check_threads
 
 QUEUES = ("auto", "always", "never")
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.passes import Pass
-from ...harness.frame.threads import check_threads
+from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes

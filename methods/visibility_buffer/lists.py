@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera
-from ...harness.frame.specialise import effects
 from ..common.pixels import tile_pixel
 from ..gpu.entries import entry
 from ..streams.cube.cells import RayCells

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import specialised
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from ..gpu.warps import LANES

@@ -9,8 +9,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Corners, Mesh
-from ...harness.frame.specialise import effects
 from ..exact.triangle import spare_bits
 from ..gpu.entries import entry, entry_now, entry_of_four, set_entry_of_four
 from ..streams.camera.pixels import (

@@ -7,11 +7,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.alpha import Alpha
+from ...harness.frame.effects.mirrors import traced_bounces
+from ...harness.frame.effects.specialise import effects, specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
-from ...harness.frame.mirrors import traced_bounces
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import effects, specialised
+from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
 from ..common.bands import Band, Bands
 from ..common.bounces import bounced_tests

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Rays, mirrored_ray, ray_of
-from ...harness.frame.specialise import effects
 from ..common.pixels import pixel_of
 from ..exact.triangle import write_miss
 

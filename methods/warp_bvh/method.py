@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 
 from ...harness.errors import UserError
+from ...harness.frame.effects.mirrors import traced_bounces
+from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.mirrors import traced_bounces
-from ...harness.frame.passes import Pass
-from ...harness.frame.specialise import specialised
-from ...harness.frame.threads import check_threads
+from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.bands import Band, Bands
 from ..common.misses import miss_passes, write_misses

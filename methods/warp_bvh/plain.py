@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
-from ...harness.frame.specialise import effects
 from ..common.offset import stepped
 from ..common.pixels import pixel_of
 

@@ -22,7 +22,7 @@ from helpers.effect_scenes import (
     session_of,
 )
 from shadowbench.harness.frame import frame as frame_module
-from shadowbench.harness.frame import receivers
+from shadowbench.harness.frame.effects import receivers
 from shadowbench.harness.frame.method import BaseMethod
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
@@ -286,4 +286,4 @@ def test_an_unasked_light_is_caught(monkeypatch):
 
 
 def test_the_mask_pass_is_the_harness_own():
-    assert receivers.receiver_passes.__module__.endswith("harness.frame.receivers")
+    assert receivers.receiver_passes.__module__.endswith("harness.frame.effects.receivers")

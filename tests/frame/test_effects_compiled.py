@@ -20,8 +20,8 @@ from helpers.compiled_twins import (
     source_without,
     with_source,
 )
-from shadowbench.harness.frame import specialise
-from shadowbench.harness.frame.specialise import NAMES, named, specialised
+from shadowbench.harness.frame.effects import specialise
+from shadowbench.harness.frame.effects.specialise import NAMES, named, specialised
 from shadowbench.harness.scene.effects import Switches
 
 kernels = functools.cache(kernels_with_effects)
@@ -29,8 +29,8 @@ kernels = functools.cache(kernels_with_effects)
 
 SMALL = {
     "alpha": "methods.streams.camera.stream.doubt_kernel",
-    "bounced": "harness.frame.mirrors.mirror_kernel",
-    "orthographic": "harness.frame.shading.color_kernel",
+    "bounced": "harness.frame.effects.mirrors.mirror_kernel",
+    "orthographic": "harness.frame.effects.shading.color_kernel",
     "receivers": "methods.perspective_spherical.light.frame.box_kernel",
 }
 """Of each effect a kernel that branches on it and calls little: compiled in a quarter of a second."""
@@ -153,7 +153,7 @@ def test_an_unknown_effect_is_refused():
 
 
 def _unknown():
-    from shadowbench.harness.frame.specialise import effects
+    from shadowbench.harness.frame.effects.specialise import effects
 
     return effects.sparkle
 

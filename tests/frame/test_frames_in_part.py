@@ -21,10 +21,10 @@ from helpers.effect_scenes import (
     scene,
     session_of,
 )
-from shadowbench.harness.frame import passes
-from shadowbench.harness.frame.passes import BUILD_PARTS, Pass
 from shadowbench.harness.frame.registry import make_method, method_names
-from shadowbench.harness.frame.schedule import live, stale, steps
+from shadowbench.harness.frame.schedule import passes
+from shadowbench.harness.frame.schedule.needed import live, stale, steps
+from shadowbench.harness.frame.schedule.passes import BUILD_PARTS, Pass
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Camera, Spot
 

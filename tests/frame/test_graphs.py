@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.harness.frame import graphs
-from shadowbench.harness.frame.passes import Pass, capture_passes
+from shadowbench.harness.frame.schedule import graphs
+from shadowbench.harness.frame.schedule.passes import Pass, capture_passes
 
 
 def made(name: str, reads: tuple[str, ...], writes: tuple[str, ...], launch: Any, **more: Any) -> Pass:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.judged_hard_cases import CASES, exact_methods, judged
+from shadowbench.harness.frame.effects.shading import shaded
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.shading import shaded
 from shadowbench.harness.hardcases.judge import judge_case
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import judge_frame, score_frame

@@ -10,10 +10,17 @@ from helpers import brute_force
 from helpers.method_trials import box
 from PIL import Image
 from shadowbench.harness.commands import render as render_command
+from shadowbench.harness.frame.effects.shading import (
+    AMBIENT,
+    HEADLIGHT,
+    REFLECTANCE,
+    SKY_BOTTOM,
+    SKY_TOP,
+    shaded,
+)
 from shadowbench.harness.frame.materials import reflectances
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.shading import AMBIENT, HEADLIGHT, REFLECTANCE, SKY_BOTTOM, SKY_TOP, shaded
 from shadowbench.harness.judge.receivers import strength
 from shadowbench.harness.report.picture import display, shade
 from shadowbench.harness.scene import chosen_view

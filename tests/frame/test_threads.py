@@ -14,8 +14,8 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.schedule.threads import at_once, cpu_threads, processors, ranges, threads_given
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.threads import at_once, cpu_threads, processors, ranges, threads_given
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.common.bands import ThreadRanges

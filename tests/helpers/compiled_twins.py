@@ -22,7 +22,7 @@ from pathlib import Path
 import shadowbench.harness
 import shadowbench.methods
 import warp as wp
-from shadowbench.harness.frame.specialise import is_effects, named
+from shadowbench.harness.frame.effects.specialise import is_effects, named
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel

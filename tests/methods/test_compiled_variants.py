@@ -15,7 +15,7 @@ from helpers.compiled_variants import (
     compiled_variants,
 )
 from helpers.paper_knobs import answers_of, drawn
-from shadowbench.harness.frame import specialise
+from shadowbench.harness.frame.effects import specialise
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.harness.scene.surface_rules import perforated

@@ -10,7 +10,7 @@ import shadowbench.harness
 import shadowbench.methods
 import warp as wp
 from helpers.compiled_twins import kernels_with_effects, source_of, with_source
-from shadowbench.harness.frame.specialise import named
+from shadowbench.harness.frame.effects.specialise import named
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_queue

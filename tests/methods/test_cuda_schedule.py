@@ -12,10 +12,10 @@ import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, all_mirrors, scene
-from shadowbench.harness.frame import graphs
-from shadowbench.harness.frame.passes import Pass, capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
-from shadowbench.harness.frame.schedule import stale
+from shadowbench.harness.frame.schedule import graphs
+from shadowbench.harness.frame.schedule.needed import stale
+from shadowbench.harness.frame.schedule.passes import Pass, capture_passes, refuse_shared
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from shadowbench.harness.frame import graphs
-from shadowbench.harness.frame.passes import Pass, capture_passes
 from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.schedule import graphs
+from shadowbench.harness.frame.schedule.passes import Pass, capture_passes
 from shadowbench.harness.frame.session import Session
 
 from .test_cuda_schedule import VARIANTS, plan_for_cuda

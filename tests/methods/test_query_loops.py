@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import warp as wp
-from shadowbench.harness.frame.specialise import specialised
+from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.accuracy_ladder.kernels import make_kernels
 from shadowbench.methods.accuracy_ladder.parameters import TESTS

@@ -43,7 +43,7 @@ class Use:
 
 def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
-    from shadowbench.harness.frame.specialise import specialised
+    from shadowbench.harness.frame.effects.specialise import specialised
     from shadowbench.harness.scene.effects import Switches
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel

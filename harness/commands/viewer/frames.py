@@ -15,8 +15,8 @@ from PIL import Image
 from ...errors import CapacityRejected, UserError
 from ...files import array_hash
 from ...frame.devices import device_for
-from ...frame.passes import Pass, run_passes
 from ...frame.registry import make_method, method_class, method_names
+from ...frame.schedule.passes import Pass, run_passes
 from ...frame.session import Session
 from ...runner.machine_lock import MACHINE
 from ...scene.light_paths import vector

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.passes import Pass
-from ....harness.frame.specialise import specialised
+from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ..lists.binning import BIN_BLOCK, TileBins
 from ..lists.items import Items, count_tiles_kernel

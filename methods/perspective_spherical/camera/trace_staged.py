@@ -13,8 +13,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, direction_through, weld_of
-from ....harness.frame.specialise import effects
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import NO_HIT, nearer, total
 from ..lists.binning import TileLists

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.receivers import hit_receives
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, ray_of
-from ....harness.frame.receivers import hit_receives
-from ....harness.frame.specialise import effects
 from ...common.axes import axes_along
 from ...exact.triangle import largest, to_float64
 from ...gpu.reserve import number_in, raise_to

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.receivers import facing_passes, facing_reads
+from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.passes import Pass
-from ....harness.frame.receivers import facing_passes, facing_reads
-from ....harness.frame.specialise import specialised
+from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ...common.bounds import launch_bounds
 from ..camera.grid import CameraGrid

@@ -11,8 +11,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
-from ....harness.frame.specialise import effects
 from ...exact.holes import opaque_to_light
 from ...exact.triangle import U32, largest, to_float32
 from ...gpu.entries import entry

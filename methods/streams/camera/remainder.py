@@ -10,8 +10,8 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Mesh, Ray
-from ....harness.frame.specialise import effects
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
 from ...gpu.entries import entry, raise_entry

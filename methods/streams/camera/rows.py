@@ -7,8 +7,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera
-from ....harness.frame.specialise import effects
 from ...exact.triangle import spare_bits
 from ...gpu.entries import entry, entry_now, entry_of_four
 from ...gpu.warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of

@@ -10,8 +10,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
-from ....harness.frame.specialise import effects
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits

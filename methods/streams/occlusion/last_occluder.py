@@ -14,10 +14,10 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects, specialised, with_type
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Camera, Mesh, filled
-from ....harness.frame.passes import Pass
-from ....harness.frame.specialise import effects, specialised, with_type
+from ....harness.frame.schedule.passes import Pass
 from ...common.pixels import thread_count, tile_pixel
 from ...exact.triangle import largest, to_float32
 from ...gpu.entries import entry, set_entry

@@ -8,7 +8,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.specialise import effects
+from ....harness.frame.effects.specialise import effects
 from ...gpu.entries import entry, entry_if
 from ...gpu.prefetch import (
     FEW_ROWS,

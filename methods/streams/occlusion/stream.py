@@ -11,8 +11,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Mesh
-from ....harness.frame.specialise import effects
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import warp as wp
 
-from ....harness.frame.specialise import specialised
+from ....harness.frame.effects.specialise import specialised
 from ...common.bands import Threads
 from ...gpu.warps import LANES
 from ..cube.aim import FACES

@@ -1,5 +1,5 @@
-"""Receivers of a light, marked where the rays are placed: the rule of :mod:`....harness.frame.receivers`, with the same
-bits.
+"""Receivers of a light, marked where the rays are placed: the rule of :mod:`....harness.frame.effects.receivers`, with
+the same bits.
 
 A cone is decided in float32, from the distance t, where a bound on the rounding allows. The triangle is read only in doubt,
 and where eye and light must lie on one side of its plane and that is not known of each triangle
@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.receivers import note_receiver, receives
 from ....harness.frame.geometry import Camera, Mesh, Ray
-from ....harness.frame.receivers import note_receiver, receives
 from ...common.pixels import tile_pixel
 from ...exact.triangle import largest
 from ...gpu.division import about_root

@@ -14,9 +14,9 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.effects.receivers import faces_light, note_receiver
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
-from ....harness.frame.receivers import faces_light, note_receiver
-from ....harness.frame.specialise import effects
 from ...common.pixels import tile_pixel
 from ...exact.triangle import U32, largest, spare_bits, to_float32, to_float64, total
 from ...gpu.entries import entry, set_entry

@@ -6,8 +6,8 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Mesh
-from ....harness.frame.specialise import effects
 from ...common.pixels import tile_pixel, tile_threads
 from ...exact.triangle import spare_bits
 from ...gpu.entries import entry, entry_if, set_entry

@@ -6,7 +6,7 @@ import warp as wp
 
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.passes import Pass
+from ....harness.frame.schedule.passes import Pass
 from ..nodes import Tree
 from ..parameters import Build
 from .hploc import BLOCK, make_hploc_kernel

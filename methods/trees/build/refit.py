@@ -15,7 +15,7 @@ import warp as wp
 from ....harness.errors import UserError
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.passes import Pass
+from ....harness.frame.schedule.passes import Pass
 from ..native import BASICS
 from ..nodes import ROUNDED_UP, WRITE, Tree, padding
 from ..parameters import Build

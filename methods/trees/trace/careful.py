@@ -11,8 +11,8 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
-from ....harness.frame.specialise import effects
 from ...common.pixels import tile_pixel
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_at_hit, opaque_to_light

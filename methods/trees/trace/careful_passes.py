@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
-from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from ..nodes import Tree

@@ -7,10 +7,10 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
-from ....harness.frame.passes import Pass
-from ....harness.frame.specialise import specialised
-from ....harness.frame.threads import at_once
+from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.schedule.threads import at_once
 from ....harness.scene.effects import Effects
 from ..nodes import Tree
 from ..parameters import Build, Trace

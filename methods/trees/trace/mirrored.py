@@ -13,8 +13,8 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
-from ....harness.frame.specialise import effects
 from ...exact.hit_point import flat_hit_point, plane_distance
 from ...exact.triangle import to_float32
 from ...gpu.entries import entry, set_entry

@@ -8,8 +8,8 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
-from ....harness.frame.specialise import effects
 from ...common.pixels import tile_pixel
 from ...exact.certain_hit import certain_hit, is_far
 from ...exact.hit_point import along, flat_hit_point, plane_distance

@@ -8,9 +8,9 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.receivers import hit_receives
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
-from ....harness.frame.receivers import hit_receives
-from ....harness.frame.specialise import effects
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes

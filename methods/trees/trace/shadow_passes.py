@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from ....harness.frame.effects.mirrors import traced_bounces
+from ....harness.frame.effects.receivers import facing_passes, facing_reads
+from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.mirrors import traced_bounces
-from ....harness.frame.passes import Pass
-from ....harness.frame.receivers import facing_passes, facing_reads
-from ....harness.frame.specialise import specialised
-from ....harness.frame.threads import Launch, at_once, cpu_threads
+from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.schedule.threads import Launch, at_once, cpu_threads
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from ...gpu.reserve import counted

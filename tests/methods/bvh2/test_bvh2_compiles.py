@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from shadowbench.harness.frame.specialise import specialised
+from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.trees.build import hploc as build_hploc
 from shadowbench.methods.trees.build import lbvh as build_lbvh

@@ -8,7 +8,7 @@ import warp as wp
 from helpers.brute_force import soup
 from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
 from helpers.lights_of_session import lights_of_session
-from shadowbench.harness.frame.receivers import reached_by
+from shadowbench.harness.frame.effects.receivers import reached_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.receivers import facing

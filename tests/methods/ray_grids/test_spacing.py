@@ -10,10 +10,10 @@ import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.lights_of_session import lights_of_session
+from shadowbench.harness.frame.effects.specialise import with_type
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.specialise import with_type
 from shadowbench.methods.streams.cube.aim import EMPTY, RANGE, RECTANGLE_WORDS
 from shadowbench.methods.streams.cube.cells import RayCells, SpacedCells
 from shadowbench.methods.streams.cube.density import INTERVALS, SPACING_THREADS, spacing_kernel

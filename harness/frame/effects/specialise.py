@@ -18,7 +18,7 @@ from typing import Any
 
 import warp as wp
 
-from ..scene.effects import Switches
+from ...scene.effects import Switches
 
 NAMES = tuple(field.name for field in fields(Switches))
 

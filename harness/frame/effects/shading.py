@@ -18,18 +18,18 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..scene.effects import Effects, Switches
-from ..scene.moment import Moment
-from ..scene.prepared import Prepared
-from ..scene.scene import Light
-from ..scene.spotlight import SPOT
-from .frame import Frame
-from .geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, parallel_ray, ray_of
-from .materials import lamp_rows, reflectances
-from .passes import Pass
+from ...scene.effects import Effects, Switches
+from ...scene.moment import Moment
+from ...scene.prepared import Prepared
+from ...scene.scene import Light
+from ...scene.spotlight import SPOT
+from ..frame import Frame
+from ..geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, parallel_ray, ray_of
+from ..materials import lamp_rows, reflectances
+from ..schedule.passes import Pass
+from ..vectors import to_float64
 from .receivers import in_spot
 from .specialise import effects, specialised
-from .vectors import to_float64
 
 AMBIENT = wp.constant(wp.float64(0.22))
 HEADLIGHT = wp.constant(wp.float64(0.05))
@@ -66,7 +66,7 @@ class Looks:
     up      the camera's up direction, unit length
     count   triangles of the scene
     tint    vec3f [triangle_count]      lights  vec3f [light_count]
-    spots   float64 [light_count, 12]   lamps   float64 [light_count, 5]: see :class:`.frame.Frame`
+    spots   float64 [light_count, 12]   lamps   float64 [light_count, 5]: see :class:`..frame.Frame`
     """
 
     up: wp.vec3d
@@ -215,7 +215,7 @@ def shaded(
 ) -> Callable[[int, int], NDArray[np.float32]]:
     """A function (first pixel, number of pixels) to their linear colours, float32 [n, 3].
 
-    It colours answers on the host (:meth:`.frame.frame.Answers.to_host`). On a CPU, several threads may call it at once.
+    It colours answers on the host (:meth:`..frame.Answers.to_host`). On a CPU, several threads may call it at once.
     The bits of lights without shadows do not count. ``lights`` gives colours and flags; positions and spots come from
     the moment. Runs on the CPU; if Warp cannot compile for it, on the first GPU.
     """

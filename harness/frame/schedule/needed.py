@@ -1,6 +1,6 @@
 """Which passes of a frame run: those that its outputs need and whose inputs changed.
 
-This follows from the resources that each pass reads and writes (:class:`.frame.passes.Pass`). Resources are names. The
+This follows from the resources that each pass reads and writes (:class:`.passes.Pass`). Resources are names. The
 inputs of a frame are :data:`INPUTS` and ``light/i``; its outputs follow from its effects (:func:`wanted_of`).
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from ..scene.effects import Effects
+from ...scene.effects import Effects
 from .passes import Pass
 
 INPUTS = ("points", "triangles", "camera", "max_coordinate", "surfaces")

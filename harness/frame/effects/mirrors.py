@@ -13,12 +13,12 @@ from collections.abc import Callable
 
 import warp as wp
 
-from ..scene.effects import Effects, Switches
-from .frame import Frame
-from .geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
-from .passes import Pass
+from ...scene.effects import Effects, Switches
+from ..frame import Frame
+from ..geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
+from ..schedule.passes import Pass
+from ..vectors import largest, to_float32, to_float64
 from .specialise import effects, specialised
-from .vectors import largest, to_float32, to_float64
 
 GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
 """Relative error bound of seven float32 roundings (Pharr, Jakob & Humphreys, PBRT, 4th edition, section 6.8)."""

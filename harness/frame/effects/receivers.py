@@ -1,6 +1,6 @@
 """Receivers: the hits that have a shadow ray to a light. A pass of the harness marks them, unless a method does.
 
-The rule and its float64 arithmetic are those of :mod:`.judge.receivers`. The hit point is computed again from the
+The rule and its float64 arithmetic are those of :mod:`...judge.receivers`. The hit point is computed again from the
 triangle of the answer, so that the mask does not depend on a method's own t. The pass clears the light's row of shadow
 bits and records on the device whether the light has any receiver. If not, the light's other passes are not launched
 (:func:`skippable`); in a captured graph the device decides this.
@@ -14,14 +14,14 @@ from dataclasses import replace
 
 import warp as wp
 
-from ..scene.effects import Effects, Switches
-from ..scene.spotlight import DOUBT
-from .frame import Frame
-from .geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
-from .passes import Pass
+from ...scene.effects import Effects, Switches
+from ...scene.spotlight import DOUBT
+from ..frame import Frame
+from ..geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
+from ..schedule.passes import Pass
+from ..schedule.threads import Launch, in_ranges
+from ..vectors import largest, to_float64
 from .specialise import effects, specialised
-from .threads import Launch, in_ranges
-from .vectors import largest, to_float64
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
 
@@ -31,7 +31,7 @@ EACH = 64
 
 @wp.func
 def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
-    """Whether the point at offset v from the light lies in its spot: as in :func:`.judge.receivers.receivers`."""
+    """Whether the point at offset v from the light lies in its spot: as in :func:`...judge.receivers.receivers`."""
     kind = spots[index, 0]
     if kind == wp.float64(0.0):
         return True
@@ -109,7 +109,7 @@ def hit_receives(
     front_facing: wp.array2d(dtype=wp.uint8),
 ) -> wp.bool:
     """:func:`receives` of the hit of a ray on triangle ``hit``. ``front_facing``: of a primary ray, which triangles may
-    face the light, if that is known (:class:`.frame.Frame`); else empty."""
+    face the light, if that is known (:class:`..frame.Frame`); else empty."""
     wanted = wp.bool(True)
     if front_facing.shape[0] > 0:
         wanted = front_facing[light, hit] != wp.uint8(0)
@@ -192,7 +192,7 @@ def facing_reads(frame: Frame, effects: Effects, light: int) -> tuple[str, ...]:
 
 def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> list[Pass]:
     """The pass that finds which triangles may face a light, or none where that is decided for each hit. ``threads``: of a
-    CPU (:func:`.threads.cpu_threads`)."""
+    CPU (:func:`..schedule.threads.cpu_threads`)."""
     made = facing_reads(frame, effects, light)
     if not made:
         return []
@@ -267,7 +267,7 @@ def receiver_passes(
 
 def skippable(passes: list[Pass], effects: Effects) -> list[Pass]:
     """The same passes; those of a light with a mask of receivers get the condition that the light has a receiver, if the
-    pass that marks them says so (:attr:`.passes.Pass.reached`).
+    pass that marks them says so (:attr:`..schedule.passes.Pass.reached`).
 
     If rays bounce, the structure that a method builds for a light serves the hits of every bounce. So only the tracing
     passes, which read the receivers of their own hits, get the condition. In a captured graph, passes with scratch memory
