@@ -113,6 +113,7 @@ def render(
 
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
+    out = out.absolute()  # a method may go to another folder
     described = view.resolved(scene, scene_dir)
     made = opened(scene, described, method, parse_size(size), device, settings)
     if not 0 <= frame < made.prepared.frame_count:
@@ -150,6 +151,7 @@ def animate(
         raise UserError(f"--frames {frames}: an animation has at least 2")
     if not 0.0 < seconds < 3600.0:
         raise UserError(f"--seconds {seconds:g}: give a number between 0 and 3600")
+    out = out.absolute()
     width, height = parse_size(size)
     check_animation(width * len(scenes), height, frames or 2)
     shown: list[Renderer] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import math
@@ -122,13 +123,15 @@ def dry(options: Options, as_json: bool = False) -> int:
 def run(options: Options, as_json: bool = False) -> int:
     """Run and draw. Return 0 if every point was measured or skipped with a reason, else 1."""
     MACHINE.share()
-    with Silent() if as_json else Bar() as report:
+    # Methods that run in this process, not in a worker, may go to another folder.
+    whole = dataclasses.replace(options, out=options.out.absolute())
+    with Silent() if as_json else Bar() as report, contextlib.chdir("."):
         measure, after = options.experiment.measure, options.experiment.after
         report.more = "then untimed counts" * (after is not None)
-        records = measure(options, report) if measure is not None else Run(options, report).go()
+        records = measure(whole, report) if measure is not None else Run(options, report).go()
         if after is not None:
             report.more = ""
-            after(options, report)
+            after(whole, report)
     return shown(options, records, as_json)
 
 

@@ -7,6 +7,7 @@ harness itself names no method. Another package declares
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import importlib
@@ -56,7 +57,8 @@ def method_class(name: str) -> type[Method]:
     points = _entry_points()
     if name in points:
         try:
-            return points[name].load()
+            with contextlib.chdir("."):  # a package that goes elsewhere does not take this process with it
+                return points[name].load()
         except (ImportError, AttributeError) as error:
             place = points[name].value
             raise UserError(
@@ -157,7 +159,8 @@ def make_method(name: str, settings: dict[str, str] | None = None) -> Method:
             raise UserError(f"{name} has no parameter {key!r}" + (did_you_mean(key, place) if place else ""))
         given[place[key]][key] = text
     made = {part: _replaced(name, block, given[part]) for part, block in blocks.items()}
-    return cls(made["build"], made["trace"])
+    with contextlib.chdir("."):
+        return cls(made["build"], made["trace"])
 
 
 def _replaced(method: str, block: Any, texts: dict[str, str]) -> Any:

@@ -21,7 +21,10 @@ STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
 """The statuses of a point. Every planned point yields exactly one record with one of these."""
 
 FAILURES = ("failed", "timeout")
-"""Statuses that say nothing about the method: ``--retry`` measures such a point again."""
+"""Statuses that say nothing about the method."""
+
+SCORING_FAILED = "scoring failed"
+"""How :attr:`Frame.unscored` begins where the process that scores has failed."""
 
 Ms = Annotated[float, 0.0]
 """A measured time in milliseconds: finite and not negative."""
@@ -186,6 +189,13 @@ class Record:
     def measured(self) -> list[Frame]:
         """The frames that have samples."""
         return [frame for frame in self.frames if frame.measured]
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether it says nothing about the method, or nothing about its answers: ``--retry`` measures the point again."""
+        return self.status in FAILURES or any(
+            (frame.unscored or "").startswith(SCORING_FAILED) for frame in self.frames
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The record as JSON has it."""

@@ -64,8 +64,7 @@ class Grader:
         there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
         for frame in there:
             MACHINE.give_way()
-            handed = handed_path(self.folder, key, frame)
-            with np.load(handed) as stored:
+            with np.load(handed_path(self.folder, key, frame)) as stored:
                 answers = {name: stored[name] for name in stored.files}
             unscored = "not requested; shadowbench score DIR adds it"
             graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": unscored}
@@ -76,8 +75,10 @@ class Grader:
                 self._save_answers(key, frame, answers)
             if not drawn and frame == there[len(there) // 2]:
                 draw_picture(self.prepared, self.moments[frame], answers, picture, shows)
-            handed.unlink()
             frames.append(graded)
+        # Not before: should this process be killed, another one has all frames to score.
+        for frame in there:
+            handed_path(self.folder, key, frame).unlink()
         return frames
 
     def _score(self, key: str, frame: int, answers: Answers, wrong_map: bool) -> dict[str, Any]:

@@ -1,4 +1,7 @@
-"""The commands that a run sends to its workers: load a scene, prepare a point, score its answers."""
+"""The commands that a run sends to its workers: load a scene, prepare a point, score its answers.
+
+Paths are named from the root: a method may change the folder that its process works in.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ def load_command(
         "frames": preset.frames,
         "width": preset.width,
         "height": preset.height,
-        "shared": str(folder.shared_scene(lighting.frames)),
+        "shared": str(folder.shared_scene(lighting.frames).absolute()),
         "lighting": lighting.facts(),
         "make": make,
         **({"view": options.view.facts()} if options.view.changes else {}),
@@ -47,7 +50,7 @@ def prepare_command(options: Options, job: Job, answers: bool = True) -> dict[st
         "budget_s": preset.budget_s,
         "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),
     }
-    about = {"folder": str(options.out), "light": job.lighting.label, "answers": answers}
+    about = {"folder": str(options.out.absolute()), "light": job.lighting.label, "answers": answers}
     return {"do": "prepare", "point": spec, **about}
 
 
@@ -56,11 +59,11 @@ def grade_command(options: Options, folder: ResultsFolder, job: Job) -> dict[str
     return {
         "do": "grade",
         "key": job.point.key,
-        "folder": str(options.out),
+        "folder": str(options.out.absolute()),
         "device": options.device,
         "save_answers": options.save_answers,
         "score": options.score,
-        "picture": str(picture_of(folder, job)),
+        "picture": str(picture_of(folder, job).absolute()),
         # Another scene of the same name (an original instead of its stand-in) is drawn again.
         "shows": digest(contents(job.point.scene)),
     }

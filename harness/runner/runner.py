@@ -13,12 +13,11 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from ..results.disputes import charged_records
 from ..results.folder import ResultsFolder
-from ..results.record import FAILURES, Record, make_record
+from ..results.record import SCORING_FAILED, Record, make_record
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
 from .experiment import Entry
@@ -32,7 +31,8 @@ from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
 from .survey import announcement, survey
 from .turns import Turns
-from .worker_process import WorkerError
+from .unmade import forget_unmade, unmade_scene
+from .worker_process import WorkerError, WorkerLostError
 from .workers import GRADER, Workers
 from .workload import Estimate, Unit, expected_work, points_of, steps_of
 
@@ -141,16 +141,13 @@ class Run:
             fresh, lost = self._load(name, lighting, wanted or {entry.method for entry, _ in methods})
             if fresh is None:
                 # The scene could not be made: every point gets a record with the reason.
-                facts = facts or {
-                    "name": Path(name).stem.lower(),
-                    "title": name,
-                    "source": {"kind": "", "file": name},
-                    "lighting": lighting.facts(),
-                }
+                facts = facts or unmade_scene(self.options, name, lighting)
             elif facts is None or contents(fresh) != contents(facts):
                 facts, jobs = fresh, []
                 learn_scene(self.folder, command, facts)
             jobs = jobs or self._jobs(name, lighting, facts, methods)
+            if fresh is not None:
+                forget_unmade(self.folder, [(job.point.key, job.point.method["label"]) for job in jobs])
             for job in jobs:
                 if job.method in lost and job.record is None:
                     self._close(job, lost[job.method].status, lost[job.method].reason)
@@ -177,7 +174,7 @@ class Run:
             point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
             job = Job(point, scene, self.folder.journal(point.key), steps_of(options.preset), lighting)
             kept = self.folder.record(point.key)
-            if kept and not (options.retry and kept.status in FAILURES):
+            if kept and not (options.retry and kept.says_nothing):
                 job.record = kept
                 self.report.done(job.steps)
             jobs.append(job)
@@ -279,20 +276,25 @@ class Run:
         command = grade_command(self.options, self.folder, job)
         self.workers.send(self.workers.get(grader), **command, wrong_maps=self.options.preset.wrong_maps)
 
-    def _take_grades(self, job: Job, grader: str) -> None:
+    def _take_grades(self, job: Job, grader: str, again: bool = True) -> None:
+        """Note the scores. If the scoring process was killed, another one is asked, once: the answers are still there."""
         if job.journal.first("finished"):
             return
         try:
             reply = self.workers.reply(self.workers.get(grader), self.options.preset.timeout_s)
         except WorkerError as error:
-            self._ungraded(job, error)
+            if again and isinstance(error, WorkerLostError) and error.status == "failed":
+                self._ask_grades(job, grader)
+                self._take_grades(job, grader, again=False)
+            else:
+                self._ungraded(job, error)
             return
         self.once += reply["compile_s"]
         self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _ungraded(self, job: Job, error: WorkerError) -> None:
         """Record that scoring failed; the times remain valid."""
-        unscored = {"score": None, "unscored": f"scoring failed: {error.reason}"}
+        unscored = {"score": None, "unscored": f"{SCORING_FAILED}: {error.reason}"}
         answered = (job.journal.first("prepared") or {}).get("frames", ())
         graded = [{"frame": frame["frame"], **unscored} for frame in answered]
         self._note(job, {"event": "finished", "frames": graded})

@@ -13,7 +13,6 @@ from typing import Any
 from ..errors import UserError
 from ..frame.devices import device_title
 from ..results.folder import ResultsFolder
-from ..results.record import FAILURES
 from ..results.throttled import CROWDED
 from .job import Options
 from .points import describe_method, make_point
@@ -59,7 +58,7 @@ def survey(options: Options) -> list[Planned]:
                     if facts:
                         point = make_point(options.experiment.name, part, entry, facts, method, options.seed)
                         record = folder.record(point.key)
-                    again = record is not None and options.retry and record.status in FAILURES
+                    again = record is not None and options.retry and record.says_nothing
                     rounds = record.rounds or () if record is not None else ()
                     found.append(
                         Planned(

@@ -60,11 +60,13 @@ class Lit:
 class Worker:
     """The state between commands: one scene, by its lightings' labels, and the points prepared on it.
 
+    home  the folder that the process began in: names of scenes are relative to it
     base  the scene before any lighting, and the seconds that it took, by what it depends on
     last  the lighting that was loaded last, whose answers :meth:`grade` scores
     """
 
     def __init__(self) -> None:
+        self.home = Path.cwd()
         self.base: dict[str, tuple[Prepared, float]] = {}
         self.lit: dict[str, Lit] = {}
         self.last: Lit | None = None
@@ -78,6 +80,7 @@ class Worker:
             "load": self.load, "prepare": self.prepare, "round": self.round,
             "grade": self.grade, "free": self.free,
         }  # fmt: skip
+        os.chdir(self.home)  # a method may have gone elsewhere
         with MACHINE.shared() if share else contextlib.nullcontext():
             return actions[kind](**command)
 

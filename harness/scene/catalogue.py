@@ -84,12 +84,9 @@ def resolve(
         if here in within:
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
         scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, wanted, (*within, here)))
-        # A scene of the paper with other lights or effects gets another name: the paper's numbers do not apply.
-        plain = _plain(path.stem)
-        return replace(scene, name=f"{plain}-declared" if plain in scene_names() else plain)
+        return replace(scene, name=name_in(path))
     if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
-        known = path.stem.lower()
-        return _from_files(path, known if known in NAMES else _plain(path.stem), path.name, wanted)
+        return _from_files(path, name_in(path), path.name, wanted)
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
 
 
@@ -182,6 +179,15 @@ def _bunny(wanted: Wanted) -> Scene:
         _from_files(path, BUNNY, TITLES[BUNNY], wanted),
         notes="a real mesh, bunny.usd of the warp-lang package",
     )
+
+
+def name_in(path: Path) -> str:
+    """The name of the scene in a file."""
+    known, plain = path.stem.lower(), _plain(path.stem)
+    if path.suffix.lower() == SUFFIX:
+        # A scene of the paper with other lights or effects gets another name: the paper's numbers do not apply.
+        return f"{plain}-declared" if plain in scene_names() else plain
+    return known if known in NAMES else plain
 
 
 def _plain(stem: str) -> str:

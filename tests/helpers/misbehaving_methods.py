@@ -140,6 +140,20 @@ class Rejects(Steady):
         raise CapacityRejected(f"needs {int(needed[0])} pairs, allowed are {1 << 20}")
 
 
+class Wanders(Steady):
+    """Works in other folders than the one that its process began in, from its construction on."""
+
+    name: ClassVar[str] = "wanders"
+
+    def __init__(self, build=None, trace=None):
+        super().__init__(build, trace)
+        os.chdir("/")
+
+    def trace_primary(self, frame):
+        os.chdir("/")
+        super().trace_primary(frame)
+
+
 class Greedy(Steady):
     """Holds 320 MiB of numpy arrays, which no allocator of Warp's knows of."""
 
@@ -206,6 +220,7 @@ CLASSES = (
     Rejects,
     Skips,
     Grows,
+    Wanders,
     Greedy,
     Hoards,
     Broken,

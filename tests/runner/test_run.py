@@ -1,15 +1,22 @@
 """Whole runs: what a misbehaving method costs, memory, retries, scores, budgets."""
 
+import os
 import re
 import shutil
+import signal
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.tiny_runs import options, write_scene
+from shadowbench.harness.commands.render import render
+from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner import runner as run_module
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.workers import GRADER, Workers
 
 
 def go(chosen):
@@ -188,6 +195,73 @@ def test_a_scene_that_cannot_be_made_is_a_stated_failure(package, tmp_path):
     # The command line refuses such a file before anything starts; a file may also break in between.
     statuses = [(r.scene["name"], r.status) for r in _breaking(records, broken)]
     assert statuses == [("good", "ok"), ("broken", "failed")]
+
+
+def test_a_scene_that_is_made_at_last_has_no_column_of_its_failure(package, tmp_path, monkeypatch):
+    """The worker that makes it is killed, as a system without memory does; then the same command is given again."""
+    scene, out = write_scene(tmp_path / "My Tetra.obj"), tmp_path / "out"
+    steady, late = (Entry(name, {}, name) for name in ("steady", "late"))
+    make = Workers.make
+
+    def killed(workers, name, lighting, methods):
+        worker = workers.get(GRADER)
+        worker.ask(120.0, do="free")
+        os.kill(worker._process.pid, signal.SIGKILL)
+        return make(workers, name, lighting, methods)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Workers, "make", killed)
+        lost = go(options(out, [scene], [steady, late]))
+    assert [r.status for r in lost.values()] == ["failed"] * 2
+    assert all(r.reason.startswith("the worker was killed by signal 9") for r in lost.values())
+    again = go(options(out, [scene], [steady]))
+    names = [r.scene["title"] for r in read_records(out)]
+    assert sorted(r.key for r in read_records(out)) == sorted([again["steady"].key, lost["late"].key])
+    assert set(names) == {again["steady"].scene["title"]}, "a failure has the column of its scene"
+    found = go(options(out, [scene], [steady, late], retry=True))
+    assert sorted(r.key for r in read_records(out)) == sorted(r.key for r in found.values())
+    assert {r.reason for r in found.values()} == {"", "ArithmeticError: tired"}
+
+
+def test_answers_of_a_scoring_process_that_is_killed_are_scored_by_another(scene, tmp_path, monkeypatch):
+    """If that is killed too, the point has times without a score, and --retry measures it again."""
+    pytest.importorskip("embreex", reason="the reference needs Embree")
+    ask, kills = Run._ask_grades, []
+
+    def killing(run, job, grader):
+        ask(run, job, grader)
+        if kills:
+            os.kill(run.workers.get(grader)._process.pid, kills.pop())
+
+    monkeypatch.setattr(Run, "_ask_grades", killing)
+    for count in (1, 2):
+        out, kills = tmp_path / str(count), [signal.SIGKILL] * count
+        chosen = options(out, [scene], ["warp_bvh"], score=True, frames=1)
+        (measured,) = Run(chosen, Silent()).go()
+        assert measured.status == "ok"
+        assert not list((out / "journal").iterdir())
+        if count == 1:
+            assert measured.frames[0].score.true_errors == 0
+            continue
+        assert measured.frames[0].unscored.startswith("scoring failed: the worker was killed by signal 9")
+        assert Run(chosen, Silent()).go() == [measured]
+        (again,) = Run(replace(chosen, retry=True), Silent()).go()
+        assert again.frames[0].score.true_errors == 0
+
+
+def test_answers_of_a_method_that_goes_elsewhere_are_found(package, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("first", "second"):
+        write_scene(Path(f"{name}.obj"))
+    chosen = options(Path("out"), ["first.obj", "second.obj"], ["wanders"], score=True, save_answers=True)
+    records = Run(chosen, Silent()).go()
+    assert Path.cwd() == tmp_path
+    assert [(r.status, r.reason) for r in records] == [("ok", "")] * 2
+    assert [len(r.frames) for r in records] == [1, 1]
+    assert all(frame.unscored is None for r in records for frame in r.frames)
+    assert {f"{r.key}-0.npz" for r in records} < {path.name for path in Path("out/answers").iterdir()}
+    assert render("first.obj", "wanders", Path("picture.png"), "8x8").exists()
+    assert (tmp_path / "picture.png").exists()
 
 
 def _breaking(runner, path):

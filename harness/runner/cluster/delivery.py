@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from ...errors import UserError
 from ...files import write_atomic, write_bytes
@@ -15,6 +14,7 @@ from ..job import Options
 from ..points import describe_method, make_point
 from ..protocol import load_command
 from ..scene_cache import known_scene
+from ..unmade import forget_unmade, is_unmade, unmade_scene
 from .shard import Outcome
 from .spool import Files, allowed
 
@@ -77,6 +77,9 @@ class Delivery:
             for name, content in outcome.files.items():
                 if name.startswith("records/"):
                     new.append(self._keep(self.folder.path / name, content))
+        forget_unmade(
+            self.folder, [(one.key, one.method.get("label", "")) for one in new if not is_unmade(one)]
+        )
         return new
 
     def _keep(self, path: Path, content: bytes) -> Record:
@@ -99,11 +102,6 @@ class Delivery:
                 facts = known_scene(self.folder, command)
             except UserError:
                 facts = None
-            stem: dict[str, Any] = {
-                "name": Path(name).stem.lower(),
-                "title": name,
-                "lighting": lighting.facts(),
-            }
             for entry in preset.methods:
                 method = describe_method(entry, "cpu")
                 if device[0] != "cpu" and not method.get("broken"):
@@ -113,7 +111,7 @@ class Delivery:
                         "asked_device": device[0],
                         "device_name": device[1],
                     }
-                scene = facts or {**stem, "source": {"kind": "", "file": name}}
+                scene = facts or unmade_scene(options, name, lighting)
                 point = make_point(options.experiment.name, preset, entry, scene, method, options.seed)
                 kept = self.folder.record(point.key)
                 if kept is None:
