@@ -169,10 +169,10 @@ def test_damaged_files_are_read_or_refused(tmp_path, name):
 
 @pytest.mark.parametrize("name", SEEDS)
 def test_every_truncation_is_read_or_refused(tmp_path, name):
-    """Formats with counts refuse every one; OBJ has none and may lose whole lines, STL may lose its last name."""
+    """Formats with counts refuse every one; OBJ has none and may lose whole lines, an STL text whole facets."""
     path = tmp_path / name
     blob = SEEDS[name].rstrip(b"\n")
-    enough = {"ascii.stl": blob.rfind(b"endsolid") + 8, "triangles.obj": 0, "mixed.obj": 0}.get(
+    enough = {"ascii.stl": blob.find(b"endfacet") + 8, "triangles.obj": 0, "mixed.obj": 0}.get(
         name, len(blob)
     )
     for length in range(0, len(blob), 1 if len(blob) < 400 else 3):

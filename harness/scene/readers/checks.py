@@ -20,6 +20,8 @@ from ..scene import Camera, Geometry, Light, Vector
 MAX_LINE = 1 << 20
 """Longest line of a text file, bytes. A longer line is not part of a mesh, and splitting it takes much memory."""
 
+_LFS = b"version https://git-lfs.github.com/spec/"
+
 MAX_TRIANGLES = 1 << 27
 """Largest number of triangles: the methods index corners with int32."""
 
@@ -181,15 +183,20 @@ def is_file(path: Path) -> bool:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The contents of a file. Raises :class:`UserError` if it is missing, no regular file, or unreadable."""
+    """The contents of a file. Raises :class:`UserError` if it is missing, no regular file, unreadable or a Git LFS pointer."""
     try:
-        return read_regular(path)
+        blob = read_regular(path)
     except FileNotFoundError:
         raise UserError(f"{path}: no such file; check the path") from None
     except OSError as error:
         raise UserError(
             f"{path}: cannot be read ({error.strerror or error}); check the path and its permissions"
         ) from None
+    if blob.startswith(_LFS):
+        raise broken(
+            path, "is a Git LFS pointer, not the file that it stands for", "fetch that with git lfs pull"
+        )
+    return blob
 
 
 def within_range(loaded: Loaded) -> None:

@@ -8,91 +8,141 @@ with what trimesh reads.
 
 from __future__ import annotations
 
-import io
-from array import array
+import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import UserError
 from .checks import ALL, MAX_LINE, Mesh, Wanted, broken, checked, read_bytes
+from .polygons import triangulate
+from .text import JOINED, decoded, first_wrong, number_of, numbers, plain_lines, without_comments
+
+_VERTEX, _FACE = (
+    {letter, *(letter + blank for blank in (b" ", b"\t", b"\v", JOINED))} for letter in (b"v", b"f")
+)
+"""How the lines of vertices and of faces begin."""
+
+_BLOCK = 1 << 15
+"""Lines that are parsed at a time."""
 
 _INDEX_LIMIT = 1 << 31
+
+_SKIPPED = {
+    b"l": "lines",
+    b"p": "points",
+    b"curv": "free-form curves",
+    b"surf": "free-form surfaces",
+    b"usemtl": "materials",
+}
+"""Statements that are left out with a note."""
 
 
 def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
     """Positions float64 (``v``; weights and colours are ignored) and the triangulated faces (``f``).
 
     Unused vertices are retained. Texture, normal, group, material, line and curve records are skipped. Needs memory of
-    about
-    6 times the file's size. Raises :class:`UserError` for an index that is 0, out of range or not a number, for a face
-    of
-    fewer than 3 vertices and for a file without faces.
+    about 6 times the file's size. Raises :class:`UserError` for an index that is 0, out of range or not a number, for a
+    face of fewer than 3 vertices and for a file without faces.
     """
-    blob = read_bytes(path)
-    if b"\r" in blob and b"\n" not in blob:
-        blob = blob.replace(b"\r", b"\n")
-    points, corners = array("d"), array("i")
-    line, number = b"", 0
-    stream = io.BytesIO(blob.removeprefix(b"\xef\xbb\xbf"))
-    while True:
-        more = stream.readline(MAX_LINE)
-        number += 1
-        if len(more) == MAX_LINE or len(line) + len(more) > MAX_LINE:
-            raise broken(path, f"line {number} is longer than {MAX_LINE} bytes", "this is not an OBJ mesh")
-        line += more
-        if more.rstrip(b"\r\n").endswith(b"\\"):
-            line = line.rstrip(b"\r\n")[:-1] + b" "
-            continue
+    text = without_comments(plain_lines(decoded(read_bytes(path))))
+    notes = tuple(f"{what} left out" for word, what in _SKIPPED.items() if b"\n" + word + b" " in text)
+    lines = text.split(b"\n")
+    longest = max(range(len(lines)), key=lambda i: len(lines[i]))
+    if len(lines[longest]) > MAX_LINE:
+        problem = f"line {number_of(lines, longest)} is longer than {MAX_LINE} bytes"
+        raise broken(path, problem, "this is not an OBJ mesh")
+    if any(line[:1].isspace() for line in lines):
+        lines = [line.lstrip() for line in lines]
+    points = np.concatenate([np.zeros((0, 3)), *_parsed(path, lines, _VERTEX, _positions)])
+    counts, corners = _faces(path, lines)
+    mesh = checked(path, points, triangulate(points, counts, corners))
+    return dataclasses.replace(mesh, notes=notes)
+
+
+def _parsed(
+    path: Path, lines: Sequence[bytes], kind: set[bytes], parse: Callable[[Sequence[bytes]], Any]
+) -> list[Any]:
+    """What ``parse`` makes of the lines of a kind, block by block. Raises :class:`UserError` with the wrong line."""
+    own = [line for line in lines if line[:2] in kind]
+    made = []
+    for first in range(0, len(own), _BLOCK):
+        block = own[first : first + _BLOCK]
         try:
-            _record(line, points, corners)
-        except (ValueError, OverflowError, UserError) as error:
-            raise broken(
-                path, f"line {number}: {error}", "correct that line or export the file again"
-            ) from error
-        line = b""
-        if not more:
-            break
-    positions = np.frombuffer(points, dtype=np.float64).reshape(-1, 3) if points else np.zeros((0, 3))
-    faces = (
-        np.frombuffer(corners, dtype=np.int32).reshape(-1, 3) if corners else np.zeros((0, 3), dtype=np.int32)
-    )
-    return checked(path, positions, faces)
+            made.append(parse(block))
+        except ValueError:
+            wrong, error = first_wrong(block, parse)
+            raise _wrong(path, lines, kind, first + wrong, str(error)) from None
+    return made
 
 
-def _record(line: bytes, points: array, corners: array) -> None:
-    """Append the contents of one line. Raises ValueError with the reason if the line is invalid."""
-    words = line.split()
-    if not words:
-        return
-    if words[0] == b"v":
-        if len(words) < 4:
-            raise ValueError(f"a vertex has {len(words) - 1} coordinates instead of 3")
-        points.extend((float(words[1]), float(words[2]), float(words[3])))
-    elif words[0] == b"f":
-        if len(words) < 4:
-            raise ValueError(f"a face has {len(words) - 1} vertices, it needs at least 3")
-        count = len(points) // 3
-        first = _index(words[1], count)
-        last = _index(words[2], count)
-        for word in words[3:]:
-            here = _index(word, count)
-            corners.extend((first, last, here))
-            last = here
+def _wrong(path: Path, lines: Sequence[bytes], kind: set[bytes], index: int, problem: str) -> UserError:
+    """The error for the line ``index`` of a kind."""
+    place = [i for i, line in enumerate(lines) if line[:2] in kind][index]
+    way_out = "correct that line or export the file again"
+    return broken(path, f"line {number_of(lines, place)}: {problem}", way_out)
 
 
-def _index(word: bytes, count: int) -> int:
-    """Vertex index, counted from 0, of a corner ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``.
+def _positions(lines: Sequence[bytes]) -> NDArray[np.float64]:
+    """The first three numbers of each line, [len(lines), 3]."""
+    try:
+        values, each = numbers([line[1:] for line in lines])
+    except ValueError:  # of words after the position, which need not be numbers
+        values, each = numbers([b" ".join(line.split()[1:4]) for line in lines])
+    if each.min() < 3:
+        raise ValueError(f"a vertex has {each.min()} coordinates instead of 3")
+    if (each == each[0]).all():
+        return values.reshape(-1, each[0])[:, :3]
+    return values[(np.cumsum(each) - each)[:, None] + np.arange(3)]
 
-    A negative index counts back from the last vertex read, of ``count`` so far.
+
+def _faces(path: Path, lines: Sequence[bytes]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The number of corners of each face, and the vertex indices of all corners, counted from 0."""
+    parts = _parsed(path, lines, _FACE, _corners)
+    counts = np.concatenate([np.zeros(0, np.int64), *(each for _, each in parts)])
+    corners = np.concatenate([np.zeros(0, np.int32), *(indices for indices, _ in parts)])
+    if not len(counts) or corners.min() > 0:
+        return counts, corners - np.int32(1)
+    ends = np.cumsum(counts)
+    if not corners.all():
+        zero = int(np.searchsorted(ends, np.argmin(corners != 0), side="right"))
+        raise _wrong(path, lines, _FACE, zero, "a face names vertex 0, but OBJ counts from 1")
+    # A negative index counts back from the last vertex before its line.
+    vertices = np.cumsum(np.fromiter((line[:2] in _VERTEX for line in lines), bool, len(lines)))
+    is_face = np.fromiter((line[:2] in _FACE for line in lines), bool, len(lines))
+    before = np.repeat(vertices[is_face], counts)
+    found = np.where(corners < 0, before + corners, corners - np.int64(1))
+    if found.min() < 0:
+        at = int(np.argmax(found < 0))
+        problem = f"a face names vertex {corners[at]}, but only {before[at]} vertices came before it"
+        raise _wrong(path, lines, _FACE, int(np.searchsorted(ends, at, side="right")), problem)
+    return counts, found.astype(np.int32)
+
+
+def _corners(lines: Sequence[bytes]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """The vertex indices as they stand in the lines, and how many each line has.
+
+    A corner is ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``.
     """
-    index = int(word.split(b"/", 1)[0])
-    if index == 0:
-        raise ValueError("a face names vertex 0, but OBJ counts from 1")
-    if index < 0:
-        if -index > count:
-            raise ValueError(f"a face names vertex {index}, but only {count} vertices came before it")
-        return count + index
-    if index >= _INDEX_LIMIT:
-        raise ValueError(f"a face names vertex {index}, which exceeds int32")
-    return index - 1
+    values, each = numbers([line[1:] for line in _before_slashes(lines)], np.int64)
+    if each.min() < 3:
+        raise ValueError(f"a face has {each.min()} vertices, it needs at least 3")
+    largest = values[np.abs(values).argmax()]
+    if not -_INDEX_LIMIT < largest < _INDEX_LIMIT:
+        raise ValueError(f"a face names vertex {largest}, which exceeds int32")
+    return values.astype(np.int32), each
+
+
+def _before_slashes(lines: Sequence[bytes]) -> Sequence[bytes]:
+    """The lines with blanks in place of each slash that follows a number, and of what follows it up to the next blank."""
+    text = b"\n".join(lines)
+    if b"/" not in text:
+        return lines
+    letters = np.frombuffer(text, dtype=np.uint8)
+    places = np.arange(len(letters), dtype=np.int32)
+    blank = np.maximum.accumulate(np.where(letters <= ord(" "), places, -1))
+    slash = np.maximum.accumulate(np.where(letters == ord("/"), places, -1))
+    return np.where(slash > blank + 1, np.uint8(ord(" ")), letters).tobytes().split(b"\n")

@@ -1,7 +1,7 @@
 """Triangulation of polygons: n corners give n - 2 triangles, in the order of the polygons.
 
 A fan about the first corner is right for a convex polygon, and for any other that its first corner sees all of. Where it
-is not, a quadrilateral is cut along its other diagonal, and a larger polygon has its ears clipped (mapbox_earcut).
+is not, the fan about another corner may be; else the polygon's ears are clipped (mapbox_earcut).
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from .checks import broken
 
 _BLOCK = 1 << 16
 """Corners that are triangulated at a time."""
+
+_CORNERS = 8
+"""How many corners of a polygon are tried for a fan."""
 
 _STRAIGHT = 1e-6
 """Sine of the largest angle that counts as none, for corners on one line that float32 has rounded."""
@@ -43,18 +46,16 @@ def triangulate(
     faces = fan(counts, corners)
     if len(faces) == len(counts) or corners.min() < 0 or corners.max() >= len(points):
         return faces
-    sizes = counts.astype(np.int64)
-    triangles, starts = np.cumsum(sizes - 2) - (sizes - 2), np.cumsum(sizes) - sizes
-    wrong = _wrong_fans(points, sizes, triangles, faces)
-    quads = wrong[sizes[wrong] == 4]
-    a, b, c, d = (corners[starts[quads] + i] for i in range(4))
-    faces[triangles[quads]] = np.stack([b, c, d], axis=1)
-    faces[triangles[quads] + 1] = np.stack([b, d, a], axis=1)
-    for polygon in wrong[sizes[wrong] > 4]:
-        own = corners[starts[polygon] : starts[polygon] + sizes[polygon]].astype(np.int64)
-        cut = _clipped(_flat(points[own].astype(np.float64)))
-        if cut is not None:
-            faces[triangles[polygon] : triangles[polygon] + len(cut)] = own[cut]
+    starts = np.cumsum(counts, dtype=np.int64) - counts
+    triangles = starts - 2 * np.arange(len(counts))
+    for polygons in _alike(counts):
+        size = counts[polygons[0]]
+        own = corners[starts[polygons][:, None] + np.arange(size)]
+        wrong = _wrong_fans(points[own])
+        if wrong.any():
+            cut = _cut(points[own[wrong]].astype(np.float64)).reshape(wrong.sum(), -1)
+            places = triangles[polygons[wrong]][:, None] + np.arange(size - 2)
+            faces[places.ravel()] = np.take_along_axis(own[wrong], cut, axis=1).reshape(-1, 3)
     return faces
 
 
@@ -66,59 +67,62 @@ def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np
     if (counts == 3).all():
         return corners.astype(np.int32, copy=False).reshape(-1, 3)
     result = np.empty((int(counts.sum()) - 2 * len(counts), 3), dtype=np.int32)
-    corner, triangle = 0, 0
-    for polygons in _blocks(counts):
-        each = counts[polygons].astype(np.int64)
-        block = corners[corner : corner + each.sum()]
+    corner, triangle, first = 0, 0, 0
+    ends = np.cumsum(counts, dtype=np.int64)
+    while first < len(counts):
+        last = max(first + 1, int(np.searchsorted(ends, corner + _BLOCK, side="right")))
+        each = counts[first:last].astype(np.int64)
+        block = corners[corner : ends[last - 1]]
         start = np.repeat(np.cumsum(each) - each, each - 2)
         before = np.repeat(np.cumsum(each - 2) - (each - 2), each - 2)
         second = start + (np.arange(len(start)) - before) + 1
         part = result[triangle : triangle + len(start)]
         part[:, 0], part[:, 1], part[:, 2] = block[start], block[second], block[second + 1]
-        corner, triangle = corner + len(block), triangle + len(start)
+        first, corner, triangle = last, int(ends[last - 1]), triangle + len(start)
     return result
 
 
-def _blocks(counts: NDArray[np.integer]) -> Iterator[slice]:
-    """The polygons in runs of about :data:`_BLOCK` corners, at least one polygon each."""
-    ends = np.cumsum(counts, dtype=np.int64)
-    first, corner = 0, 0
-    while first < len(counts):
-        last = max(first + 1, int(np.searchsorted(ends, corner + _BLOCK, side="right")))
-        yield slice(first, last)
-        first, corner = last, int(ends[last - 1])
+def _alike(counts: NDArray[np.integer]) -> Iterator[NDArray[np.int64]]:
+    """The polygons of more than 3 corners, in groups of one size and of about :data:`_BLOCK` corners."""
+    order = np.argsort(counts, kind="stable")
+    sizes, firsts = np.unique(counts[order], return_index=True)
+    for size, group in zip(sizes.tolist(), np.split(order, firsts[1:]), strict=True):
+        if size > 3:
+            yield from np.array_split(group, -(-len(group) * size // _BLOCK))
 
 
-def _wrong_fans(
-    points: NDArray[np.floating],
-    counts: NDArray[np.int64],
-    triangles: NDArray[np.int64],
-    faces: NDArray[np.int32],
-) -> NDArray[np.int64]:
-    """The polygons whose fan has a triangle that is turned against the polygon's normal (Newell's).
+def _wrong_fans(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Whether a triangle of a polygon's fan is turned against the polygon's normal (Newell's). [polygons]
 
-    triangles  the first triangle of each polygon in ``faces``, its fans
+    points  the corners, [polygons, corners, 3]
     """
-    found = [np.zeros(0, dtype=np.int64)]
-    for polygons in _blocks(counts):
-        each, first = counts[polygons] - 2, int(triangles[polygons][0])
-        if (each == 1).all():
-            continue
-        own = faces[first : first + each.sum()]
-        with np.errstate(invalid="ignore", over="ignore"):
-            corner = points[own[:, 0]].astype(np.float64)
-            e, f = points[own[:, 1]] - corner, points[own[:, 2]] - corner
-            area = np.cross(e, f)
-            normal = np.repeat(np.add.reduceat(area, triangles[polygons] - first), each, axis=0)
-            noise = _STRAIGHT * np.sqrt(_dot(e, e)) * np.sqrt(_dot(f, f)) * np.sqrt(_dot(normal, normal))
-            turned = _dot(area, normal) < -noise
-        polygon = np.repeat(np.arange(polygons.start, polygons.stop), each)
-        found.append(np.unique(polygon[turned]))
-    return np.concatenate(found)
+    with np.errstate(invalid="ignore", over="ignore"):
+        arms = points[:, 1:].astype(np.float64) - points[:, :1]
+        areas = np.cross(arms[:, :-1], arms[:, 1:])
+        normal = areas.sum(axis=1, keepdims=True)
+        lengths = np.sqrt((arms * arms).sum(axis=2))
+        noise = _STRAIGHT * lengths[:, :-1] * lengths[:, 1:] * np.sqrt((normal * normal).sum(axis=2))
+        return ((areas * normal).sum(axis=2) < -noise).any(axis=1)
 
 
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("ij,ij->i", a, b)
+def _cut(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The triangles of polygons of one size, [polygons, corners - 2, 3], by the places of their corners.
+
+    points  the corners, [polygons, corners, 3]
+    """
+    many, size, _ = points.shape
+    about_first = fan(np.array([size]), np.arange(size)).astype(np.int64)
+    cut = np.tile(about_first, (many, 1, 1))
+    left = np.arange(many)
+    for corner in range(1, min(size, _CORNERS)):
+        wrong = _wrong_fans(np.roll(points[left], -corner, axis=1))
+        cut[left[~wrong]] = (about_first + corner) % size
+        left = left[wrong]
+    for polygon in left:
+        clipped = _clipped(_flat(points[polygon]))
+        if clipped is not None:
+            cut[polygon] = clipped
+    return cut
 
 
 def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -132,7 +136,7 @@ def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _clipped(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """The triangles of a polygon by clipping its ears, int [n - 2, 3]; None if it crosses itself so that there are fewer.
+    """The triangles of a polygon by clipping its ears, int64 [n - 2, 3]; None if it crosses itself so that there are fewer.
 
     mapbox_earcut leaves out corners on a line and coincident ones. The rings that these leave between the triangles and
     the polygon have no area; their fans are added, so that no corner is lost and none lies on another triangle's edge.

@@ -1,57 +1,113 @@
-"""STL, binary and ASCII. trimesh reads it; the number of triangles is checked before and after."""
+"""STL, binary and ASCII. Every triangle has three vertices of its own, in file order.
+
+trimesh 5.2 is not used because it refuses an ASCII file without ``endsolid`` and a binary one with bytes after its last
+triangle, and takes three times as long.
+"""
 
 from __future__ import annotations
 
-import io
+import dataclasses
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .checks import ALL, Mesh, Wanted, broken, checked, guarded, read_bytes
+from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
+from .text import decoded, first_wrong, numbers, plain_lines
 
-_HEADER, _RECORD = 84, 50
+_HEADER = 84
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _UP = (0.0, 0.0, 1.0)
 """Programs that write STL (printing, machining) take z as up; the format does not define it."""
 
+_LINES = {b"facet", b"facet ", b"facet\t", b"vertex"}
+"""How the lines begin that are read of a text, in six letters."""
+
+_KEYWORD = re.compile(rb"(?<=\S)[ \t]+(?=(?:facet|outer|vertex|endloop|endfacet)\b)")
+_END = b"endfacet"
+
+_BLOCK = 1 << 18
+"""Bytes of a text that are parsed at a time."""
+
 
 def read_stl(path: Path, wanted: Wanted = ALL) -> Mesh:
-    """Every triangle has three vertices of its own, in file order; several solids are concatenated.
+    """The triangles of all solids; float32 of a binary file, float64 of an ASCII file.
 
-    Raises :class:`UserError` if the count of a binary file does not match its size, or if trimesh reads another number
-    of triangles than an ASCII file has.
+    A binary file may begin with "solid", too: a text holds no zero byte. Raises :class:`UserError` if the count of a binary
+    file is not that of its triangles, and for a facet of a text that has not three vertices.
     """
-    import trimesh  # imported here because it is slow and most runs read no STL
-
     blob = read_bytes(path)
-    claimed = int.from_bytes(blob[80:84], "little") if len(blob) >= _HEADER else -1
-    if claimed >= 0 and _HEADER + _RECORD * claimed == len(blob):
-        expected = claimed
-    elif blob.lstrip()[:5].lower() == b"solid":
-        vertices = sum(1 for _ in re.finditer(rb"(?im)^[ \t]*vertex[ \t]", blob))
-        facets = sum(1 for _ in re.finditer(rb"(?im)^[ \t]*facet[ \t]", blob))
-        if vertices != 3 * facets:
-            raise broken(path, f"{facets} facets have {vertices} vertices instead of {3 * facets}")
-        expected = facets
-    elif claimed >= 0:
-        size = f"{_HEADER + _RECORD * claimed} bytes, but the file has {len(blob)}"
-        raise broken(
-            path,
-            f"the header claims {claimed} triangles, {size}",
-            "the file is truncated or its header wrong",
-        )
-    else:
+    text = plain_lines(decoded(blob))
+    points: NDArray[np.floating]
+    if text.lstrip()[:5].lower() == b"solid" and b"\0" not in text:
+        points, notes = _from_text(path, text)
+    elif len(blob) < _HEADER:
         raise broken(path, "is neither binary nor ASCII STL", "the file is truncated or of another kind")
-    if not expected:
-        raise broken(path, "holds no triangles", "give a triangle mesh")
-    with guarded(path, "STL"):
-        scene = trimesh.load_scene(io.BytesIO(blob), file_type="stl", process=False)
-        parts = [
-            np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3) for mesh in scene.geometry.values()
-        ]
-        points = np.concatenate(parts) if parts else np.zeros((0, 3))
-    if len(points) != 3 * expected:
-        raise broken(path, f"{expected} triangles, but {len(points) // 3} could be read")
-    if len(blob) == _HEADER + _RECORD * claimed:
-        points = points.astype(np.float32)
-    return checked(path, points, np.arange(len(points)).reshape(-1, 3), _UP)
+    else:
+        points, notes = _from_records(path, blob)
+    mesh = checked(path, points, np.arange(len(points)).reshape(-1, 3), _UP)
+    return dataclasses.replace(mesh, notes=notes)
+
+
+def _from_records(path: Path, blob: bytes) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+    """The corners of a binary file, [3 triangles, 3]."""
+    claimed = int.from_bytes(blob[80:_HEADER], "little")
+    left = len(blob) - _HEADER - claimed * _TRIANGLE.itemsize
+    if left < 0 or left >= _TRIANGLE.itemsize:
+        size = f"{_HEADER + _TRIANGLE.itemsize * claimed} bytes, but the file has {len(blob)}"
+        problem = f"the header claims {claimed} triangles, {size}"
+        raise broken(path, problem, "the file is truncated or its header wrong")
+    records = np.frombuffer(blob, dtype=_TRIANGLE, count=claimed, offset=_HEADER)
+    return records["corners"].reshape(-1, 3), (f"{left} bytes after the last triangle left out",) * bool(left)
+
+
+def _from_text(path: Path, text: bytes) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """The corners of a text, [3 triangles, 3]."""
+    text = text.lower()
+    parts, at, last = [np.zeros((0, 3))], 0, text.rfind(_END)
+    while 0 <= at < last:
+        end = text.find(_END, min(at + _BLOCK, last)) + len(_END)
+        parts.append(_corners(path, text[at:end], sum(map(len, parts)) // 3))
+        at = end
+    if _lines(text[at:]):
+        raise broken(path, "its last facet has no endfacet", "the file is truncated")
+    ended = re.search(rb"(?m)^\s*endsolid", text[at:])
+    return np.concatenate(parts), () if ended else ("no endsolid at its end, so it may have been cut short",)
+
+
+def _lines(text: bytes) -> list[bytes]:
+    """The lines of facets and vertices, without blanks about them."""
+    return [line for line in map(bytes.strip, text.split(b"\n")) if line[:6] in _LINES]
+
+
+def _corners(path: Path, text: bytes, before: int) -> NDArray[np.float64]:
+    """The corners of the facets of a text in lower case, [3 facets, 3]. ``before``: facets of the file before them."""
+    lines = _lines(text)
+    if not _in_threes(lines):  # several keywords may share a line
+        lines = _lines(_KEYWORD.sub(b"\n", text))
+    if not _in_threes(lines):
+        wrong = next(i for i, line in enumerate([*lines, b""]) if line[:1] != b"fvvv"[i % 4 : i % 4 + 1])
+        facet = before + max(0, wrong - 1) // 4
+        raise broken(path, f"facet {facet} has not three vertices", "correct it or export the file again")
+    vertices = [line[6:] for line in lines if line[:1] == b"v"]
+    try:
+        return _positions(vertices)
+    except ValueError:
+        wrong, error = first_wrong(vertices, _positions)
+        problem = f"facet {before + wrong // 3}: {error}"
+        raise broken(path, problem, "correct it or export the file again") from None
+
+
+def _in_threes(lines: list[bytes]) -> bool:
+    """Whether each facet is followed by three vertices."""
+    return b"".join([line[:1] for line in lines]) == b"fvvv" * (len(lines) // 4)
+
+
+def _positions(lines: Sequence[bytes]) -> NDArray[np.float64]:
+    """The three numbers of each line, [len(lines), 3]."""
+    values, each = numbers(lines)
+    if (each != 3).any():
+        raise ValueError(f"a vertex has {each[each != 3][0]} coordinates instead of 3")
+    return values.reshape(-1, 3)
