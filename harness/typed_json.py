@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import types
+from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints, is_typeddict
@@ -21,69 +23,201 @@ CALLED = {
 }
 """Names of the types of JSON for error messages."""
 
-
-_SCALARS = (float, int, str, bool)
+LARGEST = 2**63 - 1
+"""Largest whole number, and least with a minus: tables hold them as int64."""
 
 
 class WrongFieldError(ValueError):
     """A value does not have the type of its field; the text names both."""
 
 
+class _Fault(Exception):
+    """What is wrong with a value. ``text(name)``: the message, with the name of the field, which its containers complete."""
+
+    def __init__(self, text: Callable[[str], str], name: str = ""):
+        self.text = text
+        self.name = name
+
+    def within(self, container: str) -> _Fault:
+        joint = "." if self.name and container and self.name[0] != "[" else ""
+        self.name = f"{container}{joint}{self.name}"
+        return self
+
+
 def checked(kind: Any, value: Any, name: str = "") -> Any:
     """``value``, which JSON gave, as an instance of the type ``kind``: dataclasses are made, all else is checked.
 
     ``kind``: a dataclass, a TypedDict (its undeclared fields are passed on unchanged), ``X | None``, ``list[X]``,
-    ``tuple[X, ...]``, ``dict[str, X]``, a type of JSON, or ``Annotated[float, least]``.
-    Numbers must be finite. Raises :class:`WrongFieldError`.
+    ``tuple[X, ...]``, ``dict[str, X]``, a type of JSON, ``Annotated[float, least]``, ``Annotated[int, least, most]``, or
+    ``Annotated[str, pattern, "what it is"]``. Numbers must be finite, also in values of any type. Raises
+    :class:`WrongFieldError`.
     """
-    if type(value) is kind and kind in _SCALARS and (kind is not float or math.isfinite(value)):
-        return value  # most values of a record
+    try:
+        return _check_of(kind)(value)
+    except _Fault as fault:
+        fault.within(name)
+        raise WrongFieldError(fault.text(fault.name)) from fault
+
+
+Check = Callable[[Any], Any]
+
+
+@cache
+def _check_of(kind: Any) -> Check:
+    """The function that checks values of a type: made once, as a record has thousands of values."""
     if kind is Any:
-        return value
-    origin, arguments = _parts(kind)
+        return _anything
+    origin, arguments = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return None if value is None else checked(arguments[0], value, name)
+        return _optional(_check_of(arguments[0]))
     if origin in (list, tuple):
-        _require(list, value, name)
-        if _all_plain(arguments[0], value):
-            return origin(value)
-        return origin(checked(arguments[0], one, f"{name}[{i}]") for i, one in enumerate(value))
+        return _sequence(origin, arguments[0])
     if origin is dict:
-        _require(dict, value, name)
-        return {key: checked(arguments[1], one, f"{name}[{key}]") for key, one in value.items()}
+        return _mapping(_check_of(arguments[1]))
     if origin is Annotated:
-        if checked(arguments[0], value, name) < arguments[1]:
-            raise WrongFieldError(f"{name} is {value}: less than {arguments[1]:g}")
-        return value
+        check = _check_of(arguments[0])
+        return _matching(check, *arguments[1:]) if arguments[0] is str else _between(check, *arguments[1:])
     if is_dataclass(kind) or is_typeddict(kind):
-        return _object(kind, value, name)
-    _require(kind, value, name)
+        return _object(kind)
+    return _scalar(kind)
+
+
+def _scalar(kind: type) -> Check:
+    accepted = (int, float) if kind is float else kind
+
+    def check(value: Any) -> Any:
+        # JSON's true and false are not numbers, unlike Python's.
+        fits = isinstance(value, accepted) and isinstance(value, bool) <= (kind is bool)
+        if not fits or (kind is float and not math.isfinite(value)):
+            raise _Fault(lambda name: f"{name or 'all of it'} is {_shown(value)}, not {CALLED[kind]}")
+        if kind is int and abs(value) > LARGEST:
+            raise _Fault(lambda name: f"{name} is {_shown(value)}: more than 64 bits hold")
+        return value
+
+    return check
+
+
+def _shown(value: Any) -> str:
+    """The beginning of a value, whatever its size."""
+    text = repr(value) if isinstance(value, str | float | bool | None) else _outline(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _outline(value: Any) -> str:
+    try:
+        return repr(value)[:41]
+    except (RecursionError, ValueError):  # nested too deep, or a number of thousands of digits
+        return f"a large {type(value).__name__}"
+
+
+def _anything(value: Any) -> Any:
+    """A value of any type, whose numbers are finite."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise _Fault(lambda name: f"{name} is {value}, not a number")
+    if isinstance(value, list | dict):
+        for key, one in value.items() if isinstance(value, dict) else enumerate(value):
+            try:
+                _anything(one)
+            except _Fault as fault:
+                raise fault.within(f"[{key}]") from None
     return value
 
 
-def _require(kind: type, value: Any, name: str) -> None:
-    # JSON's true and false are not numbers, unlike Python's.
-    fits = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) <= (
-        kind is bool
-    )
-    if not fits or (kind is float and not math.isfinite(value)):
-        shown = repr(value)
-        shown = shown if len(shown) <= 40 else shown[:37] + "..."
-        raise WrongFieldError(f"{name or 'all of it'} is {shown}, not {CALLED[kind]}")
+def _optional(check: Check) -> Check:
+    return lambda value: None if value is None else check(value)
 
 
-def _all_plain(kind: Any, values: list[Any]) -> bool:
-    """Whether all are finite floats, or all whole numbers, as asked for: samples, the most of what a record holds."""
-    return kind in (float, int) and {*map(type, values)} <= {kind} and all(map(math.isfinite, values))
+def _between(check: Check, least: float, most: float = math.inf) -> Check:
+    def checked_range(value: Any) -> Any:
+        if not least <= check(value) <= most:
+            side = f"less than {least:g}" if value < least else f"more than {most:g}"
+            raise _Fault(lambda name: f"{name} is {value}: {side}")
+        return value
+
+    return checked_range
 
 
-@cache
-def _parts(kind: Any) -> tuple[Any, tuple[Any, ...]]:
-    """The origin of a generic type, and its arguments."""
-    return get_origin(kind), get_args(kind)
+def _matching(check: Check, pattern: re.Pattern[str], called: str) -> Check:
+    def checked_text(value: Any) -> Any:
+        if not pattern.fullmatch(check(value)):
+            raise _Fault(lambda name: f"{name} is {_shown(value)}, not {called}")
+        return value
+
+    return checked_text
 
 
-@cache
+def _sequence(made: type, kind: Any) -> Check:
+    is_list, check = _scalar(list), _check_of(kind)
+    plain = get_args(kind)[0] if get_origin(kind) is Annotated else kind
+    least = get_args(kind)[1] if plain is not kind else -math.inf
+
+    def checked_items(values: Any) -> Any:
+        is_list(values)
+        # Samples are most of what a record holds: all finite floats, or all whole numbers.
+        if plain in (float, int) and {*map(type, values)} == {plain}:
+            low, high = min(values), max(values)
+            if least <= low and low >= -LARGEST and high <= LARGEST and not math.isnan(sum(values)):
+                return made(values)
+        result = []
+        for i, one in enumerate(values):
+            try:
+                result.append(check(one))
+            except _Fault as fault:
+                raise fault.within(f"[{i}]") from None
+        return made(result)
+
+    return checked_items
+
+
+def _mapping(check: Check) -> Check:
+    is_dict = _scalar(dict)
+
+    def checked_values(values: Any) -> Any:
+        result = {}
+        for key, one in is_dict(values).items():
+            try:
+                result[key] = check(one)
+            except _Fault as fault:
+                raise fault.within(f"[{key}]") from None
+        return result
+
+    return checked_values
+
+
+def _object(kind: Any) -> Check:
+    """The check of a dataclass or a TypedDict."""
+    hints, needed = _declared(kind)
+    checks: dict[str, Check] = {}
+    is_dict, open_ended = _scalar(dict), is_typeddict(kind)
+
+    def checked_fields(value: Any) -> Any:
+        is_dict(value)
+        if not checks:  # not before: a type may refer to itself
+            checks.update({name: _check_of(hint) for name, hint in hints.items()})
+        for missing in (one for one in hints if one in needed and one not in value):
+            raise _Fault(lambda name: f"it has no {name}{'.' * bool(name)}{missing}")
+        found = {}
+        for key, one in value.items():
+            check = checks.get(key)
+            if check is None:
+                if not open_ended:
+                    raise _Fault(lambda name: f"{name} is no field that this version knows", str(key))
+                check = _anything
+            try:
+                found[key] = check(one)
+            except _Fault as fault:
+                raise fault.within(key) from None
+        if open_ended:
+            return found
+        try:
+            return kind(**found)
+        except ValueError as error:
+            text = str(error)
+            raise _Fault(lambda name: f"{name}: {text}" if name else text) from error
+
+    return checked_fields
+
+
 def _declared(kind: Any) -> tuple[dict[str, Any], frozenset[str]]:
     """The types of a class's fields by name, and the names of those that must be there."""
     hints = get_type_hints(kind, include_extras=True)
@@ -91,26 +225,6 @@ def _declared(kind: Any) -> tuple[dict[str, Any], frozenset[str]]:
         return hints, kind.__required_keys__
     needed = [one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING]
     return hints, frozenset(needed)
-
-
-def _object(kind: Any, value: Any, name: str) -> Any:
-    _require(dict, value, name)
-    lead = f"{name}." if name else ""
-    hints, needed = _declared(kind)
-    for missing in (one for one in hints if one in needed and one not in value):
-        raise WrongFieldError(f"it has no {lead}{missing}")
-    if is_typeddict(kind):
-        known = {key: checked(hints[key], one, lead + key) for key, one in value.items() if key in hints}
-        return {**value, **known}
-    for unknown in (key for key in value if key not in hints):
-        raise WrongFieldError(f"{lead}{unknown} is no field that this version knows")
-    found = {key: checked(hints[key], one, lead + key) for key, one in value.items()}
-    try:
-        return kind(**found)
-    except WrongFieldError:
-        raise
-    except ValueError as error:
-        raise WrongFieldError(f"{name}: {error}" if name else str(error)) from error
 
 
 def to_json(value: Any) -> Any:

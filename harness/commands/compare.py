@@ -17,7 +17,7 @@ from ..errors import UserError
 from ..files import plain
 from ..report import style, two_runs
 from ..report.two_runs import OPEN, VERDICTS, Comparison, Row
-from ..results.folder import read_json
+from ..results.folder import read_environment
 from ..results.newest import newest
 from ..results.record import Record
 from ..results.schema import folders_with_records
@@ -124,7 +124,7 @@ class Run:
             older += others
             records += found
             for one in {known_as for record in found for known_as in environments_of(record)}:
-                facts = read_json(place / "environments" / f"{one}.json")
+                facts = read_environment(place, one)
                 if facts is not None:
                     known[one] = facts
         return cls(name, folder, two_runs.entries(records), older, known)

@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from ..errors import UserError
-from ..results.schema import read_records
+from ..results.schema import each_record
 from ..runner.experiment import find_experiment
 
 
@@ -72,13 +72,12 @@ def lent(folder: Path, out: Path) -> Iterator[None]:
 
 def refuse_others(experiment: str, folder: Path) -> None:
     """Raise :class:`UserError` if all records of a folder belong to another experiment; the message names it."""
-    whose: list[str] = []
-    for record in read_records(folder):
-        name = record.experiment
-        if name == experiment:
+    whose: dict[str, None] = {}
+    for record in each_record(folder):
+        if record.experiment == experiment:
             return
-        whose.append(name)
-    names = list(dict.fromkeys(whose))
+        whose[record.experiment] = None
+    names = sorted(whose)
     raise UserError(
         f"{folder}: its records belong to {' and '.join(names)}, not to {experiment}; "
         f"run shadowbench show {names[0]} {folder}"

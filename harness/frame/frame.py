@@ -79,7 +79,7 @@ class Frame:
     max_coordinate  float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`..judge.receivers`
     proxy_positions     vec3f [light_count]: what grids of a light look from (:class:`..scene.moment.Moment`)
-    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.effects.receivers`); empty unless a light has receivers
+    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.effects.receivers`); empty where no light has any
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
     front_facing    uint8 [light_count, triangle_count]: 1 = may face the light; empty unless a pass finds it
               (:func:`.effects.receivers.facing_passes`)

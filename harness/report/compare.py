@@ -7,6 +7,7 @@ pair here, and tables and drawings show no ratio for them (:func:`apart`).
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -76,7 +77,8 @@ def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
     samples  every sample of a folder (:func:`.results.table.samples`)
     part, pattern  which passes: those of the part whose names hold the pattern, a regular expression
     """
-    own = samples[(samples["part"] == part) & samples["pass"].astype(str).str.contains(pattern)]
+    names = [name for name in samples["pass"].cat.categories if re.search(pattern, name)]
+    own = samples[(samples["part"] == part) & samples["pass"].isin(names)].astype({"key": "object"})
     sums = own.groupby(["key", "frame", "round", "sample"], sort=False)["ms"].sum().astype("float64")
     repeats = sums.groupby(["key", "frame"])
     iqr = (repeats.quantile(0.75) - repeats.quantile(0.25)).where(repeats.size() > 1).groupby("key").mean()

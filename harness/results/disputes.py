@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
-from .pixel_maps import mark_wrong, wrong_path
 from ..files import DAMAGED, write_arrays, write_atomic
+from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
 from .folder import ResultsFolder
+from .pixel_maps import mark_wrong, wrong_path
 from .record import Record
 from .schema import read_record
 

@@ -6,21 +6,20 @@ import errno
 import fcntl
 import functools
 import glob
-import hashlib
 import json
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
-import numpy as np
-
-from ..errors import UserError
+from ..errors import UserError, warn
+from ..files import read_regular, write_atomic
+from ..texts import all_visible
+from ..typed_json import WrongFieldError, checked
 from .journal import Journal
-from ..files import write_atomic
 from .record import Record
 from .schema import archived, whole_record
-from ..scene.catalogue import resolve
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """Errors that are due to the results folder wherever they occur."""
@@ -116,7 +115,7 @@ class ResultsFolder:
 
     @functools.cached_property
     def _archived(self) -> dict[str, Record]:
-        return archived(self.path / "records")
+        return {record.key: record for record in archived(self.path / "records", set())}
 
     def keep_record(self, record: Record, journal: Journal) -> None:
         """Write a record, then delete its journal and the answers that were handed over for scoring."""
@@ -132,10 +131,48 @@ def image_name(scene: str, light: str, width: int, height: int) -> str:
     return "-".join(filter(None, (scene, light, f"{width}x{height}"))) + ".png"
 
 
+MOST_FACTS = 16 << 20
+"""Longest file of facts about an environment or scenes, bytes."""
+
+
 def read_json(path: Path) -> dict[str, Any] | None:
-    """The object in a JSON file; None where there is no such file, or it holds none."""
+    """The object in a JSON file, with texts that can be shown; None where there is no such file, or it holds none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = all_visible(json.loads(read_regular(path, MOST_FACTS)))
+    except (OSError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None
+
+
+class Cpu(TypedDict, total=False):
+    """The processor of an environment. ``usable_cores``: those that a run may use."""
+
+    model: str
+    usable_cores: Annotated[int, 1] | None
+
+
+class Gpu(TypedDict, total=False):
+    """A GPU of an environment. ``smi``: what its driver says, as texts."""
+
+    name: str
+    smi: dict[str, str] | None
+
+
+class EnvironmentFacts(TypedDict, total=False):
+    """The machine, its software and the commit that a run had, as far as tables and comparisons need them."""
+
+    cpu: Cpu | None
+    gpus: list[Gpu] | None
+    cuda: dict[str, str | None] | None
+
+
+def read_environment(folder: Path, name: str) -> dict[str, Any] | None:
+    """The facts of an environment of a results folder; None where they are not known, with a warning if they are damaged."""
+    path = folder / "environments" / f"{name}.json"
+    if not os.path.lexists(path):
+        return None
+    try:
+        return checked(EnvironmentFacts, read_json(path))
+    except (WrongFieldError, RecursionError) as error:
+        warn(f"{path}: not the facts of an environment ({error}), left out")
+        return None

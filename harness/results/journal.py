@@ -1,11 +1,13 @@
 """A journal: the events of a point, appended one JSON line at a time."""
 
 from __future__ import annotations
-import os
+
 import json
-from ..files import canonical
+import os
 from pathlib import Path
 from typing import Any
+
+from ..files import canonical
 
 
 class Journal:

@@ -64,10 +64,10 @@ def points(table: DataFrame) -> DataFrame:
             groups[GREATEST].max(),
             groups[SUMS].sum(),
             groups["samples"].min().fillna(0),
-            groups["check"].agg(lambda checks: "failed" if "failed" in set(checks) else max(checks)),
-            groups[RAYS].agg(lambda known: known.astype("float64").mean(skipna=False)).astype("float64"),
+            _checks(table),
+            groups[RAYS].mean().astype("float64").where(groups[RAYS].count().eq(groups.size(), axis=0)),
             groups["frame"].count().astype("Int64").rename("frames"),
-            groups["frame"].agg(lambda numbers: tuple(numbers.dropna())).rename("frame_numbers"),
+            _frame_numbers(table),
             *_errors(table),
         ],
         axis=1,
@@ -93,12 +93,31 @@ def points(table: DataFrame) -> DataFrame:
     return pd.concat([found, pd.DataFrame(derived)], axis=1).reset_index()
 
 
+def _checks(table: DataFrame) -> Series:
+    """The check of each point: "failed" if that of a frame did, "" if no frame has one."""
+    groups = table.assign(failed=table["check"] == "failed", known=table["check"]).groupby("key", sort=False)
+    return groups["known"].max().mask(groups["failed"].any(), "failed").rename("check")
+
+
+def _frame_numbers(table: DataFrame) -> Series:
+    """The numbers of the measured frames of each point, as a tuple."""
+    import pandas as pd
+
+    numbers: dict[str, tuple[int, ...]] = dict.fromkeys(table["key"], ())
+    measured = table[table["frame"].notna()]
+    for key, frame in zip(measured["key"], measured["frame"], strict=True):
+        numbers[key] += (frame,)
+    return pd.Series(numbers, dtype="object", name="frame_numbers").rename_axis("key")
+
+
 def _errors(table: DataFrame) -> list[Series]:
     """Errors count even if other frames were not judged; "no errors" needs all frames."""
     groups = table.groupby("key", sort=False)
     frames, known, wrong = groups["frame"].count(), groups["true_errors"].count(), groups["true_errors"].sum()
     all_of_them = (known == frames) & (known > 0)
-    reason = groups["unscored"].agg(lambda texts: next((text for text in texts if text), ""))
+    reason = (
+        table["unscored"].where(table["unscored"] != "").groupby(table["key"], sort=False).first().fillna("")
+    )
     counted = known.astype(str) + " of " + frames.astype(str) + " frames scored: " + reason
     return [
         wrong.where((wrong > 0) | all_of_them).rename("true_errors"),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..files import write_atomic
 from .record import Record
-from .schema import read_records
+from .schema import each_record
+
+T = TypeVar("T")
 
 
 def settings_text(settings: dict[str, Any] | None) -> str:
@@ -38,22 +40,29 @@ def newest(folder: Path | str) -> tuple[list[Record], int]:
     measured, and when a run takes it from the folder though another has come since (:func:`prefer`). Raises
     :class:`~.errors.UserError` as :func:`.results.schema.read_records` does.
     """
-    chosen: dict[tuple[Any, ...], tuple[float, Record]] = {}
-    records = read_records(folder)
-    for record in records:
+    return newest_as(folder, lambda record: record)
+
+
+def newest_as(folder: Path | str, made_of: Callable[[Record], T]) -> tuple[list[T], int]:
+    """What is made of each record of :func:`newest`, by key. The records are read one after another and not held."""
+    chosen: dict[tuple[Any, ...], tuple[float, str, T]] = {}
+    count = 0
+    for record in each_record(folder):
+        count += 1
         entry = entry_of(record)
         path = Path(folder) / "records" / f"{record.key}.json"
         noted = [one["noted"] for one in record.rounds or () if "noted" in one]
         when = max(noted, default=path.stat().st_mtime if path.exists() else 0.0)
         when = max(when, record.asked or 0.0)
-        if entry not in chosen or when >= chosen[entry][0]:
-            chosen[entry] = (when, record)
-    return [record for _, record in chosen.values()], len(records) - len(chosen)
+        if entry not in chosen or (when, record.key) > chosen[entry][:2]:
+            chosen[entry] = (when, record.key, made_of(record))
+    ordered = sorted(chosen.values(), key=lambda one: one[1])
+    return [made for _, _, made in ordered], count - len(chosen)
 
 
 def prefer(folder: Path | str, records: Iterable[Record]) -> None:
     """Mark the records of a run as asked for last, before those that came into its folder in between."""
-    shown = {record.key for record in newest(folder)[0]}
+    shown = set(newest_as(folder, lambda record: record.key)[0])
     for record in records:
         if record.key not in shown:
             record.asked = time.time()

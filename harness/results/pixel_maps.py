@@ -1,15 +1,15 @@
 """Work counts of single pixels, stored as small pictures beside the records: what a heat map is drawn from."""
 
 from __future__ import annotations
-from ..files import replacing
-from ..judge.verdict import RIGHT
 
-import os
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from ..files import replacing
+from ..judge.verdict import RIGHT
 
 Counts = NDArray[np.int64]
 

@@ -7,11 +7,13 @@ that is not declared is refused (:mod:`.results.schema`).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Annotated, Any, TypedDict
 
 from ..judge.counts import Count, Score
+from ..texts import FILE_NAME
 from ..typed_json import OMITTED, to_json
 
 SCHEMA = 1
@@ -30,6 +32,16 @@ Ms = Annotated[float, 0.0]
 """A measured time in milliseconds: finite and not negative."""
 
 
+FileName = Annotated[str, FILE_NAME, "the name of a file"]
+"""A text that files of the folder are called by."""
+
+Environment = Annotated[str, re.compile(f"|{FILE_NAME.pattern}"), "the name of a file"]
+"""The file in ``environments/``, without its ending; "" where it is not known."""
+
+Side = Annotated[int, 1, 99_999]
+"""Pixels along a side of an image."""
+
+
 class Point(TypedDict, total=False):
     """The requested measurement, with all other fields of the configuration. All of it goes into the record's key."""
 
@@ -41,8 +53,25 @@ class Point(TypedDict, total=False):
 class SizedPoint(Point):
     """The part of :class:`Point` that every record has."""
 
-    width: Annotated[int, 1]
-    height: Annotated[int, 1]
+    width: Side
+    height: Side
+
+
+class LightingFacts(TypedDict, total=False):
+    """The lights in place of the scene's, as far as tables show them; further ones are passed on unchanged."""
+
+    label: str
+    distance: float | None
+    turns: float | None
+    moved: str | None
+
+
+class SourceFacts(TypedDict, total=False):
+    """Where a scene's geometry came from."""
+
+    kind: str
+    file: str
+    sha256: str
 
 
 class SceneOptions(TypedDict, total=False):
@@ -50,21 +79,21 @@ class SceneOptions(TypedDict, total=False):
 
     title: str | None
     stand_in: str | None
-    triangles: int | None
-    vertices: int | None
-    invalid_triangles: int | None
+    triangles: Count | None
+    vertices: Count | None
+    invalid_triangles: Count | None
     lights: list[Any] | None
-    lighting: dict[str, Any] | None
+    lighting: LightingFacts | None
     view: str | None
-    source: dict[str, Any] | None
-    frame_count: int | None
+    source: SourceFacts | None
+    frame_count: Count | None
     arrays_sha256: str | None
 
 
 class SceneFacts(SceneOptions):
     """Facts of a scene. Fields beyond those of :class:`SceneOptions` are passed on unchanged."""
 
-    name: str
+    name: FileName
 
 
 class MethodOptions(TypedDict, total=False):
@@ -85,6 +114,27 @@ class MethodFacts(MethodOptions):
 
     name: str
     device: str
+
+
+class Clock(TypedDict, total=False):
+    """The state of the machine at the end of a round: the load of the host, and what the GPU's driver says as texts."""
+
+    load: float | None
+    gpu: dict[str, Any] | None
+
+
+class Round(TypedDict, total=False):
+    """Facts of a round. Fields beyond these are passed on unchanged.
+
+    run    the run that it belongs to; ``environment``: of that run
+    noted  when it was written, seconds since the epoch
+    """
+
+    round: Count
+    run: str
+    noted: float
+    environment: Environment
+    clock: Clock | None
 
 
 @dataclass
@@ -111,11 +161,11 @@ class Frame:
     flip         mean FLIP against the reference's picture; None: not computed, ``flip_missing`` says why
     """
 
-    frame: int
+    frame: Count
     total_ms: list[Ms]
     wall_ms: list[Ms]
-    round: list[int]
-    stage_round: list[int]
+    round: list[Count]
+    stage_round: list[Count]
     passes: list[PassTimes]
     regrown: Count
     score: Score | None = None
@@ -153,22 +203,22 @@ class Record:
     although a later one of the same entry is in the folder, seconds since the epoch.
     """
 
-    key: str
+    key: FileName
     experiment: str
     status: str
     reason: str
     point: SizedPoint
     scene: SceneFacts
     method: MethodFacts
-    environment: str
+    environment: Environment
     stopped_by: str
     frames: list[Frame]
     schema: int = SCHEMA
     compile_s: Annotated[float, 0.0] | None = None
     load_s: Annotated[float, 0.0] | None = None
     first_frame_s: Annotated[float, 0.0] | None = None
-    rounds: list[dict[str, Any]] | None = field(default_factory=list)
-    frames_left_out: list[int] | None = field(default_factory=list)
+    rounds: list[Round] | None = field(default_factory=list)
+    frames_left_out: list[Count] | None = field(default_factory=list)
     peak_rss_bytes: Annotated[float, 0.0] | None = None
     baseline_rss_bytes: Annotated[float, 0.0] | None = None
     asked: float | None = field(default=None, metadata=OMITTED)
@@ -180,7 +230,11 @@ class Record:
         for frame in self.measured:
             times = [step.ms for step in frame.passes]
             # On CUDA the passes of one sample add up to a measured frame, whatever the noise of the single ones.
-            lowest = [sum(one) for one in zip(*times, strict=True)] if cuda else [ms for own in times for ms in own]
+            lowest = (
+                [sum(one) for one in zip(*times, strict=True)]
+                if cuda
+                else [ms for own in times for ms in own]
+            )
             if min(lowest, default=0.0) < 0:
                 what = "passes add up to" if cuda else "a pass takes"
                 raise ValueError(f"frame {frame.frame}: {what} {min(lowest):g} ms, less than 0")

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 import lzma
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..errors import UserError
-from ..files import write_bytes
+from ..files import open_regular, read_regular, write_bytes
 from ..frame.registry import current_name
+from ..texts import all_visible, may_hide
 from ..typed_json import WrongFieldError, checked
 from .record import SCHEMA, Record
 
@@ -23,11 +24,28 @@ ARCHIVE = "kept.jsonl.xz"
 ARCHIVES = "*.jsonl.xz"
 """All files of that kind: results that are measured later for a packed folder can be added beside the first."""
 
+MOST_RECORD = 64 << 20
+"""Longest record, bytes of JSON. The records of a folder are read one after another, so that this bounds the memory."""
+
+MOST_UNPACKED = 4 << 30
+"""Bytes that an archive may unpack to: a small file could unpack to any number."""
+
+MOST_DICTIONARY = 256 << 20
+"""Memory for unpacking, bytes; :func:`write_archive` needs a quarter of it."""
+
+BLOCK = 1 << 20
+
+
 def read_records(folder: Path | str) -> list[Record]:
     """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none.
 
     A packed folder has them in one file (:data:`ARCHIVE`); records measured in it later have a file each.
     """
+    return sorted(each_record(folder), key=lambda record: record.key)
+
+
+def each_record(folder: Path | str) -> Iterator[Record]:
+    """The records of :func:`read_records`, one after another and each once, without holding them all."""
     place = Path(folder) / "records"
     try:
         paths = sorted(path for path in place.iterdir() if path.name[0] != ".")
@@ -35,14 +53,16 @@ def read_records(folder: Path | str) -> list[Record]:
         paths = []
     except OSError as error:
         raise UserError(f"{place}: cannot be read ({error.strerror}); change its permissions") from error
-    found = archived(place)
-    for path in paths:
-        if path.suffix == ".json":
-            record = read_record(path)
-            found[record.key] = record
-    if not found:
+    seen: set[str] = set()
+    # What was measured later counts: a file of its own before an archive, and of two the one that is named later.
+    for path in reversed([path for path in paths if path.suffix == ".json"]):
+        record = read_record(path)
+        if record.key not in seen:
+            seen.add(record.key)
+            yield record
+    yield from archived(place, seen)
+    if not seen:
         raise UserError(f"{folder}: no records here; name a folder that `shadowbench run` wrote")
-    return [found[key] for key in sorted(found)]
 
 
 def folders_with_records(folder: Path | str) -> list[Path]:
@@ -57,17 +77,24 @@ def folders_with_records(folder: Path | str) -> list[Path]:
     return places
 
 
-def archived(place: Path) -> dict[str, Record]:
-    """The records in the archives of a folder ``records/``, by key; if two archives have a key, the later file name
-    counts."""
-    paths = sorted(place.glob(ARCHIVES))
-    return {record.key: record for path in paths for record in read_archive(path)}
+def archived(place: Path, seen: set[str]) -> Iterator[Record]:
+    """The records in the archives of a folder ``records/`` whose keys are not among ``seen``, which they join.
+
+    If two archives have a key, the later file name counts, and in one archive the later line.
+    """
+    for path in sorted(place.glob(ARCHIVES), reverse=True):
+        own: dict[str, Record] = {}
+        for record in read_archive(path):
+            if record.key not in seen:
+                own[record.key] = record
+        seen.update(own)
+        yield from own.values()
 
 
 def read_record(path: Path) -> Record:
     """A finished record. Raises :class:`UserError`, one line that names the file, if the file is not a record."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular(path, MOST_RECORD).decode("utf-8")
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror}); remove it and run again") from error
     except ValueError as error:
@@ -83,19 +110,36 @@ def whole_record(path: Path) -> Record | None:
         return None
 
 
-def read_archive(path: Path) -> list[Record]:
+def read_archive(path: Path) -> Iterator[Record]:
     """The records of a packed folder, one per line. Raises :class:`UserError` as :func:`read_record` does."""
     try:
-        with lzma.open(path, "rt", encoding="utf-8") as file:
-            lines = file.read().splitlines()
+        for number, line in enumerate(_lines(path), 1):
+            yield _record_in(line.decode("utf-8"), f"{path}, line {number}", "fetch it again")
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"{path}: cannot be read ({reason}); fetch it again") from error
     except (lzma.LZMAError, EOFError, ValueError) as error:
         raise UserError(f"{path}: damaged ({error}); fetch it again") from error
-    return [
-        _record_in(line, f"{path}, line {number}", "fetch it again") for number, line in enumerate(lines, 1)
-    ]
+
+
+def _lines(path: Path) -> Iterator[bytes]:
+    """The lines of a compressed file, unpacked as they are read. The module lzma alone would not limit the memory."""
+    decoder, rest, total = lzma.LZMADecompressor(lzma.FORMAT_XZ, MOST_DICTIONARY), b"", 0
+    with open_regular(path) as file:
+        while not decoder.eof:
+            packed = file.read(BLOCK) if decoder.needs_input else b""
+            if decoder.needs_input and not packed:
+                raise EOFError("it ends too early")
+            block = decoder.decompress(packed, BLOCK)
+            total += len(block)
+            if total > MOST_UNPACKED or len(rest) > MOST_RECORD:
+                raise ValueError(f"more than {MOST_RECORD:,} bytes in a line or {MOST_UNPACKED:,} in all")
+            *whole, rest = (rest + block).split(b"\n")
+            yield from whole
+        if decoder.unused_data or file.read(1):
+            raise ValueError("bytes follow its end")
+    if rest:
+        yield rest
 
 
 def write_archive(path: Path, records: Iterable[Record]) -> None:
@@ -108,15 +152,17 @@ def write_archive(path: Path, records: Iterable[Record]) -> None:
 def _record_in(text: str, where: str, remedy: str = "remove it and run again") -> Record:
     try:
         found = json.loads(text)
+        if may_hide(text):
+            found = all_visible(found)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{where}: not a record ({error}); {remedy}") from error
     if isinstance(found, dict) and found.get("schema") != SCHEMA:
         raise UserError(
-            f"{where}: schema {found.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
+            f"{where}: schema {str(found.get('schema'))[:40]}, this version reads {SCHEMA}; run again into a new folder"
         )
     try:
         record = checked(Record, found)
-    except WrongFieldError as error:
+    except (WrongFieldError, RecursionError) as error:
         raise UserError(f"{where}: not a record ({error}); {remedy}") from error
     record.method["name"] = current_name(record.method["name"])
     return record

@@ -13,14 +13,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..frame.schedule.passes import BUILD_PARTS, PARTS
-from .newest import newest, settings_text
 from ..judge.counts import Score, total
 from ..judge.verdict import ERRORS
+from ..texts import scalar
+from .newest import newest_as, settings_text
 from .record import Frame, Record
 
 if TYPE_CHECKING:
@@ -122,17 +124,23 @@ def tidy(folder: Path | str) -> DataFrame:
     point.NAME          object    what the run asked for: samples, rounds, budget_s, ...
     ==================  ========  ==========================================================================
     """
-    records, older = newest(folder)
-    table = table_of(records, Path(folder).resolve().name)
+    name = Path(folder).resolve().name
+    found, older = newest_as(folder, lambda record: list(_rows(record, name)))
+    table = _typed([row for rows in found for row in rows])
     table.attrs["older"] = older
     return table
 
 
 def table_of(records: Iterable[Record], folder: str = "") -> DataFrame:
     """The rows of records, as :func:`tidy` describes them."""
+    return _typed([row for record in records for row in _rows(record, folder)])
+
+
+def _typed(rows: list[dict[str, Any]]) -> DataFrame:
+    """Rows as a table whose declared columns have their types."""
     import pandas as pd
 
-    table = pd.DataFrame([row for record in records for row in _rows(record, folder)])
+    table = pd.DataFrame(rows)
     for names, kind, missing in (
         (COUNTS, "Int64", None),
         (NUMBERS, "float64", np.nan),
@@ -145,29 +153,59 @@ def table_of(records: Iterable[Record], folder: str = "") -> DataFrame:
 
 
 def samples(folder: Path | str) -> DataFrame:
-    """Every sample of a folder's results, in long form.
+    """Every sample of a folder's results, in long form: tens of bytes for each.
 
-    ========  ======  ====================================================================================
-    key       text    the point, as in :func:`tidy`
-    frame     int     number of the frame
-    round     int     the round that the sample was taken in
-    part      text    ``frame``: the whole frame; ``wall``: the same on the host's clock; else a part of the frame
-    pass      text    name of the pass; "" for whole frames
-    sample    int     number of the sample
-    ms        float   milliseconds
-    ========  ======  ====================================================================================
+    ========  ========  ====================================================================================
+    key       category  the point, as in :func:`tidy`
+    frame     int       number of the frame
+    round     int       the round that the sample was taken in
+    part      category  ``frame``: the whole frame; ``wall``: the same on the host's clock; else a part of the frame
+    pass      category  name of the pass; "" for whole frames
+    sample    int       number of the sample
+    ms        float     milliseconds
+    ========  ========  ====================================================================================
     """
     import pandas as pd
 
-    rows = []
-    for record in newest(folder)[0]:
-        for frame in record.measured:
-            lines = [("frame", "", frame.round, frame.total_ms), ("wall", "", frame.round, frame.wall_ms)]
-            lines += [(step.part, step.name, frame.stage_round, step.ms) for step in frame.passes]
-            for part, name, rounds, times in lines:
-                for i, (number, ms) in enumerate(zip(rounds, times, strict=True)):
-                    rows.append((record.key, frame.frame, number, part, name, i, ms))
-    return pd.DataFrame(rows, columns=["key", "frame", "round", "part", "pass", "sample", "ms"])
+    series = [one for found in newest_as(folder, _series)[0] for one in found]
+    lengths = np.array([len(one.ms) for one in series], dtype=np.int64)
+    empty = [np.zeros(0)]
+
+    def repeated(values: list[Any]) -> Any:
+        return pd.Categorical(values, dict.fromkeys(values)).repeat(lengths)
+
+    return pd.DataFrame(
+        {
+            "key": repeated([one.key for one in series]),
+            "frame": np.repeat(np.array([one.frame for one in series], dtype=np.int64), lengths),
+            "round": np.concatenate([one.rounds for one in series] or empty).astype(np.int64),
+            "part": repeated([one.part for one in series]),
+            "pass": repeated([one.name for one in series]),
+            "sample": np.concatenate([np.arange(n) for n in lengths] or empty).astype(np.int64),
+            "ms": np.concatenate([one.ms for one in series] or empty),
+        }
+    )
+
+
+class _Samples(NamedTuple):
+    """The samples of one pass, or of whole frames. ``rounds``, ``ms``: [sample]."""
+
+    key: str
+    frame: int
+    part: str
+    name: str
+    rounds: NDArray[np.int64]
+    ms: NDArray[np.float64]
+
+
+def _series(record: Record) -> list[_Samples]:
+    found = []
+    for frame in record.measured:
+        whole, staged = (np.array(numbers, dtype=np.int64) for numbers in (frame.round, frame.stage_round))
+        lines = [("frame", "", whole, frame.total_ms), ("wall", "", whole, frame.wall_ms)]
+        lines += [(step.part, step.name, staged, step.ms) for step in frame.passes]
+        found += [_Samples(record.key, frame.frame, *line, np.array(ms)) for *line, ms in lines]
+    return found
 
 
 def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
@@ -237,8 +275,8 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "environment": record.environment,
         "stopped_by": record.stopped_by,
         "unscored": "" if record.measured else "not measured",
-        **{f"set.{name}": value for name, value in values.items()},
-        **{f"light.{name}": value for name, value in lighting.items() if name != "label"},
+        **{f"set.{name}": scalar(value) for name, value in values.items()},
+        **{f"light.{name}": scalar(value) for name, value in lighting.items() if name != "label"},
         **{f"point.{name}": value for name, value in asked.items()},
     }
 

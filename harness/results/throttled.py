@@ -7,8 +7,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from .folder import read_json
-from .newest import newest
+from .folder import read_environment
+from .newest import newest_as
 from .record import Record
 
 REASONS = {
@@ -27,7 +27,11 @@ LOWEST = 0.97
 
 def usual_clock(records: Iterable[Record]) -> float:
     """The median of the SM clocks that rounds have, MHz; NaN where none has one."""
-    known = [mhz for record in records for one in record.rounds or () if (mhz := _clock(one)) is not None]
+    return _usual(one for record in records for one in record.rounds or ())
+
+
+def _usual(rounds: Iterable[Mapping[str, Any]]) -> float:
+    known = [mhz for one in rounds if (mhz := _clock(one)) is not None]
     return median(known) if known else float("nan")
 
 
@@ -51,18 +55,17 @@ def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | No
 
 def disturbances(folder: Path) -> str:
     """The number of disturbed rounds of a results folder and the worst disturbance, as a phrase; "" if there are none."""
-    records = newest(folder)[0]
-    usual, cores, found, count = usual_clock(records), dict[str, int | None](), list[str](), 0
-    for record in records:
-        if record.environment not in cores:
-            facts = read_json(folder / "environments" / f"{record.environment}.json") or {}
-            cores[record.environment] = (facts.get("cpu") or {}).get("usable_cores")
-        device, own = record.method["device"], cores[record.environment]
-        texts = [disturbed(one, usual, device, own) for one in record.rounds or ()]
-        count += len(texts)
-        found += filter(None, texts)
-    worst = max(found, key=lambda text: (_number(text.split()[1]) or 0.0, text), default="")
-    return f"{len(found)} of {count} rounds were disturbed, the worst by {worst}" if found else ""
+    found = newest_as(folder, lambda own: (own.method["device"], own.environment, list(own.rounds or ())))[0]
+    usual = _usual(one for _, _, rounds in found for one in rounds)
+    cores, texts, count = dict[str, int | None](), list[str](), 0
+    for device, environment, rounds in found:
+        if environment not in cores:
+            facts = read_environment(folder, environment) or {}
+            cores[environment] = (facts.get("cpu") or {}).get("usable_cores")
+        count += len(rounds)
+        texts += filter(None, (disturbed(one, usual, device, cores[environment]) for one in rounds))
+    worst = max(texts, key=lambda text: (_number(text.split()[1]) or 0.0, text), default="")
+    return f"{len(texts)} of {count} rounds were disturbed, the worst by {worst}" if texts else ""
 
 
 def throttled(one: Mapping[str, Any], usual: float) -> str:
@@ -80,8 +83,7 @@ def throttled(one: Mapping[str, Any], usual: float) -> str:
 
 
 def _gpu(one: Mapping[str, Any]) -> Mapping[str, Any]:
-    clock = one.get("clock") or {}
-    return (clock.get("gpu") or {}) if isinstance(clock, Mapping) else {}
+    return (one.get("clock") or {}).get("gpu") or {}
 
 
 def _clock(one: Mapping[str, Any]) -> float | None:

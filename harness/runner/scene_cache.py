@@ -10,9 +10,11 @@ import numpy as np
 
 from ..files import write_atomic
 from ..results.folder import ResultsFolder, read_json
+from ..results.record import SceneFacts
 from ..scene.chosen_view import ChosenView
 from ..scene.declaration import SUFFIX
 from ..scene.names import NAMES
+from ..typed_json import WrongFieldError, checked
 from .source_closure import HARNESS, closure_hash
 
 MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "overrides", "prepared"))
@@ -21,7 +23,11 @@ MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "ove
 
 def known_scene(folder: ResultsFolder, load: dict[str, Any]) -> dict[str, Any] | None:
     """The cached facts of a scene, if it was loaded before with the same options, source files and code; else None."""
-    return (read_json(folder.path / "scenes.json") or {}).get(_scene_id(load))
+    facts = (read_json(folder.path / "scenes.json") or {}).get(_scene_id(load))
+    try:
+        return checked(SceneFacts, facts)
+    except WrongFieldError:  # none, or not what a worker told
+        return None
 
 
 def learn_scene(folder: ResultsFolder, load: dict[str, Any], facts: dict[str, Any]) -> None:

@@ -13,9 +13,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from shadowbench.harness.runner import machine as environment
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.results.schema import ARCHIVE
+from shadowbench.harness.runner import machine as environment
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 FOLDERS = sorted(

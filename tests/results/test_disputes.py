@@ -1,4 +1,4 @@
-"""Folders of results charged with shared errors: runs that go on, answers scored later, and that nothing is written twice."""
+"""Folders of results charged with shared errors: runs that go on, answers scored later; nothing is written twice."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ import json
 import numpy as np
 import pytest
 from helpers.answered_scene import lose
-from helpers.wrong_reference import WrongReference
 from helpers.experiment_records import record_of
 from helpers.tiny_runs import install_misbehaving, options, write_scene
-from shadowbench.harness.results import pixel_maps
-from shadowbench.harness.report import flip as looks
-from shadowbench.harness.judge import reference
+from helpers.wrong_reference import WrongReference
 from shadowbench.harness.commands.verify import score as score_command
-from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
-from shadowbench.harness.runner.experiment import Entry
-from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.judge import reference
 from shadowbench.harness.judge.answer_files import save_raw
-from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.runner.runner import Run
 from shadowbench.harness.judge.context import Judge
-from shadowbench.harness.results.schema import read_record
-from shadowbench.harness.results.disputes import disputes_path, read_disputes, charge_folder
 from shadowbench.harness.judge.reference import embree_installed
+from shadowbench.harness.judge.verdict import Verdict
+from shadowbench.harness.report import flip as looks
+from shadowbench.harness.results import pixel_maps
+from shadowbench.harness.results.disputes import charge_folder, disputes_path, read_disputes
+from shadowbench.harness.results.schema import read_record
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.runner import Run
 
 pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to share")
 

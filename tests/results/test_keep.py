@@ -25,7 +25,9 @@ ENTRIES = [
 
 def run_folder(place: Path, scenes=("cloth",), name="frame_time", **changed) -> Path:
     """A folder as a run leaves it."""
-    experiment_records.write_records(place, [record_of(name, entry, scene, **changed) for scene in scenes for entry in ENTRIES])
+    experiment_records.write_records(
+        place, [record_of(name, entry, scene, **changed) for scene in scenes for entry in ENTRIES]
+    )
     for part, text in (
         ("environments/e.json", "{}"), ("environments/other.json", "{}"), ("images/cloth.png", "picture"),
         ("maps/a.png", "map"), ("journal/a.jsonl", "{}"), ("answers/a.npz", "bits"), ("scenes.json", "{}"),
