@@ -19,7 +19,8 @@ import warp as wp
 from ..harness.errors import UserError
 from ..harness.files import digest
 from ..harness.frame.devices import device_title
-from ..harness.frame.schedule.passes import Pass, PassRunner
+from ..harness.frame.schedule.passes import Pass
+from ..harness.frame.schedule.runner import PassRunner
 from ..harness.results.folder import ResultsFolder
 from ..harness.results.journal import Journal
 from ..harness.results.record import SCHEMA, Record, make_record

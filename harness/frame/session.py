@@ -20,7 +20,8 @@ from .effects.shading import shading_passes
 from .frame import Frame
 from .method import Method
 from .schedule.needed import arranged, inputs_of, live, stale, wanted_of
-from .schedule.passes import Pass, PassRunner
+from .schedule.passes import Pass
+from .schedule.runner import PassRunner
 from .schedule.threads import threads_given
 
 GROWTH_LIMIT = 8

@@ -7,7 +7,6 @@ float64 the rest.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,7 +59,7 @@ class BinaryTree(BaseMethod):
         first, grows = tree.passes()
         rays = Rays(frame, self.build, self.trace, effects, tree.tree, tree.extent, self._capacity)
         self._rays = rays
-        passes = [replace(grows, branch=(0,)), *(replace(p, branch=(1,)) for p in rays.records_passes())]
+        passes = [grows.hinted(parallel=(0,)), *(p.hinted(parallel=(1,)) for p in rays.records_passes())]
         return [*first, *passes, *rays.passes()]
 
     def needs(self) -> wp.array | None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
-from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
@@ -83,10 +83,10 @@ class Hybrid(BaseMethod):
         if shadows:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
-        passes = [replace(work, branch=(TREE,), effect=effect) for work in first]
-        passes.append(replace(grows, branch=(TREE, 0), effect=effect))
-        passes += [replace(work, branch=(TREE, 1)) for work in after]
-        passes += [replace(work, branch=(STREAM, *work.branch)) for work in streamed]
+        passes = [replace(work, hints=Hints(parallel=(TREE,)), effect=effect) for work in first]
+        passes.append(replace(grows, hints=Hints(parallel=(TREE, 0)), effect=effect))
+        passes += [work.hinted(parallel=(TREE, 1)) for work in after]
+        passes += [work.hinted(parallel=(STREAM, *work.hints.parallel)) for work in streamed]
         return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
 
     def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import warp as wp
@@ -12,7 +11,7 @@ from ...harness.frame.effects.receivers import facing_passes, reached_by
 from ...harness.frame.effects.specialise import specialised, with_type
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
-from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects
 from ..common.bands import ThreadRanges, Threads
 from ..gpu.warps import LANES
@@ -118,13 +117,21 @@ class LightStream:
         scene = ("points", "triangles", light, aim, rays, *self.effects.surface_reads())
         front_facing = self.facing_passes()
         passes = [
-            Pass(f"{who}: aim", build, (*self.aim_reads, light), (aim,), self.launch_aim, effect, ahead=True),
+            Pass(
+                f"{who}: aim",
+                build,
+                (*self.aim_reads, light),
+                (aim,),
+                self.launch_aim,
+                effect,
+                hints=Hints(early=True),
+            ),
             *front_facing,
             *self.map_passes(seen, place, bits, tuple(name for work in front_facing for name in work.writes)),
         ]
         sorting, steps = self.cell_passes(seen, place, rays, effect), self.steps()
         if self.beside:
-            sorting = [replace(work, aside=True) for work in sorting]
+            sorting = [work.hinted(overlap=True) for work in sorting]
             known = (*(name for name in scene if name != rays), place)
             sorting += in_shares(who, "shadow", steps[:1], self.queues, known, (), effect)
             steps = steps[1:]
@@ -133,7 +140,7 @@ class LightStream:
         doubts: Step = ("doubtful pairs", (), (), self.launch_doubts)
         scene = (*scene, "camera", *(("hits",) if self.hit.size else ()))
         passes += in_shares(who, "shadow", [doubts], self.queues, (*scene, bits), (bits,), effect)
-        return [replace(work, branch=(branch, *work.branch)) for work in passes]
+        return [work.hinted(parallel=(branch, *work.hints.parallel)) for work in passes]
 
     def by_facing(self) -> bool:
         """Whether the light itself finds which triangles' hits have a ray."""

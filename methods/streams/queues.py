@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
-from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.frame.schedule.threads import at_once
 from ..common.pairs import grown
 from ..gpu.entries import set_entry
@@ -271,7 +271,7 @@ def in_shares(
                     (*writes, *(f"{who} {queue}{of}" for queue in made)),
                     functools.partial(launch, share),
                     effect,
-                    branch=(share,),
+                    hints=Hints(parallel=(share,)),
                     adds=True,
                 )
             )

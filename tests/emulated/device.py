@@ -65,7 +65,7 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     )
     wp.get_device("cpu").sm_count = MULTIPROCESSORS
     from shadowbench.harness.frame.method import BaseMethod
-    from shadowbench.harness.frame.schedule.passes import PassRunner
+    from shadowbench.harness.frame.schedule.runner import PassRunner
 
     PassRunner.replays = property(lambda runner: False)  # type: ignore[method-assign, assignment]
     _take_methods_for_gpus(BaseMethod)

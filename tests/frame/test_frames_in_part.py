@@ -22,9 +22,9 @@ from helpers.effect_scenes import (
     session_of,
 )
 from shadowbench.harness.frame.registry import make_method, method_names
-from shadowbench.harness.frame.schedule import passes
+from shadowbench.harness.frame.schedule import capture, passes
 from shadowbench.harness.frame.schedule.needed import live, stale, steps
-from shadowbench.harness.frame.schedule.passes import BUILD_PARTS, Pass
+from shadowbench.harness.frame.schedule.passes import BUILD_PARTS, Hints, Pass
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Camera, Spot
 
@@ -61,50 +61,52 @@ def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label
 
 
 @pytest.mark.parametrize("makers", [("camera",), ("camera", "light 0: late")])
-def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
+def test_a_pass_that_reads_what_the_frame_makes_cannot_run_early(makers):
     """Refused by its name before anything is captured or launched, wherever in the frame that is made."""
     launched = []
     given = [
         Pass(name, "trace", ("points",), (f"made by {name}",), lambda: launched.append(1)) for name in makers
     ]
     reads = ("points", f"made by {makers[-1]}")
-    early = Pass("light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), ahead=True)
-    with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run ahead"):
-        passes.capture_passes([given[0], early, *given[1:]], "cpu")
+    early = Pass(
+        "light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), hints=Hints(early=True)
+    )
+    with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run early"):
+        capture.capture_passes([given[0], early, *given[1:]], "cpu")
     assert not launched
 
 
 @pytest.mark.parametrize(
-    ("before", "branch"),
-    [("reads", ()), ("writes", ()), ("other branch", (1,))],
+    ("before", "hints"),
+    [("reads", Hints()), ("writes", Hints()), ("other branch", Hints(early=True, parallel=(1,)))],
 )
-def test_a_pass_that_writes_what_runs_beside_it_cannot_run_ahead(before, branch):
-    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, ahead=True, branch=(0,))
-    reads, writes = (("table",), ("bits",)) if before == "reads" else (("points",), ("table",))
-    other = Pass(
-        "other", "light build", reads, writes, lambda: None, ahead=before == "other branch", branch=branch
+def test_a_pass_that_writes_what_runs_at_the_same_time_cannot_run_early(before, hints):
+    early = Pass(
+        "aim", "light build", ("points",), ("table",), lambda: None, hints=Hints(early=True, parallel=(0,))
     )
-    with pytest.raises(ValueError, match=r"cannot run (ahead|concurrently).*table"):
-        passes.capture_passes([other, early], "cpu")
+    reads, writes = (("table",), ("bits",)) if before == "reads" else (("points",), ("table",))
+    other = Pass("other", "light build", reads, writes, lambda: None, hints=hints)
+    with pytest.raises(ValueError, match=r"cannot run (early|concurrently).*table"):
+        capture.capture_passes([other, early], "cpu")
 
 
 @pytest.mark.parametrize("loops", [True, False])
-def test_a_loop_waits_for_all_that_runs_beside_it(loops, monkeypatch):
+def test_a_loop_waits_for_all_that_runs_at_the_same_time(loops, monkeypatch):
     """A graph cannot capture it while another stream is open."""
     steps = []
-    monkeypatch.setattr(passes, "_join", lambda running: steps.extend(work.name for work, _ in running))
-    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, ahead=True)
+    monkeypatch.setattr(capture, "_join", lambda running: steps.extend(work.name for work, _ in running))
+    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, hints=Hints(early=True))
     work = Pass("divide", "build", ("pairs",), ("tree",), lambda: steps.append("divide"), loops=loops)
     running = [(early, None)]
-    passes._launch_beside([work], "cpu", running, set())
+    capture._launch_overlapping([work], "cpu", running, set())
     assert steps == (["aim", "divide"] if loops else ["divide"])
     assert bool(running) != loops  # nothing after a loop can wait for what was before it
 
 
-@pytest.mark.parametrize("given", [{"branch": (0,)}, {"ahead": True}, {"aside": True}])
-def test_a_loop_has_nothing_beside_it(given):
-    with pytest.raises(ValueError, match="pass 'divide': nothing can run beside a loop"):
-        Pass("divide", "build", ("pairs",), ("tree",), lambda: None, loops=True, **given)
+@pytest.mark.parametrize("hints", [Hints(parallel=(0,)), Hints(early=True), Hints(overlap=True)])
+def test_nothing_runs_at_the_same_time_as_a_loop(hints):
+    with pytest.raises(ValueError, match="pass 'divide': nothing can run at the same time as a loop"):
+        Pass("divide", "build", ("pairs",), ("tree",), lambda: None, loops=True, hints=hints)
 
 
 @pytest.mark.gpu
@@ -122,38 +124,42 @@ def builds(passes):
     return [work for work in passes if work.part in BUILD_PARTS]
 
 
-def beside(*branch, adds=False, launch=lambda: None, **names):
+def parallel(*branch, adds=False, launch=lambda: None, **names):
     given = {"reads": ("hits",), "writes": (f"bits/{branch}",)} | names
-    return Pass(f"light {branch}", "shadow", launch=launch, branch=branch, adds=adds, **given)
+    return Pass(f"light {branch}", "shadow", launch=launch, hints=Hints(parallel=branch), adds=adds, **given)
 
 
 @pytest.mark.parametrize(
     "given", [{"reads": ("bits",)}, {"writes": ("bits",)}, {"writes": ("bits",), "adds": True}]
 )
 @pytest.mark.parametrize("place", [(), (3,)])
-def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(given, place):
+def test_passes_that_share_what_one_writes_cannot_run_at_the_same_time(given, place):
     """Refused by name before anything is captured or launched, in a fork within a branch too."""
     launched = []
-    first = beside(*place, 0, writes=("bits",), launch=lambda: launched.append(0))
-    other = beside(*place, 1, launch=lambda: launched.append(1), **given)
+    first = parallel(*place, 0, writes=("bits",), launch=lambda: launched.append(0))
+    other = parallel(*place, 1, launch=lambda: launched.append(1), **given)
     with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
-        passes.capture_passes([first, other], "cpu")
+        capture.capture_passes([first, other], "cpu")
     assert not launched
 
 
-def test_passes_with_one_condition_run_beside_each_other_too():
+def test_passes_with_one_condition_run_at_the_same_time_too():
     """They fork inside their conditional branch, so they may share nothing; with two conditions they run in order."""
     one, other = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
-    pair = [beside(0, writes=("bits",), only_if=one), beside(1, writes=("bits",), only_if=one)]
+    pair = [parallel(0, writes=("bits",), only_if=one), parallel(1, writes=("bits",), only_if=one)]
     with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
-        passes.capture_passes(pair, "cpu")
-    passes.refuse_shared([pair[0], replace(pair[1], only_if=other)])
+        capture.capture_passes(pair, "cpu")
+    capture.refuse_shared([pair[0], replace(pair[1], only_if=other)])
 
 
-def test_passes_that_may_run_beside_each_other():
-    passes.refuse_shared([beside(0, writes=("bits",), adds=True), beside(1, writes=("bits",), adds=True)])
-    passes.refuse_shared([beside(0), beside(1)])  # both only read the hits
-    passes.refuse_shared([beside(0, writes=("bits",)), beside(0, reads=("bits",))])  # one after the other
+def test_passes_that_may_run_at_the_same_time():
+    capture.refuse_shared(
+        [parallel(0, writes=("bits",), adds=True), parallel(1, writes=("bits",), adds=True)]
+    )
+    capture.refuse_shared([parallel(0), parallel(1)])  # both only read the hits
+    capture.refuse_shared(
+        [parallel(0, writes=("bits",)), parallel(0, reads=("bits",))]
+    )  # one after the other
 
 
 def test_branches_fork_where_passes_are_neighbours():
@@ -161,14 +167,15 @@ def test_branches_fork_where_passes_are_neighbours():
     condition = wp.zeros(1, dtype=wp.int32, device="cpu")
     given = [
         make("trace", "camera", "hits"),
-        *(beside(0), beside(1), beside(0, 0), beside(0, 1)),
+        *(parallel(0), parallel(1), parallel(0, 0), parallel(0, 1)),
         make("shade", "hits", "picture"),
-        *(beside(1), replace(beside(0), only_if=condition)),
+        *(parallel(1), replace(parallel(0), only_if=condition)),
     ]
-    groups = [(forked, [len(branch) for branch in branches]) for forked, branches in passes._forks(given, 0)]
+    groups = [(forked, [len(branch) for branch in branches]) for forked, branches in capture._forks(given, 0)]
     assert groups == [(False, [1]), (True, [3, 1]), (False, [1]), (True, [1]), (False, [1])]
     inner = [
-        (forked, [len(b) for b in branches]) for forked, branches in passes._forks([given[1], *given[3:5]], 1)
+        (forked, [len(b) for b in branches])
+        for forked, branches in capture._forks([given[1], *given[3:5]], 1)
     ]
     assert inner == [(False, [1]), (True, [1, 1])]
 
@@ -293,7 +300,7 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(
     if reason:
         pytest.skip(f"{name}: {reason}")
     if device == "cpu":  # where nothing is captured, plain launches do as a graph would
-        monkeypatch.setattr(passes, "_condition", lambda work: None if work.scratch else work.only_if)
+        monkeypatch.setattr(passes, "condition", lambda work: None if work.scratch else work.only_if)
     gone = (replace(SPOT, spot=Spot((0.0, 1.0, 0.0), 1.0)), BEHIND)
     moments = [prepared.moment(0, *SIZE, lights=lights) for lights in ((SPOT, BEHIND), gone)]
     wanted = [

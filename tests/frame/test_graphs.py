@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.schedule import graphs
-from shadowbench.harness.frame.schedule.passes import Pass, capture_passes
+from shadowbench.harness.frame.schedule.capture import capture_passes
+from shadowbench.harness.frame.schedule.passes import Hints, Pass
 
 
 def made(name: str, reads: tuple[str, ...], writes: tuple[str, ...], launch: Any, **more: Any) -> Pass:
@@ -47,11 +48,11 @@ def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
     fake_capture(monkeypatch, Stream, lambda event: None)
     passes = [
         made("words", (), ("words",), None),
-        made("one", ("words",), ("bits",), None, branch=(0,), adds=True),
-        made("two", ("words",), ("bits",), None, branch=(1,), adds=True),
-        made("sorting", ("words",), ("cells",), None, aside=True),
-        made("answers", ("words",), ("answers",), None, aside=True, idle=True),
-        made("aim", (), ("aim",), None, ahead=True),
+        made("one", ("words",), ("bits",), None, hints=Hints(parallel=(0,)), adds=True),
+        made("two", ("words",), ("bits",), None, hints=Hints(parallel=(1,)), adds=True),
+        made("sorting", ("words",), ("cells",), None, hints=Hints(overlap=True)),
+        made("answers", ("words",), ("answers",), None, hints=Hints(overlap=True, yields=True)),
+        made("aim", (), ("aim",), None, hints=Hints(early=True)),
         made("last", ("bits", "cells", "aim"), ("colour",), None),
     ]
     for work in passes:
@@ -63,8 +64,8 @@ def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
     assert len(seen) == len(passes)
 
 
-def test_a_stream_waits_once_for_what_runs_ahead(monkeypatch):
-    """Passes ahead of two branches run on streams of their own. What depends on one waits for it, and for no other."""
+def test_a_stream_waits_once_for_what_runs_early(monkeypatch):
+    """Early passes of two branches run on streams of their own. What depends on one waits for it, and for no other."""
     streams = ["main"]
     waits: list[tuple[str, str]] = []
     last = {"": ""}
@@ -88,9 +89,18 @@ def test_a_stream_waits_once_for_what_runs_ahead(monkeypatch):
     ran: dict[str, tuple[str, tuple[str, ...]]] = {}
     passes = [
         made("words", (), ("words",), None),
-        *(made(f"aim {i}", (), (f"aim/{i}",), None, ahead=True, branch=(i,)) for i in range(2)),
         *(
-            made(f"{name} {i}", ("words", f"aim/{i}", *reads), (f"{name}/{i}",), None, branch=(i,))
+            made(f"aim {i}", (), (f"aim/{i}",), None, hints=Hints(early=True, parallel=(i,)))
+            for i in range(2)
+        ),
+        *(
+            made(
+                f"{name} {i}",
+                ("words", f"aim/{i}", *reads),
+                (f"{name}/{i}",),
+                None,
+                hints=Hints(parallel=(i,)),
+            )
             for i in range(2)
             for name, reads in (("place", ()), ("sort", (f"place/{i}",)), ("test", (f"sort/{i}",)))
         ),
@@ -142,7 +152,7 @@ def test_a_graph_with_priorities_does_the_same_work():
 
     passes = [
         made("one", (), ("a",), add(1, numbers)),
-        made("beside", ("a",), ("b",), add(5, others), aside=True, idle=True),
+        made("overlapping", ("a",), ("b",), add(5, others), hints=Hints(overlap=True, yields=True)),
         made("two", ("a",), ("c",), add(2, numbers)),
     ]
     graph: Any = capture_passes(passes, device)

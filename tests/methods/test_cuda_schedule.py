@@ -14,8 +14,9 @@ from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, all_mirrors, scene
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import graphs
+from shadowbench.harness.frame.schedule.capture import capture_passes, refuse_shared
 from shadowbench.harness.frame.schedule.needed import stale
-from shadowbench.harness.frame.schedule.passes import Pass, capture_passes, refuse_shared
+from shadowbench.harness.frame.schedule.passes import Pass
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 
@@ -73,7 +74,7 @@ def test_concurrent_passes_share_nothing_that_one_writes(name, settings, monkeyp
     prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
     session = session_for_cuda(name, settings, prepared, monkeypatch)
     refuse_shared(session.passes)
-    branched = [work for work in session.passes if work.branch]
+    branched = [work for work in session.passes if work.hints.parallel]
     assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
 
 

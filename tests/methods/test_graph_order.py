@@ -12,7 +12,8 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule import graphs
-from shadowbench.harness.frame.schedule.passes import Pass, capture_passes
+from shadowbench.harness.frame.schedule.capture import capture_passes
+from shadowbench.harness.frame.schedule.passes import Hints, Pass
 from shadowbench.harness.frame.session import Session
 
 from .test_cuda_schedule import VARIANTS, plan_for_cuda
@@ -83,12 +84,12 @@ def made(name: str, reads: tuple[str, ...], writes: tuple[str, ...], **more: Any
     return Pass(name, "trace", reads, writes, lambda: None, **more)
 
 
-def test_a_pass_aside_runs_beside_what_does_not_depend_on_it(monkeypatch):
+def test_a_pass_that_overlaps_runs_with_what_does_not_depend_on_it(monkeypatch):
     passes = [
         made("words", (), ("words",)),
-        made("rays", ("words",), ("rays",), branch=(0,)),
-        made("bits", ("rays",), ("bits",), branch=(0,)),
-        made("answers", ("words",), ("answers",), aside=True),
+        made("rays", ("words",), ("rays",), hints=Hints(parallel=(0,))),
+        made("bits", ("rays",), ("bits",), hints=Hints(parallel=(0,))),
+        made("answers", ("words",), ("answers",), hints=Hints(overlap=True)),
         made("colour", ("answers", "bits"), ("colour",)),
     ]
     before = recorded(passes, monkeypatch)
@@ -97,15 +98,15 @@ def test_a_pass_aside_runs_beside_what_does_not_depend_on_it(monkeypatch):
     assert before["colour"] == {"words", "rays", "bits", "answers"}
 
 
-def test_a_pass_aside_that_needs_another_keeps_nothing_else_waiting(monkeypatch):
+def test_a_pass_that_overlaps_and_needs_another_keeps_nothing_else_waiting(monkeypatch):
     passes = [
-        made("places", (), ("places",), branch=(0,)),
-        made("offsets", ("places",), ("offsets",), branch=(0,), aside=True),
-        made("rays", ("places", "offsets"), ("rays",), branch=(0,), aside=True),
-        made("stream", ("places",), ("items",), branch=(0, 0)),
-        made("other stream", ("places",), ("other items",), branch=(0, 1)),
-        made("rows", ("rays", "items"), ("bits",), branch=(0, 0), adds=True),
-        made("other rows", ("rays", "other items"), ("bits",), branch=(0, 1), adds=True),
+        made("places", (), ("places",), hints=Hints(parallel=(0,))),
+        made("offsets", ("places",), ("offsets",), hints=Hints(parallel=(0,), overlap=True)),
+        made("rays", ("places", "offsets"), ("rays",), hints=Hints(parallel=(0,), overlap=True)),
+        made("stream", ("places",), ("items",), hints=Hints(parallel=(0, 0))),
+        made("other stream", ("places",), ("other items",), hints=Hints(parallel=(0, 1))),
+        made("rows", ("rays", "items"), ("bits",), hints=Hints(parallel=(0, 0)), adds=True),
+        made("other rows", ("rays", "other items"), ("bits",), hints=Hints(parallel=(0, 1)), adds=True),
     ]
     before = recorded(passes, monkeypatch)
     assert before["rays"] == {"places", "offsets"}
@@ -130,10 +131,10 @@ def test_a_light_streams_few_triangles_while_its_rays_are_sorted(streamed, monke
 
 def test_the_branches_of_a_phase_wait_for_all_of_the_one_before(monkeypatch):
     passes = [
-        made("one", (), ("a",), branch=(0,)),
-        made("two", (), ("b",), branch=(1,)),
-        made("three", ("a", "b"), ("c",), branch=(0,), phase=1),
-        made("four", ("b",), ("d",), branch=(1,), phase=1),
+        made("one", (), ("a",), hints=Hints(parallel=(0,))),
+        made("two", (), ("b",), hints=Hints(parallel=(1,))),
+        made("three", ("a", "b"), ("c",), hints=Hints(parallel=(0,), phase=1)),
+        made("four", ("b",), ("d",), hints=Hints(parallel=(1,), phase=1)),
     ]
     before = recorded(passes, monkeypatch)
     assert before["two"] == set()

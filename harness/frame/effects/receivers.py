@@ -18,7 +18,7 @@ from ...scene.effects import Effects, Switches
 from ...scene.spotlight import DOUBT
 from ..frame import Frame
 from ..geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
-from ..schedule.passes import Pass
+from ..schedule.passes import Hints, Pass
 from ..schedule.threads import Launch, in_ranges
 from ..vectors import largest, to_float64
 from .specialise import effects, specialised
@@ -211,7 +211,7 @@ def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> l
 
     together = in_ranges(launch, frame.triangle_count, threads, frame.device)
     name, reads = f"light {light}: facing triangles", ("points", "triangles", "camera", f"light/{light}")
-    return [Pass(name, "shadow", reads, made, together, effect="receivers", ahead=True)]
+    return [Pass(name, "shadow", reads, made, together, effect="receivers", hints=Hints(early=True))]
 
 
 def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, threads: int) -> Launch:

@@ -20,9 +20,9 @@ AUTO_FREE_ON_LAUNCH, USE_NODE_PRIORITY = 1, 8
 """Flags of the driver's ``cuGraphInstantiateWithFlags``; the first is Warp's own."""
 
 
-def stream(device: str, idle: bool = False) -> wp.Stream:
-    """A stream for passes that others wait for, or that fill what these leave ``idle``."""
-    return wp.Stream(device, priority=IDLE if idle else URGENT)
+def stream(device: str, yields: bool = False) -> wp.Stream:
+    """A stream for passes that others wait for, or that fill what these leave idle (``yields``)."""
+    return wp.Stream(device, priority=IDLE if yields else URGENT)
 
 
 @contextmanager

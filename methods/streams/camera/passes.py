@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import warp as wp
@@ -66,8 +65,8 @@ class CameraStream:
         """The passes, and ``others``, of which few or none read the answers: on a GPU these are resolved where they leave it
         idle."""
         *first, resolve = self.passes()
-        resolve = replace(resolve, aside=True, idle=True)
-        others = [work if work.ahead else replace(work, phase=1) for work in others]
+        resolve = resolve.hinted(overlap=True, yields=True)
+        others = [work if work.hints.early else work.hinted(phase=1) for work in others]
         return [*first, resolve, *others] if self.hit.size else [*first, *others, resolve]
 
     def steps(self) -> list[Step]:

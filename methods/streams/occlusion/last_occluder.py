@@ -17,7 +17,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects, specialised, with_type
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Camera, Mesh, filled
-from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.schedule.passes import Hints, Pass
 from ...common.pixels import thread_count, tile_pixel
 from ...exact.triangle import largest, to_float32
 from ...gpu.entries import entry, set_entry
@@ -155,10 +155,10 @@ class RememberingLight(LightStream):
             (memory, *self.receiver_reads(), bits),
             self.launch_settle,
             effect,
-            branch=(branch,),
+            hints=Hints(parallel=(branch,)),
         )
         made = [replace(w, writes=(*w.writes, memory)) if bits in w.reads else w for w in made]
-        place = next(k for k, work in enumerate(made) if not work.ahead)
+        place = next(k for k, work in enumerate(made) if not work.hints.early)
         return [*made[:place], settle, *made[place:]]
 
     def launch_settle(self) -> None:

@@ -14,7 +14,7 @@ from ....harness.frame.effects.receivers import facing_passes, facing_reads
 from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.schedule.passes import Hints, Pass
 from ....harness.frame.schedule.threads import Launch, at_once, cpu_threads
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
@@ -169,7 +169,8 @@ class ShadowRays:
                 passes.append(self._in_threads(steps))
             elif self.shares > 1:
                 passes += (
-                    replace(step, branch=(share,), phase=1, adds=True) for share, step in enumerate(steps)
+                    replace(step, hints=Hints(parallel=(share,), phase=1), adds=True)
+                    for share, step in enumerate(steps)
                 )
             else:
                 passes += steps

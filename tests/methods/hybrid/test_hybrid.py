@@ -153,10 +153,12 @@ def test_tree_and_stream_are_branches_of_one_fork():
     session = Session(make_method(NAME, WITH_TREE), two_lights(), 8, 8, "cpu")
     forked = []
     for work in session.all_passes:
-        if not work.branch:
+        if not work.hints.parallel:
             break
         forked.append(work)
-    branches = {name: {w.branch[0] for w in forked if w.name == name} for name in ("tree", "camera: resolve")}
+    branches = {
+        name: {w.hints.parallel[0] for w in forked if w.name == name} for name in ("tree", "camera: resolve")
+    }
     assert len(branches["tree"] | branches["camera: resolve"]) == 2
 
 
