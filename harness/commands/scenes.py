@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import UserError, did_you_mean
+from ..errors import UserError, did_you_mean, say
 from ..scene import catalogue
 from ..scene.archives import unpack
 from ..scene.download import download
@@ -94,7 +94,7 @@ def fetched(name: str, folder: Path) -> bool:
     """Fetch one scene unless it is there. False if it must be fetched by hand; the instructions are printed."""
     source = SOURCES[name]
     if catalogue.original(name, folder):
-        print(f"{name}: already in {folder}", file=sys.stderr)
+        say(f"{name}: already in {folder}")
         return True
     if not source.url:
         print(
@@ -103,7 +103,7 @@ def fetched(name: str, folder: Path) -> bool:
             file=sys.stderr,
         )
         return False
-    print(f"{name}: {source.url} ({source.terms})", file=sys.stderr)
+    say(f"{name}: {source.url} ({source.terms})")
     try:
         archive = download(source.url, folder / ARCHIVES, source.sha256 or None)
         with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place:
@@ -116,7 +116,7 @@ def fetched(name: str, folder: Path) -> bool:
                 file.replace(folder / f"{name}{ending}{file.suffix.lower()}")
     except OSError as error:
         raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --scene-dir") from error
-    print(f"{name}: {len(files)} file{'s' * (len(files) > 1)} in {folder}", file=sys.stderr)
+    say(f"{name}: {len(files)} file{'s' * (len(files) > 1)} in {folder}")
     return True
 
 
