@@ -14,7 +14,7 @@ import typer
 from ..errors import UserError, did_you_mean, say
 from ..scene import catalogue
 from ..scene.archives import unpack
-from ..scene.download import download
+from ..scene.download import downloaded
 from ..scene.readers.apart import load, load_sequence
 from .options import SceneDir
 
@@ -39,8 +39,9 @@ class Source:
 
 
 MCGUIRE = "https://casual-effects.com/g3d/data10/research/model"
-STANFORD = "http://graphics.stanford.edu/pub/3Dscanrep"
+STANFORD = "https://graphics.stanford.edu/pub/3Dscanrep"
 UNC = "http://gamma.cs.unc.edu/SR/benchmarks"
+"""Not encrypted: what arrives is checked as any file is, and must stay the same from then on."""
 CREDIT = "Stanford Computer Graphics Laboratory: for research, with credit; not for commercial use"
 
 SOURCES = {
@@ -105,8 +106,10 @@ def fetched(name: str, folder: Path) -> bool:
         return False
     say(f"{name}: {source.url} ({source.terms})")
     try:
-        archive = download(source.url, folder / ARCHIVES, source.sha256 or None)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place:
+        with (
+            downloaded(source.url, folder / ARCHIVES, source.sha256 or None) as archive,
+            tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place,
+        ):
             files = in_order(unpack(archive, source.files, Path(place)))
             _ = (
                 load(files[0]) if len(files) == 1 else load_sequence(files)
