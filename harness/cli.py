@@ -7,7 +7,6 @@ in :mod:`.commands.program`.
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,7 +40,7 @@ from .commands.report import report
 from .commands.scenes import scenes
 from .commands.verify import explain, score, verify
 from .commands.view import view
-from .errors import UserError
+from .errors import UserError, say
 
 if TYPE_CHECKING:
     from .runner.job import Options
@@ -242,7 +241,7 @@ def show_(
         print(json.dumps({"files": [str(file) for file in files]}))
     else:
         for file in files:
-            print(f"written: {file}", file=sys.stderr)
+            say(f"written: {file}")
     return 0
 
 
@@ -330,7 +329,7 @@ def render_(
         if len(scene) > 1:
             raise UserError(f"render {' '.join(scene)}: --out shows one scene; --animate shows several")
         picture = render(scene[0], method, out, size, frame, device, scene_dir, settings, seen)
-    print(f"written: {picture}", file=sys.stderr)
+    say(f"written: {picture}")
     return 0
 
 

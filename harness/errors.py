@@ -9,6 +9,8 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from .texts import visible
+
 
 class UserError(Exception):
     """A wrong command line or a bad file (exit code 2). The message is one line: what is wrong, then what to do."""
@@ -18,10 +20,15 @@ class CapacityRejected(Exception):
     """A method exceeds its memory limit or a capacity. The record gets the status ``rejected`` with this reason."""
 
 
+def say(text: str) -> None:
+    """Print a line on standard error. It may hold names and texts of files, methods and records."""
+    print(visible(text), file=sys.stderr)
+
+
 @functools.cache
 def warn(text: str) -> None:
     """Print a warning on standard error, each text once per process."""
-    print(f"shadowbench: warning: {text}", file=sys.stderr)
+    say(f"shadowbench: warning: {text}")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -65,10 +65,9 @@ def _require_regular(found: os.stat_result, path: Path) -> None:
 def read_regular(path: Path, most: int | None = None) -> bytes:
     """The contents of a regular file. Raises OSError as :func:`open_regular` does, and for more than ``most`` bytes."""
     with open_regular(path) as stream:
-        content = stream.read() if most is None else stream.read(most + 1)
-    if most is not None and len(content) > most:
-        raise OSError(errno.EFBIG, f"longer than {most:,} bytes", str(path))
-    return content
+        if most is not None and os.fstat(stream.fileno()).st_size > most:
+            raise OSError(errno.EFBIG, f"longer than {most:,} bytes", str(path))
+        return stream.read()
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = True) -> None:

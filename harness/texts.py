@@ -27,6 +27,11 @@ def visible(text: str) -> str:
     return _UNSEEN.sub(_shown, text)
 
 
+def visible_lines(text: str) -> str:
+    """The text with every control character as its number, and its lines as they are."""
+    return "\n".join(map(visible, text.split("\n")))
+
+
 def _shown(found: re.Match[str]) -> str:
     sign = found[0]
     if sign in "\n\r\t\u2028\u2029":

@@ -11,7 +11,7 @@ from helpers.import_graph import ROOT, circles, imports, modules
 from shadowbench.harness.frame.registry import built_in_names
 
 ORDER = (
-    "harness.errors", "harness.texts", "harness.files", "harness.typed_json", "harness.scene", "harness.frame",
+    "harness.texts", "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame",
     "harness.judge", "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands",
     "harness.api", "harness.cli", "harness.shadowbench", "methods", "experiments",
 )  # fmt: skip

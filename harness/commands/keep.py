@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import UserError
+from ..errors import UserError, say
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES, Record
 from ..results.schema import ARCHIVE, read_records, write_archive
@@ -82,7 +82,7 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
         raise UserError(f"{error.filename or out}: cannot be read or written ({reason})") from error
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-    print(f"packed: {len(records)} records of {experiments[0]} in {out}", file=sys.stderr)
+    say(f"packed: {len(records)} records of {experiments[0]} in {out}")
     return 0
 
 

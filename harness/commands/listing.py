@@ -12,6 +12,7 @@ from ..frame.registry import method_class, method_names, parameters
 from ..runner.experiment import Preset, experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
 from ..scene.standins import balls
+from ..texts import visible
 
 KINDS = ("methods", "scenes", "experiments")
 
@@ -30,7 +31,7 @@ def methods() -> list[dict[str, Any]]:
         try:
             cls = method_class(name)
             found = {p.name: dataclasses.asdict(p) for p in parameters(cls)}
-        except Exception as error:  # one broken method must not hide the others
+        except (Exception, SystemExit) as error:  # one broken method must not hide the others
             rows.append({"name": name, "title": f"cannot be used: {error}", "devices": [], "parameters": {}})
             continue
         rows.append({"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": found})
@@ -84,7 +85,11 @@ def as_text(rows: list[dict[str, Any]], columns: int | None = None) -> str:
     def add(text: str, first: str = "", rest: str = "") -> None:
         lines.extend(
             textwrap.wrap(
-                text, columns, initial_indent=first, subsequent_indent=rest or first, break_on_hyphens=False
+                visible(text),
+                columns,
+                initial_indent=first,
+                subsequent_indent=rest or first,
+                break_on_hyphens=False,
             )
         )
 

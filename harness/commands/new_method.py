@@ -15,7 +15,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import UserError, install
+from ..errors import UserError, install, say
 
 TEMPLATE = "template"
 """The folder beside this file with the files of the package; their names and texts have the marks of :func:`filled`."""
@@ -43,7 +43,7 @@ def new_method(name: Name, out: Out = None) -> int:
     # A folder of the package's own name would hide the installed package from Python where it runs beside it.
     folder = out if out is not None else Path(f"shadowbench-{name}")
     create(name, folder)
-    print(f"written: {folder}/", file=sys.stderr)
+    say(f"written: {folder}/")
     print(f"next: {install(str(folder), editable=True)}", file=sys.stderr)
     print(f"then: shadowbench check {name} --device cpu", file=sys.stderr)
     return 0

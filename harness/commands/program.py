@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import UserError
+from ..errors import UserError, say
 from ..runner.machine_lock import MACHINE
 
 DEBUG = "SHADOWBENCH_DEBUG"
@@ -140,18 +140,20 @@ def spread_values(arguments: list[str]) -> list[str]:
 def main() -> None:
     """The ``shadowbench`` command."""
     words = spread_values(sys.argv[1:])
+    # A name that is not UTF-8 is shown with its bytes as numbers, as on standard error.
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
         app(sorted(words, key=lambda word: word not in EVERYWHERE), standalone_mode=True)
     except UserError as error:
         if os.environ.get(DEBUG):
             raise
-        print(f"shadowbench: {error}", file=sys.stderr)
+        say(f"shadowbench: {error}")
         raise SystemExit(2) from None
     except MemoryError as error:
         if os.environ.get(DEBUG):
             raise
         reason = " ".join(str(error).split()) or "allocation failed"
-        print(f"shadowbench: not enough memory ({reason}); choose a smaller --size", file=sys.stderr)
+        say(f"shadowbench: not enough memory ({reason}); choose a smaller --size")
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         print("shadowbench: interrupted", file=sys.stderr)

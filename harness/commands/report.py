@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import UserError
+from ..errors import UserError, say
 from ..files import write_text
 from ..results.schema import folders_with_records
 from ..runner.experiment import PACKAGE
@@ -54,8 +53,8 @@ def report(folder: Folder, out: Out = None, as_json: Json = False) -> int:
         for one in data["folders"]:
             for line in one["notices"]:
                 if "versions of" in line or "older records" in line:
-                    print(f"{one['name']}: {line}", file=sys.stderr)
-        print(f"written: {path} ({len(html.encode()) / 1e6:.1f} MB)", file=sys.stderr)
+                    say(f"{one['name']}: {line}")
+        say(f"written: {path} ({len(html.encode()) / 1e6:.1f} MB)")
     return 0
 
 

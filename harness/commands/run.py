@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError, warn
+from ..errors import UserError, say, warn
 from ..frame.devices import find_device
 from ..results.folder import ResultsFolder
 from ..results.newest import prefer
@@ -185,11 +185,11 @@ def shown(options: Options, records: list[Record], as_json: bool) -> int:
         print(json.dumps(report_json(options, records, files), indent=1))
     else:
         for file in files:
-            print(f"written: {file}", file=sys.stderr)
-        print(f"records: {options.out / 'records'}", file=sys.stderr)
+            say(f"written: {file}")
+        say(f"records: {options.out / 'records'}")
         for record in bad:
             who = f"{record.scene['name']}, {record.method['label']}"
-            print(f"{who}: {record.status}: {record.reason}", file=sys.stderr)
+            say(f"{who}: {record.status}: {record.reason}")
         if bad:
             print(f"{len(bad)} of {len(records)} points failed; --retry measures them again", file=sys.stderr)
     return 1 if bad else 0

@@ -11,10 +11,10 @@ from typing import Annotated
 
 import typer
 
-from ..errors import UserError, did_you_mean
+from ..errors import UserError, did_you_mean, say
 from ..scene import catalogue
 from ..scene.archives import unpack
-from ..scene.download import download
+from ..scene.download import downloaded
 from ..scene.readers.apart import load, load_sequence
 from .options import SceneDir
 
@@ -39,8 +39,9 @@ class Source:
 
 
 MCGUIRE = "https://casual-effects.com/g3d/data10/research/model"
-STANFORD = "http://graphics.stanford.edu/pub/3Dscanrep"
+STANFORD = "https://graphics.stanford.edu/pub/3Dscanrep"
 UNC = "http://gamma.cs.unc.edu/SR/benchmarks"
+"""Not encrypted: what arrives is checked as any file is, and must stay the same from then on."""
 CREDIT = "Stanford Computer Graphics Laboratory: for research, with credit; not for commercial use"
 
 SOURCES = {
@@ -94,7 +95,7 @@ def fetched(name: str, folder: Path) -> bool:
     """Fetch one scene unless it is there. False if it must be fetched by hand; the instructions are printed."""
     source = SOURCES[name]
     if catalogue.original(name, folder):
-        print(f"{name}: already in {folder}", file=sys.stderr)
+        say(f"{name}: already in {folder}")
         return True
     if not source.url:
         print(
@@ -103,10 +104,12 @@ def fetched(name: str, folder: Path) -> bool:
             file=sys.stderr,
         )
         return False
-    print(f"{name}: {source.url} ({source.terms})", file=sys.stderr)
+    say(f"{name}: {source.url} ({source.terms})")
     try:
-        archive = download(source.url, folder / ARCHIVES, source.sha256 or None)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place:
+        with (
+            downloaded(source.url, folder / ARCHIVES, source.sha256 or None) as archive,
+            tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place,
+        ):
             files = in_order(unpack(archive, source.files, Path(place)))
             _ = (
                 load(files[0]) if len(files) == 1 else load_sequence(files)
@@ -116,7 +119,7 @@ def fetched(name: str, folder: Path) -> bool:
                 file.replace(folder / f"{name}{ending}{file.suffix.lower()}")
     except OSError as error:
         raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --scene-dir") from error
-    print(f"{name}: {len(files)} file{'s' * (len(files) > 1)} in {folder}", file=sys.stderr)
+    say(f"{name}: {len(files)} file{'s' * (len(files) > 1)} in {folder}")
     return True
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from ..judge.verdict import MEANINGS, Verdict
-from ..report.terminal import GAP, column_blocks
+from ..report.terminal import GAP, column_blocks, plain_console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,9 +18,8 @@ KEY = 16
 
 
 def make_console() -> Console:
-    from rich.console import Console
-
-    return Console(markup=False, highlight=False)
+    """The console that commands print on."""
+    return plain_console()
 
 
 def print_lines(console: Console, *lines: str) -> None:

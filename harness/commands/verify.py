@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import UserError
+from ..errors import UserError, say
 from ..runner.machine_lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
@@ -134,7 +134,7 @@ def _verify_scene(
     scored: list[Scored] = []
     for entry in entries:
         if not quiet and sys.stderr.isatty():
-            print(f"{name}: {entry.method} ...", file=sys.stderr)
+            say(f"{name}: {entry.method} ...")
         outcome = answer(entry.method, dict(entry.settings), prepared, moment, device, memory_limit)
         row: dict[str, Any] = {
             "method": entry.method,

@@ -59,10 +59,10 @@ def method_class(name: str) -> type[Method]:
         try:
             with contextlib.chdir("."):  # a package that goes elsewhere does not take this process with it
                 return points[name].load()
-        except (ImportError, AttributeError) as error:
-            place = points[name].value
+        except (Exception, SystemExit) as error:  # a package may raise anything, or end the program
+            what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise UserError(
-                f"method {name!r}: {place} cannot be imported ({error}); correct that package"
+                f"method {name!r}: {points[name].value} cannot be imported ({what}); correct that package"
             ) from error
     present = current_name(name)
     if present != name:

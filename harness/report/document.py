@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from ..results.means import points
 from ..results.table import TEXTS, samples, stage_ms, tidy
 from ..results.throttled import disturbances
 from ..scene.facts import never_hit
+from ..texts import for_markdown
 from . import paper_table1 as paper
 from . import style
 from .compare import apart as runs_apart
@@ -158,7 +160,9 @@ def markdown(table: DataFrame) -> list[str]:
     """A table of texts in Markdown: its index is not shown; missing values are dashes."""
     texts = table.astype(object).where(table.notna(), "-").astype(str)
     lines = [[str(name) for name in table.columns], ["---"] * len(table.columns), *texts.to_numpy().tolist()]
-    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+    return [
+        "| " + " | ".join(for_markdown(cell).replace("|", "\\|") for cell in line) + " |" for line in lines
+    ]
 
 
 def measured(table: DataFrame) -> DataFrame:
@@ -216,16 +220,16 @@ def write(
     about += filter(None, [*notes, *views(table), *runs_apart(table), effort(table), errors(table)])
     lost = not_measured(table, apart)
     measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
-    text = [f"# {experiment.title}", "", finding, "", f"{measured_on}.", ""]
+    text = [f"# {experiment.title}", "", for_markdown(finding), "", for_markdown(f"{measured_on}."), ""]
     for heading, body in shown.items():
-        text += [f"## {heading}", "", *markdown(body), ""]
-    text += [f"{line}\n" for line in about]
-    text += ["Not measured:", "", *(f"- {line}" for line in lost), ""] if lost else []
+        text += [f"## {for_markdown(heading)}", "", *markdown(body), ""]
+    text += [for_markdown(f"{line}\n") for line in about]
+    text += ["Not measured:", "", *(for_markdown(f"- {line}") for line in lost), ""] if lost else []
     path, kept = folder / f"{name}.md", sorted(folder.glob("*.png"))
     # Pictures of an earlier drawing stay, because the files that they were drawn from may have been removed.
     drawn = [file.name for file in pictures if file.suffix in (".svg", ".png")]
     drawn += [file.name for file in kept if file.name.startswith((name, "gallery"))]
-    text += [f"![{Path(file).stem}]({file})" for file in dict.fromkeys(drawn)]
+    text += [f"![{Path(file).stem}]({quote(file)})" for file in dict.fromkeys(drawn)]
     path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
     if not quiet:
         console = make_console()

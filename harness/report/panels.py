@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 DASHES = ("-", "--", ":", "-.")
-CUT = {"marker": "$//$", "color": "black", "ms": 6, "mew": 0.3, "ls": "none"}
-"""The mark at the end of a bar that is cut off."""
 WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are shown as shares of it"
 """The text below stacked bars."""
 GREY = "#555555"
@@ -68,6 +66,15 @@ def sheet(
         with Image.open(path) as whole:
             picture = np.asarray(whole.convert("RGB"))
         path.write_bytes(png_bytes(picture, colours or 256, inks=inks))
+
+
+def cut_mark() -> dict[str, Any]:
+    """The mark at the end of a bar that is cut off: two strokes."""
+    from matplotlib.path import Path as Outline
+
+    ends = [(-0.75, -1.0), (0.0, 1.0), (0.0, -1.0), (0.75, 1.0)]
+    strokes = Outline(ends, [Outline.MOVETO, Outline.LINETO] * 2)
+    return {"marker": strokes, "color": "black", "ms": 5, "mew": 0.7, "ls": "none"}
 
 
 @contextmanager
@@ -196,7 +203,7 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
         if known and end <= limit:
             axes.errorbar(row["total_ms"], place, xerr=row["iqr_ms"] / 2, c="black", elinewidth=0.6)
         elif known:
-            axes.plot([limit], [place], **CUT, label="bar cut off")
+            axes.plot([limit], [place], **cut_mark(), label="bar cut off")
         axes.annotate(row["text"], (min(end, limit) if known else 0, place), (3 + 2 * (end > limit), 0),
                       textcoords="offset points", va="center", size=5.5, style="normal" if known else "italic",
                       color="#B00000" if style.WRONG in row["text"] else "black")  # fmt: skip

@@ -77,6 +77,7 @@ SHEET = {
     **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 6.5),
     **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False), "axes.axisbelow": True, "axes.linewidth": 0.6,
     "grid.color": "#dddddd", "grid.linewidth": 0.5, "lines.linewidth": 1.1, "lines.markersize": 3.5,
+    "text.parse_math": False,  # a name with two dollar signs is no formula
     "svg.fonttype": "none", "svg.hashsalt": "shadowbench", "font.family": "DejaVu Sans",
 }  # fmt: skip
 """Matplotlib settings for figures that are read at column width."""

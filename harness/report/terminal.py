@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..texts import visible, visible_lines
 from .style import WRONG
 
 if TYPE_CHECKING:
@@ -28,12 +29,21 @@ MARKS = {"**": "bold green", "*": "dim"}
 """Emphasis of a whole cell in Markdown, and its style in a terminal."""
 
 
-def make_console() -> Console:
-    """A console that prints text as it is."""
+def plain_console(**options: Any) -> Console:
+    """A console that prints text as it is, with control characters as numbers (:mod:`..texts`)."""
     from rich.console import Console
 
+    class Plain(Console):
+        def render_str(self, text: str, **how: Any) -> Text:  # type: ignore[override]
+            return super().render_str(visible_lines(text), **how)
+
+    return Plain(highlight=False, markup=False, **options)
+
+
+def make_console() -> Console:
+    """The console that reports are printed on."""
     wide = None if sys.stdout.isatty() or "COLUMNS" in os.environ else PIPE_WIDTH
-    return Console(highlight=False, markup=False, width=wide)
+    return plain_console(width=wide)
 
 
 def print_table(body: DataFrame, heading: str = "", console: Console | None = None) -> None:
@@ -80,7 +90,7 @@ def styled(cell: str) -> Text:
     """A cell as a terminal shows it: emphasis of the whole cell in its style, a cell with wrong answers in red."""
     from rich.text import Text
 
-    cell = cell.replace(r"\*", "*")
+    cell = visible(cell).replace(r"\*", "*")
     if marked := re.fullmatch(r"(\*{1,2})(.+)\1", cell):
         return Text(marked[2], style=MARKS[marked[1]])
     return Text(cell, style="red" if WRONG in cell else "")

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator
 from statistics import fmean, median
 from typing import TypeVar
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from ..report.terminal import plain_console
 from ..results.record import Record
+from ..texts import visible
 
 QUIET_S = 10.0
 """Without a bar, a step is reported if it is of a new kind, or if nothing was printed for this many seconds."""
@@ -68,7 +69,7 @@ class Bar(Silent):
     """Prints a bar on a terminal, else a line per kind of step; in both cases a line per record."""
 
     def __init__(self) -> None:
-        self.console = Console(stderr=True)
+        self.console = plain_console(stderr=True)
         columns = (
             TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TaskProgressColumn(),
             TimeElapsedColumn(), TextColumn("{task.fields[left]}", markup=False),
@@ -94,7 +95,7 @@ class Bar(Silent):
 
     def doing(self, what: str, who: str = "") -> None:
         text = f"{what} ({who})" if who else what
-        self.bar.update(self.task, description=text[:60], left=self._left())
+        self.bar.update(self.task, description=visible(text)[:60], left=self._left())
         if not self.console.is_terminal and (what != self.last or time.monotonic() - self.said > QUIET_S):
             self._line(text)
         self.last = what

@@ -75,6 +75,10 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
 @contextmanager
 def _opened(archive: Path) -> Iterator:
     """The members of an archive in order, and a function that opens one of them."""
+    if not (zipfile.is_zipfile(archive) or tarfile.is_tarfile(archive)):
+        raise UserError(
+            f"{archive}: no archive but {_beginning(archive)}; the server may have sent a page instead"
+        )
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as packed:
             infos = [info for info in packed.infolist() if not info.is_dir()]
@@ -90,3 +94,9 @@ def _opened(archive: Path) -> Iterator:
             return found
 
         yield (Member(info.name, info.isfile(), info) for info in tape if not info.isdir()), read
+
+
+def _beginning(path: Path) -> str:
+    """The first bytes of a file, as text."""
+    with path.open("rb") as stream:
+        return repr(stream.read(40).decode("utf-8", errors="replace"))

@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import UserError, did_you_mean, install, warn
+from ..texts import visible
 from .declaration import SUFFIX, declared_scene
 from .names import BUNNY, NAMES, scene_names
 from .readers import usd
@@ -86,7 +87,7 @@ def resolve(
         scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, wanted, (*within, here)))
         return replace(scene, name=name_in(path))
     if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
-        return _from_files(path, name_in(path), path.name, wanted)
+        return _from_files(path, name_in(path), visible(path.name), wanted)
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
 
 
@@ -157,7 +158,7 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
         camera,
         lights,
         source=source(loaded.files, wanted),
-        notes="; ".join(loaded.notes),
+        notes=visible("; ".join(loaded.notes)),
     )
 
 
@@ -192,4 +193,4 @@ def name_in(path: Path) -> str:
 
 def _plain(stem: str) -> str:
     """A scene name made from a file name: lower case, no spaces."""
-    return re.sub(r"[^a-z0-9_.-]+", "_", stem.lower()).strip("_") or "file"
+    return re.sub(r"[^a-z0-9_.-]+", "_", stem.lower()).strip("_.") or "file"

@@ -51,6 +51,7 @@ import numpy as np
 
 from ..errors import UserError, did_you_mean
 from ..files import read_regular
+from ..texts import visible
 from .effects import OUTPUTS
 from .light_paths import Orbit
 from .moment import ray_tables
@@ -108,11 +109,13 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     except UserError as error:
         raise UserError(f"{path}: mesh: {error}") from error
     fields: dict[str, Any] = {
-        "title": _title(path, table.get("title", f"{base.title} ({path.name})")),
+        "title": _title(path, table.get("title", f"{base.title} ({visible(path.name)})")),
         "closed": _typed(path, "closed", table.get("closed", base.closed), bool),
         "facing": _typed(path, "facing", table.get("facing", base.facing), bool),
         "source": dataclasses.replace(
-            base.source, file=f"{path.name}: {base.source.file or base.name}", sha256=_hash(base, data)
+            base.source,
+            file=f"{visible(path.name)}: {base.source.file or base.name}",
+            sha256=_hash(base, data),
         ),
     }
     if "outputs" in table:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ from ..errors import UserError
 from ..files import write_atomic
 
 CHECKSUMS = "checksums.json"
-"""File in the folder of scenes with the SHA-256 of each address, recorded at its first use if none is pinned."""
+"""File in the folder of downloads with the SHA-256 of each address, recorded at its first use if none is pinned."""
 
 LARGEST = 2 << 30
 """Bytes of a download."""
@@ -58,6 +60,8 @@ class Resumed:
                 self.part.unlink()
                 raise requests.exceptions.ConnectionError("the part does not fit")
             answer.raise_for_status()
+            if url.startswith("https:") and not answer.url.startswith("https:"):
+                raise UserError(f"{url}: leads to {answer.url}, which is not encrypted; it is not fetched")
             have = have if answer.status_code == 206 else 0
             tag = answer.headers.get("ETag") or answer.headers.get("Last-Modified") or ""
             self._tag.unlink(missing_ok=True)
@@ -82,19 +86,20 @@ class Resumed:
             raise requests.exceptions.ConnectionError(error) from error
 
 
-def download(url: str, folder: Path, pinned: str | None = None) -> Path:
+@contextmanager
+def downloaded(url: str, folder: Path, pinned: str | None = None) -> Iterator[Path]:
     """The file at an address, stored in ``folder``. ``pinned``: its SHA-256; None: as recorded at first use.
 
-    Raises :class:`UserError` if the file is not available or has another checksum. A partial download is stored and
-    continued.
+    The checksum of a first use is recorded when the block has used the file without an error; otherwise the file is
+    removed, since it may be a page that says what went wrong at the server. Raises :class:`UserError` if the file is not
+    available or has another checksum. A partial download is stored and continued.
     """
     import pooch
     import requests
 
     pooch.get_logger().setLevel("ERROR")  # it announces every download with its checksum
     name = url.rpartition("/")[2]
-    known = recorded(folder)
-    expected = pinned or known.get(url)
+    expected = pinned or recorded(folder).get(url)
     try:
         path = pooch.retrieve(
             url,
@@ -110,9 +115,14 @@ def download(url: str, folder: Path, pinned: str | None = None) -> Path:
         raise UserError(
             f"{url}: its checksum is not {expected}; it has changed or was altered on its way, and is not used"
         ) from error
+    try:
+        yield Path(path)
+    except UserError:
+        if expected is None:
+            Path(path).unlink(missing_ok=True)
+        raise
     if expected is None:
-        write_atomic(folder / CHECKSUMS, {**known, url: pooch.file_hash(path)})
-    return Path(path)
+        write_atomic(folder / CHECKSUMS, {**recorded(folder), url: pooch.file_hash(path)})
 
 
 def recorded(folder: Path) -> dict[str, str]:

@@ -13,7 +13,7 @@ from shadowbench.harness.commands import scenes as command
 from shadowbench.harness.commands.scenes import SOURCES, Source, scenes
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import archives, catalogue
-from shadowbench.harness.scene.download import recorded
+from shadowbench.harness.scene.download import downloaded, recorded
 from shadowbench.harness.scene.names import scene_names
 
 
@@ -109,6 +109,18 @@ def test_a_wrong_checksum_is_refused(serve, tmp_path, pinned):
     assert [path.name for path in (tmp_path / "archives").iterdir() if path.suffix != ".json"] == []
 
 
+def taped(name, text):
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:gz") as tape:
+        member = tarfile.TarInfo(name)
+        member.size = len(text)
+        tape.addfile(member, io.BytesIO(text.encode()))
+    return buffer.getvalue()
+
+
+packed_tar = taped("a/sibenik.obj", TETRAHEDRON * 500)
+
+
 def linked():
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:gz") as tape:
@@ -129,7 +141,8 @@ def linked():
         (zipped({"a/sibenik.obj": TETRAHEDRON, "b/sibenik.obj": TETRAHEDRON}), "holds two files"),
         (zipped({"other.obj": TETRAHEDRON}), "has no file"),
         (zipped({"sibenik.obj": "no mesh"}), "sibenik.obj"),
-        (WHOLE[:-30], "damaged"),
+        (WHOLE[:-30], "no archive but"),
+        (packed_tar[: len(packed_tar) // 2], "damaged"),
         (linked(), "a link or no file"),
     ],
 )
@@ -143,6 +156,46 @@ def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, cont
     assert "\n" not in str(refused.value)
     assert [path.name for path in folder.iterdir()] == ["archives"]
     assert [path.name for path in tmp_path.rglob("*.obj")] == []
+
+
+PAGE = b"<html><head><title>Service unavailable</title></head></html>"
+
+
+def test_an_error_page_is_not_taken_for_the_archive_and_pins_nothing(serve, tmp_path):
+    """A server may send one with the status of a success."""
+    serve(PAGE)
+    with pytest.raises(UserError, match="no archive but '<html>") as refused:
+        scenes("fetch", ["sibenik"], tmp_path)
+    assert "\n" not in str(refused.value)
+    assert recorded(tmp_path / "archives") == {}
+    serve(WHOLE)
+    assert scenes("fetch", ["sibenik"], tmp_path) == 0
+    assert list(recorded(tmp_path / "archives").values()) == [hashlib.sha256(WHOLE).hexdigest()]
+
+
+def test_an_archive_without_the_mesh_pins_nothing(serve, tmp_path):
+    for content in (zipped({"a/readme.txt": "x"}), zipped({"a/sibenik.obj": "no mesh"}), WHOLE[:-30]):
+        serve(content)
+        with pytest.raises(UserError):
+            scenes("fetch", ["sibenik"], tmp_path)
+        assert recorded(tmp_path / "archives") == {}
+        assert list((tmp_path / "archives").iterdir()) == []
+
+
+def test_an_encrypted_address_must_not_lead_to_another(tmp_path, monkeypatch):
+    import requests
+
+    class Answer:
+        status_code, url, headers = 200, "http://elsewhere.example/a.zip", {}
+        __enter__ = lambda self: self  # noqa: E731
+        __exit__ = raise_for_status = lambda self, *_: None
+
+    monkeypatch.setattr(requests, "get", lambda *_, **__: Answer())
+    with (
+        pytest.raises(UserError, match="which is not encrypted"),
+        downloaded("https://archive.example/a.zip", tmp_path),
+    ):
+        raise AssertionError
 
 
 def test_frames_stand_in_the_order_of_their_numbers(serve, tmp_path):

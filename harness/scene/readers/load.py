@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...errors import UserError, did_you_mean
 from ...files import open_regular
+from ...texts import visible
 from ..scene import Source
 from .checks import ALL, Loaded, Mesh, Wanted
 from .glb import read_glb
@@ -86,7 +87,7 @@ def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:
         with open_regular(path) as stream:
             while block := stream.read(1 << 20):
                 digest.update(block)
-    first, last = files[0].name, files[-1].name
+    first, last = visible(files[0].name), visible(files[-1].name)
     return Source(
         "file",
         first if len(files) == 1 else f"{first}..{last} ({len(files)} files)",

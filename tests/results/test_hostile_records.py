@@ -1,0 +1,227 @@
+"""Records that anyone may have written: read within stated limits, refused in one line, or shown harmlessly."""
+
+import json
+import lzma
+import os
+import tracemalloc
+
+import pytest
+from helpers.experiment_records import record_of, write_records
+from shadowbench.harness.commands.compare import compare
+from shadowbench.harness.commands.keep import keep
+from shadowbench.harness.commands.listing import listing
+from shadowbench.harness.commands.report import report
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame import registry
+from shadowbench.harness.results import schema
+from shadowbench.harness.results.folder import read_environment
+from shadowbench.harness.results.table import samples, tidy
+from shadowbench.harness.results.throttled import disturbances
+from shadowbench.harness.runner.experiment import Entry
+
+ODD = "a\x1b[31m<b>x</b> $\\foo$ & $ \udc80 \u202e | [l](javascript:1) `c`"
+METHODS = ("ray_grids", "bvh2", "warp_bvh")
+
+
+def one() -> dict:
+    return record_of("frame_time", Entry("bvh2", {}, "tree"))
+
+
+def refused(folder) -> str:
+    with pytest.raises(UserError) as found:
+        schema.read_records(folder)
+    line = str(found.value)
+    assert "\n" not in line
+    assert len(line) < 600
+    return line
+
+
+def packed(folder, content: bytes):
+    (folder / "records").mkdir()
+    (folder / "records" / schema.ARCHIVE).write_bytes(content)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("content", "limit"),
+    [(b"x" * 3_000_000, "MOST_RECORD"), (json.dumps(one()).encode() + b"\n" * 3_000_000, "MOST_UNPACKED")],
+)
+def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, content, limit):
+    monkeypatch.setattr(schema, limit, 2_000_000)
+    monkeypatch.setattr(schema, "BLOCK", 1 << 16)
+    whole = packed(tmp_path, lzma.compress(content * 20))
+    tracemalloc.start()
+    try:
+        line = refused(whole)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+    assert "line" in line
+
+
+def test_an_archive_that_takes_too_much_memory_to_unpack_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(schema, "MOST_DICTIONARY", 1 << 20)
+    line = refused(packed(tmp_path, lzma.compress(json.dumps(one()).encode(), preset=9)))
+    assert "damaged (Memory usage limit" in line
+
+
+def test_an_archive_with_more_behind_it_is_refused(tmp_path):
+    content = lzma.compress(json.dumps(one()).encode() + b"\n")
+    assert "bytes follow its end" in refused(packed(tmp_path, content + b"x"))
+
+
+def test_a_record_that_is_too_long_or_no_file_is_refused(tmp_path, monkeypatch):
+    place = write_records(tmp_path, [one()]) / "records"
+    monkeypatch.setattr(schema, "MOST_RECORD", 100)
+    assert "longer than 100 bytes" in refused(tmp_path)
+    monkeypatch.undo()
+    os.mkfifo(place / "pipe.json")
+    assert "pipe.json: cannot be read (not a regular file)" in refused(tmp_path)
+    (place / "pipe.json").unlink()
+    (place / "zero.json").symlink_to("/dev/zero")
+    assert "zero.json: cannot be read (not a regular file)" in refused(tmp_path)
+
+
+def test_records_are_read_one_after_another(tmp_path):
+    """The memory for many is that of one and of what is made of them."""
+    long = [10.0 + i / 7 for i in range(2000)]
+    made = []
+    for number in range(30):
+        record = record_of("frame_time", Entry("bvh2", {}, f"tree {number}"))
+        frame = record["frames"][0]
+        frame.update(total_ms=long, wall_ms=long, round=[0] * 2000, stage_round=[0] * 2000)
+        frame["passes"] = [{**step, "ms": long} for step in frame["passes"]]
+        made.append(record)
+    write_records(tmp_path, made)
+    size = sum(path.stat().st_size for path in (tmp_path / "records").iterdir())
+    tidy(tmp_path)
+    tracemalloc.start()
+    try:
+        tidy(tmp_path)
+        disturbances(tmp_path)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < size / 2, "all of them would take more than their text"
+    found = samples(tmp_path)
+    assert len(found) == 30 * 2000 * 6
+    assert found.memory_usage(deep=True).sum() < 60 * len(found)
+
+
+def with_(record, **changes):
+    return {**record, **changes}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda r: with_(r, rounds=[{"run": {"a": 1}}]), "rounds[0].run is {'a': 1}, not text"),
+        (lambda r: with_(r, rounds=[{"noted": "now"}]), "rounds[0].noted is 'now', not a number"),
+        (lambda r: with_(r, rounds=[{"clock": {"gpu": [1]}}]), "rounds[0].clock.gpu is [1], not an object"),
+        (lambda r: with_(r, key="../../escape"), "key is '../../escape', not the name of a file"),
+        (lambda r: with_(r, environment="/etc/passwd"), "environment is '/etc/passwd', not the name of a file"),
+        (lambda r: with_(r, scene={**r["scene"], "name": "a/b"}), "scene.name is 'a/b', not the name of a file"),
+        (lambda r: with_(r, scene={**r["scene"], "lights": [{"x": float("nan")}]}),
+         "scene.lights[0][x] is nan, not a number"),
+        (lambda r: with_(r, method={**r["method"], "more": [1e999]}), "method.more[0] is inf, not a number"),
+        (lambda r: with_(r, method={**r["method"], "settings": {"k": float("nan")}}),
+         "method.settings[k] is nan, not a number"),
+        (lambda r: with_(r, scene={**r["scene"], "triangles": 10**30}), f"scene.triangles is {10**30}: more than"),
+        (lambda r: with_(r, point={**r["point"], "width": 10**6}), "point.width is 1000000: more than 99999"),
+        (lambda r: with_(r, scene={**r["scene"], "lighting": {"label": []}}), "scene.lighting.label is [], not text"),
+        (lambda r: with_(r, scene={**r["scene"], "source": {"kind": 3}}), "scene.source.kind is 3, not text"),
+        (lambda r: with_(r, schema="\x1b[31m" * 100), "schema \\x1b[31m"),
+    ],
+)  # fmt: skip
+def test_an_odd_value_is_refused_by_its_field(tmp_path, change, said):
+    record = change(one())
+    (tmp_path / "records").mkdir()
+    (tmp_path / "records" / "k.json").write_text(json.dumps(record))
+    assert said in refused(tmp_path)
+
+
+def odd_folder(place):
+    """Records with odd texts wherever there may be a text, and lists and objects in free fields."""
+    made = []
+    for method in METHODS:
+        for scene in ("cloth", "fairy"):
+            for status in ("ok", "failed"):
+                record = record_of("frame_time", Entry(method, {}, method + status), scene, status=status)
+                record["key"] = f"{method}-{scene}-{status}"
+                record["reason"] = ODD * (status != "ok")
+                record["scene"] |= {"title": scene + ODD, "view": ODD, "notes": ODD, "stand_in": ODD,
+                                    "lighting": {"label": "", "target": [1, 2], "more": {ODD: [1]}}}  # fmt: skip
+                record["method"] |= {"title": ODD, "known_inexact": ODD, "device_name": ODD, ODD: [ODD],
+                                     "settings": {"k": [1, {ODD: 2}]}, "built": {ODD: {"a": [ODD]}}}  # fmt: skip
+                made.append(record)
+    write_records(place, made)
+    (place / "environments").mkdir()
+    (place / "environments" / "e.json").write_text(json.dumps({"cpu": {"model": ODD}, "gpus": [], ODD: ODD}))
+    return place
+
+
+def test_odd_texts_are_shown_harmlessly(tmp_path, capfd):
+    place = odd_folder(tmp_path / "run")
+    for path in show("frame_time", place):
+        assert path.is_file()
+    assert keep([place], tmp_path / "kept") == 0
+    assert report(place, tmp_path / "report.html") == 0
+    assert compare(place, tmp_path / "kept", allow=["driver"]) == 0
+    said = "".join(capfd.readouterr())
+    assert r"\x1b[31m<b>" in said
+    written = said + "".join(
+        path.read_bytes().decode("utf-8")  # without halves of characters
+        for path in tmp_path.rglob("*")
+        if path.suffix in (".md", ".csv", ".svg", ".html")
+    )
+    assert "\x1b" not in written.replace("\x1b[3m", "").replace("\x1b[0m", "")
+    assert "\u202e" not in written
+    text = (place / "frame_time.md").read_text()
+    assert "<b>" not in text
+    assert "](javascript" not in text
+    assert "<b>x</b> $" not in (tmp_path / "report.html").read_text().split("<script")[0]
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        '{"cpu": "x"}',
+        '{"gpus": 3}',
+        '{"gpus": [1]}',
+        '{"cuda": []}',
+        "[]",
+        "nonsense",
+        '{"a": NaN}',
+        "[" * 10_000,
+    ],
+)
+def test_odd_facts_of_an_environment_are_left_out(tmp_path, capsys, facts):
+    place = write_records(tmp_path, [one()])
+    (place / "environments").mkdir()
+    path = place / "environments" / "e.json"
+    path.write_text(facts)
+    assert read_environment(place, "e") is None
+    assert f"{path}: not the facts of an environment" in capsys.readouterr().err
+    show("frame_time", place, quiet=True)
+    assert read_environment(place, "none") is None
+
+
+@pytest.mark.parametrize("error", [RuntimeError("broken\x1b"), SystemExit(3), ImportError("no module")])
+def test_a_package_that_fails_on_import_hides_no_record_and_no_method(tmp_path, monkeypatch, error):
+    class Point:
+        value = "broken:Method"
+
+        def load(self):
+            raise error
+
+    monkeypatch.setattr(registry, "_entry_points", lambda: {"broken": Point()})
+    registry.current_name.cache_clear()
+    record = one()
+    record["method"]["name"] = "of_another"
+    assert schema.read_records(write_records(tmp_path, [record]))[0].method["name"] == "of_another"
+    (row,) = [row for row in listing("methods") if row["name"] == "broken"]
+    assert "cannot be imported" in row["title"]
+    with pytest.raises(UserError, match="correct that package"):
+        registry.method_class("broken")
+    registry.current_name.cache_clear()
