@@ -64,7 +64,10 @@ def test_what_is_not_moved_stays_as_it_is_stored(tmp_path):
             [1],
         ),
         (
-            'def Xform "G" {\n' + moved_by(10) + mesh("A", moved_by(1)) + mesh("B", moved_by(2).replace('["', '["!resetXformStack!", "'))
+            'def Xform "G" {\n'
+            + moved_by(10)
+            + mesh("A", moved_by(1))
+            + mesh("B", moved_by(2).replace('["', '["!resetXformStack!", "'))
             + "}\n",
             [11, 2],
         ),

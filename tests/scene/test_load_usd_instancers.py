@@ -21,7 +21,13 @@ def instancer(
 """
 
 
+def with_line(text: str, line: str) -> str:
+    """The text with one more line in its first prim."""
+    return text.replace("{\n", f"{{\n    {line}\n", 1)
+
+
 ROW = "[(10, 0, 0), (20, 0, 0), (30, 0, 0)]"
+AGAIN = instancer("</B>", "[0]", "[(0, 0, 0)]", name="C")
 FIELD = instancer("</Field/Proto>", "[0, 0, 0]", ROW, inside=mesh("Proto"))
 
 
@@ -63,17 +69,14 @@ def test_a_prototype_inside_is_drawn_once_for_each_instance(tmp_path):
             ),
             [12, 13, 20, 32, 33],
         ),
-        (FIELD.replace("def Mesh", "def Mesh", 1).replace("    rel", "    int64[] invisibleIds = [1]\n    rel", 1), [10, 30]),
-        (FIELD.replace('"Field"', '"Field" (\n    prepend int64[] inactiveIds = [0]\n)'.replace("prepend int64[] ", "")), [20, 30]),
-        (
-            FIELD.replace("    rel", "    int64[] ids = [7, 8, 9]\n    int64[] invisibleIds = [9, 1]\n    rel", 1),
-            [10, 20],
-        ),
-        (FIELD.replace("    rel", '    token visibility = "invisible"\n    rel', 1) + mesh("M"), [0]),
-        (FIELD.replace("    rel", moved_by(100) + "    rel", 1), [110, 120, 130]),
+        (with_line(FIELD, "int64[] invisibleIds = [1]"), [10, 30]),
+        (FIELD.replace('"Field"', '"Field" (\n    inactiveIds = [0]\n)'), [20, 30]),
+        (with_line(FIELD, "int64[] ids = [7, 8, 9]\n    int64[] invisibleIds = [9, 1]"), [10, 20]),
+        (with_line(FIELD, 'token visibility = "invisible"') + mesh("M"), [0]),
+        (with_line(FIELD, moved_by(100)), [110, 120, 130]),
         (instancer("</Field/P>", "[]", "[]", inside=mesh("P")) + mesh("M"), [0]),
         # purpose is inherited by the prototypes
-        (FIELD.replace("    rel", '    uniform token purpose = "proxy"\n    rel', 1) + mesh("M"), [0]),
+        (with_line(FIELD, 'uniform token purpose = "proxy"') + mesh("M"), [0]),
     ],
 )  # fmt: skip
 def test_what_instancers_draw(tmp_path, text, places):
@@ -81,7 +84,8 @@ def test_what_instancers_draw(tmp_path, text, places):
 
 
 def test_orientations_and_scales(tmp_path):
-    more = "    quath[] orientations = [(0.70710678, 0, 0, 0.70710678), (1, 0, 0, 0)]\n    float3[] scales = [(2, 1, 1), (1, 1, 3)]\n"
+    more = "    quath[] orientations = [(0.70710678, 0, 0, 0.70710678), (1, 0, 0, 0)]\n"
+    more += "    float3[] scales = [(2, 1, 1), (1, 1, 3)]\n"
     text = instancer("</Field/P>", "[0, 0]", "[(10, 0, 0), (0, 0, 5)]", more, mesh("P"))
     loaded = load(written(tmp_path, "a.usda", HEAD + text))
     expected = [[10, 0, 0], [10, 2, 0], [9, 0, 0], [0, 0, 5], [1, 0, 5], [0, 1, 5]]
@@ -151,14 +155,14 @@ def test_generated_instancers_have_the_bounds_of_the_library(tmp_path, seed):
         (FIELD.replace("[0, 0, 0]\n", "[0, 1, 0]\n", 1), "names prototype 1, but there are 1"),
         (FIELD.replace("[0, 0, 0]\n", "[0, -1, 0]\n", 1), "names prototype -1"),
         (FIELD.replace("[0, 0, 0]\n", "[0, 0]\n", 1), "2 instances, but 3 positions"),
-        (FIELD.replace("    rel", "    float3[] scales = [(1, 1, 1)]\n    rel", 1), "3 instances, but 1 scales"),
-        (FIELD.replace("    rel", "    quath[] orientations = [(1, 0, 0, 0)]\n    rel", 1), "1 orientations"),
-        (FIELD.replace("    rel", "    int64[] ids = [1, 2]\n    rel", 1), "3 instances, but 2 ids"),
+        (with_line(FIELD, "float3[] scales = [(1, 1, 1)]"), "3 instances, but 1 scales"),
+        (with_line(FIELD, "quath[] orientations = [(1, 0, 0, 0)]"), "1 orientations"),
+        (with_line(FIELD, "int64[] ids = [1, 2]"), "3 instances, but 2 ids"),
         (FIELD.replace(f"    point3f[] positions = {ROW}\n", ""), "3 instances have no positions"),
         (instancer("</Field>", "[0]", "[(0, 0, 0)]"), "/Field: instances itself"),
         (
-            instancer("</B/P>", "[0]", "[(0, 0, 0)]", inside='def Xform "Q" {\n}\n', name="A")
-            + instancer("</A>", "[0]", "[(0, 0, 0)]", inside='def Xform "P" {\n' + instancer("</B>", "[0]", "[(0, 0, 0)]", name="C") + "}\n", name="B"),
+            instancer("</B/P>", "[0]", "[(0, 0, 0)]", name="A")
+            + instancer("</A>", "[0]", "[(0, 0, 0)]", inside=f'def Xform "P" {{\n{AGAIN}}}\n', name="B"),
             "instances itself",
         ),
     ],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.mesh_files import refused
-from helpers.usd_stages import bounds, mesh, moved_by, needs_usd, HEAD
+from helpers.usd_stages import HEAD, needs_usd
 from shadowbench.harness.scene.readers.load import load
 
 pytestmark = needs_usd
@@ -115,13 +115,13 @@ def test_skinned_instances_and_prototypes(tmp_path):
     text = HEAD.replace(")\n", "    startTimeCode = 0\n    endTimeCode = 4\n)\n")
     for x, meta in ((0, ""), (10, "instanceable = true\n")):
         text += f'def "X{x}" ({meta}    references = @figure.usda@</Root>) {{\n}}\n'
-    text += f"""def PointInstancer "Field" {{
+    text += """def PointInstancer "Field" {
     rel prototypes = </Field/P>
     int[] protoIndices = [0, 0]
     point3f[] positions = [(20, 0, 0), (30, 0, 0)]
-    def "P" (references = @figure.usda@</Root>) {{
-    }}
-}}
+    def "P" (references = @figure.usda@</Root>) {
+    }
+}
 """
     (tmp_path / "all.usda").write_text(text)
     alone, loaded = load(tmp_path / "figure.usda"), load(tmp_path / "all.usda")

@@ -181,9 +181,9 @@ def test_a_mesh_whose_points_are_blocked_at_a_time_is_not_there(tmp_path):
 
 @pytest.mark.parametrize("frame", [0, 3, 6])
 def test_every_frame_has_the_bounds_of_the_library(tmp_path, frame):
-    turn = f"""    matrix4d xformOp:transform.timeSamples = {{
+    turn = """    matrix4d xformOp:transform.timeSamples = {
         -1: ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1, 2, 3, 1)),
-        5: ((0, 2, 0, 0), (-2, 0, 0, 0), (0, 0, 1, 0), (7, 2, 9, 1)) }}
+        5: ((0, 2, 0, 0), (-2, 0, 0, 0), (0, 0, 1, 0), (7, 2, 9, 1)) }
     uniform token[] xformOpOrder = ["xformOp:transform"]
 """
     loaded = read(tmp_path, f'def Xform "X" {{\n{turn}def Cube "C" {{\n{RAMP}}}\n}}\n' + SLIDING)
