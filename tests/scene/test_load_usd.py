@@ -1,0 +1,189 @@
+"""USD at one time: what is drawn is read where it stands, and nothing else; the rest is refused or named."""
+
+import numpy as np
+import pytest
+from helpers.mesh_files import refused, written
+from helpers.usd_stages import HEAD, POINTS, TRIANGLE, bounds, mesh, moved_by, needs_usd
+from shadowbench.harness.scene.readers.checks import Wanted
+from shadowbench.harness.scene.readers.load import load
+
+pytestmark = needs_usd
+
+
+def read(tmp_path, text, **wanted):
+    return load(written(tmp_path, "a.usda", HEAD + text), Wanted(**wanted))
+
+
+def lefts(loaded) -> list[float]:
+    """The least x of each triangle, in order."""
+    return loaded.frames[0][loaded.faces][..., 0].min(axis=1).tolist()
+
+
+SAMPLED = moved_by(0).replace("= (0, 0.0, 0.0)", ".timeSamples = { 1: (5, 0, 0) }")
+
+
+@pytest.mark.parametrize("start", ["", "startTimeCode = 1\n endTimeCode = 1\n"])
+def test_transforms_that_have_only_samples(tmp_path, start):
+    text = HEAD.replace(")\n", start + ")\n") + mesh("Left") + mesh("Right", SAMPLED)
+    loaded = load(written(tmp_path, "a.usda", text))
+    assert bounds(loaded) == [[0, 0, 0], [6, 1, 0]]
+    assert len(loaded.frames) == 1
+
+
+def test_points_at_the_earliest_sample_where_the_file_names_no_start(tmp_path):
+    points = POINTS.replace("points =", "points.timeSamples = { 3:").replace("\n", " }\n")
+    loaded = read(tmp_path, mesh("A", points=points) + mesh("B", SAMPLED))
+    assert bounds(loaded) == [[0, 0, 0], [6, 1, 0]]
+    assert loaded.frames[0].dtype == np.float64
+
+
+def test_what_is_not_moved_stays_as_it_is_stored(tmp_path):
+    loaded = read(tmp_path, mesh("A") + mesh("B"))
+    assert loaded.frames[0].dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("text", "places"),
+    [
+        (mesh("A", kind="over") + mesh("B", moved_by(2)), [2]),
+        (mesh("A", kind="class") + mesh("B", moved_by(2)), [2]),
+        (mesh("A", meta="(active = false)") + mesh("B", moved_by(2)), [2]),
+        (mesh("A", '    token visibility = "invisible"\n') + mesh("B", moved_by(2)), [2]),
+        ('def Scope "S" {\n    token visibility = "invisible"\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [2]),
+        ('def Material "M" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [2]),
+        ('def "Untyped" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [0, 2]),
+        ('def Unheard "Of" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [0, 2]),
+        (mesh("A", '    uniform token purpose = "guide"\n') + mesh("B", moved_by(2)), [2]),
+        (mesh("A", '    uniform token purpose = "proxy"\n') + mesh("B", moved_by(2)), [2]),
+        (mesh("A", '    uniform token purpose = "render"\n') + mesh("B", moved_by(2)), [0, 2]),
+        (
+            'def Xform "G" {\n    uniform token purpose = "guide"\n'
+            + mesh("A")
+            + mesh("C", '    uniform token purpose = "default"\n' + moved_by(1))
+            + "}\n",
+            [1],
+        ),
+        (
+            'def Xform "G" {\n'
+            + moved_by(10)
+            + mesh("A", moved_by(1))
+            + mesh("B", moved_by(2).replace('["', '["!resetXformStack!", "'))
+            + "}\n",
+            [11, 2],
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_drawn(tmp_path, text, places):
+    assert lefts(read(tmp_path, text)) == places
+
+
+def test_instances_of_the_scene_graph_nested(tmp_path):
+    text = f"""class "Leaf" {{
+{mesh("M", moved_by(1))}}}
+class Xform "Branch" {{
+def Xform "A" (instanceable = true
+ references = </Leaf>) {{
+{moved_by(10)}}}
+def Xform "B" (instanceable = true
+ references = </Leaf>) {{
+{moved_by(20)}}}
+}}
+def Xform "X" (instanceable = true
+ references = </Branch>) {{
+{moved_by(100)}}}
+def Xform "Y" (instanceable = true
+ references = </Branch>) {{
+{moved_by(200)}}}
+"""
+    assert lefts(read(tmp_path, text)) == [111, 121, 211, 221]
+
+
+def test_concave_polygons_are_cut_and_holes_left_out(tmp_path):
+    text = """def Mesh "M" {
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [5, 3, 3]
+    int[] faceVertexIndices = [0, 1, 2, 3, 4, 0, 1, 2, 0, 1, 3]
+    int[] holeIndices = [1]
+    point3f[] points = [(4, 4, 0), (-4, 4, 0), (-4, -4, 0), (4, -4, 0), (1, 1, 0)]
+}
+"""
+    loaded = read(tmp_path, text)
+    corners = loaded.frames[0][loaded.faces[:3]].astype(float)
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    assert (areas > 0).all()
+    assert areas.sum() == 64.0 - 12.0
+    assert loaded.faces[3].tolist() == [0, 1, 3]
+    assert len(loaded.faces) == 4
+
+
+def test_notes_say_what_is_left_out_or_approximated(tmp_path):
+    text = (
+        HEAD.replace("(\n", "(\n    metersPerUnit = 0.01\n")
+        + f"""def Mesh "Cage" {{
+{TRIANGLE.replace("none", "catmullClark")}{POINTS}}}
+def Cube "Box" {{
+}}
+def BasisCurves "Hair" {{
+}}
+def Points "Dust" {{
+}}
+def Volume "Smoke" {{
+}}
+def Unheard "Of" {{
+}}
+def Scope "Looks" {{
+def Material "Red" {{
+}}
+}}
+{mesh("Hidden", '    token visibility = "invisible"' + chr(10))}
+{mesh("Guide", '    uniform token purpose = "guide"' + chr(10))}
+def SphereLight "Sun" {{
+}}
+def DomeLight "Sky" {{
+}}
+"""
+    )
+    loaded = load(written(tmp_path, "a.usda", text))
+    assert loaded.notes == (
+        "lights not offered: 1 (DomeLight)",
+        "lights with an extent read as points: 1",
+        "tessellated gprims: 1 (32 segments around, 16 from pole to pole)",
+        "subdivision surfaces read as their cages: 1",
+        "left out: 1 BasisCurves, 1 Points, 1 Unheard, 1 Volume",
+        "left out: 1 invisible, 1 of purpose guide or proxy",
+        "materials not read: 1",
+        "lengths in units of 0.01 m",
+    )
+
+
+def test_a_plain_mesh_has_no_notes(tmp_path):
+    assert read(tmp_path, mesh("A")).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (mesh("A", points=""), "/A: a face names vertex 2, but there are 0"),
+        (mesh("A").replace("[0, 1, 2]", "[0, 1, -2]"), "vertex -2"),
+        (mesh("A").replace("[3]", "[2]"), "face 0 has 2 vertices"),
+        (mesh("A").replace("[3]", "[-1]"), "face 0 has -1 vertices"),
+        (mesh("A").replace("[3]", "[3, 3]"), "6 corners are declared, but there are 3"),
+        ('def BasisCurves "B" {\n}\n', "no visible mesh (1 BasisCurves left out)"),
+        ('def Xform "X" {\n', "a.usda:"),
+    ],
+)
+def test_stages_that_contradict_themselves(tmp_path, text, word):
+    refused(written(tmp_path, "a.usda", HEAD + text), word)
+
+
+def test_too_many_prims_are_refused(tmp_path, monkeypatch):
+    from shadowbench.harness.scene.readers.usd import prims
+
+    monkeypatch.setattr(prims, "MOST_PRIMS", 3)
+    refused(written(tmp_path, "a.usda", HEAD + "".join(map(mesh, "ABCD"))), "more than 3 prims")
+
+
+def test_deep_prims_inherit_along_the_way(tmp_path):
+    depth = 300
+    text = "".join(f'def Xform "X{i}" {{\n{moved_by(1)}' for i in range(depth)) + mesh("M") + "}\n" * depth
+    assert lefts(read(tmp_path, text)) == [depth]

@@ -1,0 +1,191 @@
+"""USD over time: every frame has the triangles that the stage has at its time code."""
+
+import numpy as np
+import pytest
+from helpers.mesh_files import refused, written
+from helpers.usd_stages import HEAD, POINTS, bounds, bounds_of_library, mesh, moved_by, needs_usd
+from shadowbench.harness.scene.readers.checks import Wanted
+from shadowbench.harness.scene.readers.load import load
+
+pytestmark = needs_usd
+
+
+def stage(text: str, start=None, end=None, second=None, rate=None) -> str:
+    values = {
+        "startTimeCode": start,
+        "endTimeCode": end,
+        "timeCodesPerSecond": second,
+        "framesPerSecond": rate,
+    }
+    given = "".join(f"    {name} = {value}\n" for name, value in values.items() if value is not None)
+    return HEAD.replace(")\n", given + ")\n") + text
+
+
+def read(tmp_path, text: str, *wanted, **said):
+    return load(written(tmp_path, "a.usda", stage(text, **said)), Wanted(*wanted))
+
+
+def lefts(loaded) -> list[float]:
+    """The least x of all triangles, at each frame."""
+    return [bounds(loaded, k)[0][0] for k in range(len(loaded.frames))]
+
+
+RAMP = moved_by(0).replace("= (0, 0.0, 0.0)", ".timeSamples = { 1: (10, 0, 0), 5: (50, 0, 0) }")
+SLIDING = mesh("A", RAMP)
+
+
+def test_points_over_time(tmp_path):
+    """The two ends and the middle; linear in between."""
+    points = "point3f[] points.timeSamples = {1: [(0,0,0),(1,0,0),(0,1,0)], 3: [(0,0,2),(1,0,2),(0,1,2)]}\n"
+    loaded = read(tmp_path, mesh("M", points=points), start=1, end=3)
+    assert [bounds(loaded, k)[0][2] for k in range(3)] == [0, 1, 2]
+    assert loaded.rate == 24
+    assert loaded.faces.tolist() == [[0, 1, 2]]
+    assert loaded.frames[0].dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("said", "wanted", "places", "rate", "note"),
+    [
+        ({}, (), [10, 20, 30, 40, 50], 24, ""),
+        ({"start": 2, "end": 4}, (), [20, 30, 40], 24, "samples at 2 time codes outside 2 to 4 not read"),
+        ({"start": 0, "end": 2}, (), [10, 10, 20], 24, "samples at 1 time codes outside 0 to 2 not read"),
+        ({"start": 3}, (), [30, 40, 50], 24, "samples at 1 time codes outside 3 to 5 not read"),
+        ({"start": 4, "end": 1}, (), [40], None, ""),
+        ({"second": 48}, (), [10, 20, 30, 40, 50], 48, ""),
+        ({"second": 24, "rate": 48}, (), [10, 15, 20, 25, 30, 35, 40, 45, 50], 48, ""),
+        ({"second": 24, "rate": 8}, (), [10, 40], 8, "samples at 1 time codes between frames not read"),
+        ({}, (None, False, 6.0), [10, 50], 6, ""),
+        ({}, ((1, 3, 2),), [20, 40], 12, ""),
+        ({}, ((2, 2, 1),), [30], None, ""),
+        ({}, ((3, None, 1),), [40, 50], 24, ""),
+    ],
+)
+def test_frames_and_rate(tmp_path, said, wanted, places, rate, note):
+    loaded = read(tmp_path, SLIDING, *wanted, **said)
+    assert np.allclose(lefts(loaded), places)
+    assert loaded.rate == rate
+    assert loaded.notes == ((note,) if note else ())
+
+
+@pytest.mark.parametrize("frames", [(0, 5, 1), (7, None, 1)])
+def test_frames_that_are_not_there_are_refused(tmp_path, frames):
+    with pytest.raises(Exception, match="has frames 0 to 4"):
+        read(tmp_path, SLIDING, frames)
+
+
+@pytest.mark.parametrize(
+    ("said", "word"),
+    [({"end": 1e18}, "has too many frames"), ({"end": 9, "second": 1, "rate": 1e9}, "has too many frames")],
+)
+def test_animations_that_never_end(tmp_path, said, word):
+    refused(written(tmp_path, "a.usda", stage(SLIDING, **said)), word)
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf"])
+def test_ends_that_are_no_numbers_are_those_of_the_samples(tmp_path, word):
+    assert np.allclose(lefts(read(tmp_path, SLIDING, start=word, end=word)), [10, 20, 30, 40, 50])
+
+
+def test_more_positions_than_the_limit(tmp_path, monkeypatch):
+    from shadowbench.harness.scene.readers import usd
+
+    monkeypatch.setattr(usd, "MOST_POSITIONS", 10)
+    refused(written(tmp_path, "a.usda", stage(SLIDING)), "its first 4 frames have 12 vertices", "--frames")
+
+
+def test_transforms_of_all_prims_above_move_what_is_below(tmp_path):
+    arm = RAMP.replace("10, 0, 0", "0, 0, 10").replace("50, 0, 0", "0, 0, 50")
+    loaded = read(tmp_path, f'def Xform "Arm" {{\n{arm}{SLIDING}}}\n{mesh("Still")}')
+    assert bounds(loaded, 4) == [[0, 0, 0], [51, 1, 50]]
+    assert np.array_equal(loaded.frames[4][:3] - loaded.frames[0][:3], [[40, 0, 40]] * 3)
+    assert np.array_equal(loaded.frames[4][3:], loaded.frames[0][3:])
+
+
+def test_what_is_visible_at_some_times_vanishes_and_appears(tmp_path):
+    blinks = '    token visibility.timeSamples = { 1: "inherited", 2: "invisible", 3: "inherited" }\n'
+    text = f'def Scope "S" {{\n{blinks}{mesh("A", moved_by(5))}}}\n{mesh("B")}'
+    loaded = read(tmp_path, text)
+    assert [bounds(loaded, k)[1][0] for k in range(3)] == [6, 1, 6]
+    assert len(loaded.faces) == 2
+    assert loaded.notes == ("not in all frames: /S/A",)
+    first = read(tmp_path, text, (1, 2, 1))
+    assert [bounds(first, k)[1][0] for k in range(2)] == [1, 6]
+
+
+def test_topology_that_changes_is_padded(tmp_path):
+    text = """def Mesh "Fluid" {
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts.timeSamples = { 1: [3], 2: [3, 3], 3: [4] }
+    int[] faceVertexIndices.timeSamples = { 1: [0, 1, 2], 2: [0, 1, 2, 3, 4, 5], 3: [0, 1, 2, 3] }
+    point3f[] points.timeSamples = {
+        1: [(0, 0, 0), (1, 0, 0), (0, 1, 0)],
+        2: [(0, 0, 0), (1, 0, 0), (0, 1, 0), (7, 0, 0), (8, 0, 0), (7, 1, 0)],
+        3: [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)],
+    }
+}
+"""
+    loaded = read(tmp_path, text + mesh("B", moved_by(-5)))
+    there = [int(np.isfinite(frame[loaded.faces]).all(axis=(1, 2)).sum()) for frame in loaded.frames]
+    assert there == [2, 3, 3]
+    assert [bounds(loaded, k)[1] for k in range(3)] == [[1, 1, 0], [8, 1, 0], [2, 2, 0]]
+    assert loaded.notes == ("topology changes, so that padded triangles vanish and appear: /Fluid",)
+
+
+def test_sizes_of_gprims_over_time_keep_their_topology(tmp_path):
+    loaded = read(tmp_path, 'def Sphere "S" {\n    double radius.timeSamples = { 0: 1, 2: 3 }\n}\n')
+    assert np.allclose([bounds(loaded, k)[1] for k in range(3)], [[1] * 3, [2] * 3, [3] * 3])
+    assert len(loaded.faces) == 960
+    assert "topology" not in " ".join(loaded.notes)
+
+
+def test_instancers_over_time(tmp_path):
+    text = f"""def PointInstancer "Field" {{
+    rel prototypes = </Field/P>
+    int[] protoIndices = [0, 0]
+    point3f[] positions.timeSamples = {{ 0: [(10, 0, 0), (20, 0, 0)], 2: [(30, 0, 0), (40, 0, 0)] }}
+{mesh("P")}}}
+"""
+    loaded = read(tmp_path, text)
+    places = [frame[loaded.faces][:, 0, 0].tolist() for frame in loaded.frames]
+    assert places == [[10, 20], [20, 30], [30, 40]]
+    moving = text.replace(mesh("P"), SLIDING.replace('"A"', '"P"'))
+    assert lefts(read(tmp_path, moving, start=1, end=2)) == pytest.approx([30, 50])
+    fewer = text.replace("protoIndices = [0, 0]", "protoIndices.timeSamples = { 0: [0, 0], 2: [0] }")
+    fewer = fewer.replace("(30, 0, 0), (40, 0, 0)", "(30, 0, 0)")
+    loaded = read(tmp_path, fewer)
+    places = [frame[loaded.faces][:, 0, 0] for frame in loaded.frames]
+    assert [place[np.isfinite(place)].tolist() for place in places] == [[10, 20], [10, 20], [30]]
+    assert loaded.notes == ("topology changes, so that padded triangles vanish and appear: /Field",)
+
+
+def test_an_animation_that_changes_nothing_is_one_frame(tmp_path):
+    still = RAMP.replace("50, 0, 0", "10, 0, 0")
+    loaded = read(tmp_path, mesh("A", still))
+    assert len(loaded.frames) == 1
+    assert loaded.rate is None
+    assert loaded.notes == ("5 frames are alike: read as one",)
+
+
+def test_hidden_prims_that_move_make_no_frames(tmp_path):
+    loaded = read(tmp_path, mesh("A", RAMP + '    token visibility = "invisible"\n') + mesh("B"))
+    assert len(loaded.frames) == 1
+    assert bounds(loaded) == [[0, 0, 0], [1, 1, 0]]
+
+
+def test_a_mesh_whose_points_are_blocked_at_a_time_is_not_there(tmp_path):
+    points = POINTS.replace("points =", "points.timeSamples = { 1: None, 2:").replace("\n", " }\n")
+    loaded = read(tmp_path, mesh("A", points=points) + mesh("B", moved_by(-2)))
+    assert [bounds(loaded, k)[1][0] for k in range(2)] == [-1, 1]
+
+
+@pytest.mark.parametrize("frame", [0, 3, 6])
+def test_every_frame_has_the_bounds_of_the_library(tmp_path, frame):
+    turn = """    matrix4d xformOp:transform.timeSamples = {
+        -1: ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1, 2, 3, 1)),
+        5: ((0, 2, 0, 0), (-2, 0, 0, 0), (0, 0, 1, 0), (7, 2, 9, 1)) }
+    uniform token[] xformOpOrder = ["xformOp:transform"]
+"""
+    loaded = read(tmp_path, f'def Xform "X" {{\n{turn}def Cube "C" {{\n{RAMP}}}\n}}\n' + SLIDING)
+    assert len(loaded.frames) == 7
+    assert np.allclose(bounds(loaded, frame), bounds_of_library(tmp_path / "a.usda", frame - 1.0))
