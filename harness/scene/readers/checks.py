@@ -183,7 +183,9 @@ def is_file(path: Path) -> bool:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The contents of a file. Raises :class:`UserError` if it is missing, no regular file, unreadable or a Git LFS pointer."""
+    """The contents of a file. Raises :class:`UserError` if it is missing, not a regular file, unreadable, or a pointer of
+    Git LFS.
+    """
     try:
         blob = read_regular(path)
     except FileNotFoundError:
