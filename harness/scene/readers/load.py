@@ -11,7 +11,7 @@ from ...errors import UserError, did_you_mean
 from ...files import open_regular
 from ..scene import Source
 from .checks import ALL, Loaded, Mesh, Wanted
-from .glb import read_glb
+from .gltf.read import read_gltf
 from .obj import read_obj
 from .ply import read_ply
 from .sequences import load_frames, load_npz, numbered
@@ -21,7 +21,8 @@ from .usd import read_usd
 READERS: dict[str, Callable[[Path, Wanted], Mesh]] = {
     ".ply": read_ply,
     ".obj": read_obj,
-    ".glb": read_glb,
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
     ".stl": read_stl,
     ".usd": read_usd,
     ".usda": read_usd,
