@@ -20,8 +20,8 @@ from .names import BUNNY, NAMES, scene_names
 from .readers import usd
 from .readers.apart import load, load_sequence
 from .readers.checks import ALL, Loaded, Wanted, exists, is_file, within_range
-from .readers.load import SUFFIXES, source
-from .readers.sequences import numbered
+from .readers.load import READERS, SUFFIXES, source
+from .readers.sequences import is_pattern, matching, numbered, plain_name
 from .scene import Camera, Light, Scene
 from .standins import balls
 from .views import Shape, inside, outside, shape_of, view
@@ -56,7 +56,8 @@ def resolve(
     wanted: Wanted = ALL,
     within: tuple[Path, ...] = (),
 ) -> Scene:
-    """The scene of a catalogue name, a mesh file, a folder of numbered frames, or a file that declares one (TOML).
+    """The scene of a catalogue name, a mesh file, a folder of numbered frames, a pattern of their names, or a file
+    that declares one (TOML).
 
     A name such as ``balls-300k`` is a scene of that many triangles (:mod:`.scene.standins.balls`). An original replaces
     its stand-in if ``scene_dir``, or the folder in the environment variable SHADOWBENCH_SCENES, has a file of its name.
@@ -86,6 +87,8 @@ def resolve(
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
         scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, wanted, (*within, here)))
         return replace(scene, name=name_in(path))
+    if is_pattern(text):
+        return _from_files(matching(text, READERS), _plain(plain_name(text)), visible(path.name), wanted)
     if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         return _from_files(path, name_in(path), visible(path.name), wanted)
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
@@ -128,7 +131,7 @@ def original(name: str, scene_dir: str | Path | None = None) -> Path | list[Path
         raise UserError(f"{where}: cannot be read ({error.strerror}); check its permissions") from error
     named = [entries[name + suffix] for suffix in SUFFIXES if name + suffix in entries]
     files = [entry for entry in named if is_file(entry)]
-    frames = [] if files else numbered(where, name)
+    frames = [] if files else numbered(where, READERS, name)
     entry = entries.get(name)
     found: list[Path | list[Path]] = [*files, *([frames] if frames else [])]
     found += [entry] if entry is not None and entry.is_dir() else []

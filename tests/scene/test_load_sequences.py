@@ -7,7 +7,40 @@ import pytest
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.scene.readers.load import load, source
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.prepared import prepare
+from shadowbench.harness.scene.readers import load as loading
+from shadowbench.harness.scene.readers import usd
+from shadowbench.harness.scene.readers.checks import Mesh, Wanted
+from shadowbench.harness.scene.readers.load import load, load_sequence, source
+from shadowbench.harness.scene.scene import Camera, Scene
+
+
+def usda(points=files.QUAD, faces=files.FACES) -> bytes:
+    """A stage with one mesh."""
+    corners = ", ".join(str(tuple(map(float, point))) for point in points)
+    return f"""#usda 1.0
+def Mesh "mesh" {{
+    point3f[] points = [{corners}]
+    int[] faceVertexCounts = {[3] * len(faces)}
+    int[] faceVertexIndices = {[i for face in faces for i in face]}
+}}
+""".encode()
+
+
+def glb(points=files.QUAD, faces=files.FACES) -> bytes:
+    """A GLB with the mesh once."""
+    return files.glb(points, faces, lambda head: head["scenes"][0].update(nodes=[0]))
+
+
+WRITERS = {
+    ".ply": files.ply_binary,
+    ".obj": files.obj,
+    ".stl": files.stl_binary,
+    ".glb": glb,
+    **({".usda": usda} if usd.available() else {}),
+}
+"""A file of positions and faces in each format."""
 
 
 def npz(path, **arrays) -> Path:
@@ -58,10 +91,116 @@ def test_numbered_frames_of_a_folder(tmp_path):
     assert source(loaded.files).file == "wave_1.ply..wave_10.ply (3 files)"
 
 
-def test_frames_must_have_the_same_connectivity(tmp_path):
-    written(tmp_path, "wave_1.ply", files.ply_binary())
-    written(tmp_path, "wave_2.ply", files.ply_binary(polygons=[*files.FACES[1:], files.FACES[0]]))
-    with pytest.raises(UserError, match=r"wave_2\.ply.*wave_1\.ply; all frames of a sequence need"):
+MORE = [*files.FACES, (2, 3, 4)]
+PAD = "the connectivity changes: 3 to 5 triangles, which vanish and appear"
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_triangles_vanish_and_appear_where_the_connectivity_changes(tmp_path, suffix):
+    own = [files.FACES, MORE, files.FACES[1:]]
+    for number, faces in enumerate(own):
+        written(tmp_path, f"wave_{number}{suffix}", WRITERS[suffix](files.QUAD + number, faces))
+    loaded = load(tmp_path)
+    assert PAD in loaded.notes
+    scene = Scene("t", "T", loaded.geometry, Camera((0, 0, 5), (0, 0, 0)), ())
+    prepared = prepare(scene)
+    assert prepared.triangle_count == 5
+    for number, faces in enumerate(own):
+        points, valid = prepared.points(number)
+        assert valid.tolist() == [1] * len(faces) + [0] * (5 - len(faces))
+        expected = (files.QUAD + number)[np.array(faces)]
+        assert np.array_equal(points[prepared.faces[: len(faces)]], expected)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_sequence_of_any_format_has_one_mesh(tmp_path, suffix):
+    for number in range(3):
+        written(tmp_path, f"wave_{number:03}{suffix}", WRITERS[suffix](files.QUAD + number))
+    alone = load(tmp_path / f"wave_000{suffix}")
+    loaded = load(tmp_path, Wanted(rate=12.0))
+    assert np.array_equal(loaded.faces, alone.faces)
+    assert [float(frame[0, 0] - alone.frames[0][0, 0]) for frame in loaded.frames] == [0, 1, 2]
+    assert (loaded.rate, loaded.up, loaded.notes) == (12.0, alone.up, alone.notes)
+
+
+def test_an_animated_file_of_a_sequence_gives_its_first_frame(tmp_path, monkeypatch):
+    mesh = load(written(tmp_path, "a.ply", files.ply_binary()))
+
+    def read(path, wanted):
+        assert wanted.frames == (0, 0, 1)
+        beside = (path.with_suffix(".bin"), tmp_path / "shared.bin")
+        return Mesh(mesh.frames[0], mesh.faces, rate=24.0, files=beside, notes=("a skin left out",))
+
+    monkeypatch.setitem(loading.READERS, ".glb", read)
+    for number in range(3):
+        written(tmp_path, f"w_{number}.glb", b"")
+    loaded = load_sequence(sorted(tmp_path.glob("*.glb")), Wanted((0, None, 2)))
+    assert len(loaded.frames) == 2
+    assert [path.name for path in loaded.files] == ["w_0.glb", "w_2.glb", "w_0.bin", "shared.bin", "w_2.bin"]
+    assert loaded.notes == ("a skin left out",)
+
+
+@pytest.fixture
+def frames(tmp_path):
+    """Frames 7 to 12 among other files; the first coordinate of each is its number."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number in range(7, 13):
+        written(folder, f"{number:04}.ply", files.ply_binary(files.QUAD + number))
+        written(folder, f"low_{number}.ply", files.ply_binary(files.QUAD + 10 * number))
+    written(folder, "notes.txt", b"")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("pattern", "name", "numbers"),
+    [
+        ("%04d.ply", "frames", range(7, 13)),
+        ("%d.ply", "frames", range(7, 13)),
+        ("0*.ply", "0", range(7, 13)),
+        ("???[0-9].ply", None, ()),
+        ("????.ply", "frames", range(7, 13)),
+        ("low_%d.ply", "low", range(70, 130, 10)),
+        ("low_*.ply", "low", range(70, 130, 10)),
+        ("low_%02d.ply", "low", range(100, 130, 10)),
+        ("low_%03d.ply", None, ()),
+    ],
+)
+def test_a_pattern_stands_for_the_files_of_a_sequence(frames, pattern, name, numbers):
+    if not numbers:
+        with pytest.raises(UserError, match="no file matches"):
+            resolve(frames / pattern)
+        return
+    scene = resolve(frames / pattern, None, Wanted((1, None, 1)))
+    assert scene.name == name
+    geometry = scene.geometry()
+    assert [float(geometry.positions(k)[0, 0]) for k in range(geometry.frame_count)] == list(numbers)[1:]
+
+
+def test_a_pattern_in_the_current_folder_and_one_of_several_formats(frames, monkeypatch):
+    monkeypatch.chdir(frames)
+    assert resolve("%04d.ply").name == "frames"
+    assert resolve("low_*.ply").name == "low"
+    written(frames, "low_9.obj", files.obj())
+    with pytest.raises(UserError, match=r"matches \.obj and \.ply files; give a pattern of one format"):
+        resolve("low_*")
+    with pytest.raises(UserError, match=r"matches \.txt files"):
+        resolve("*.txt")
+    written(frames, "star*.ply", files.ply_binary())
+    assert resolve("star*.ply").geometry().frame_count == 1
+
+
+def test_numbers_that_are_missing_are_noted(frames):
+    assert resolve(frames / "%04d.ply").notes == ""
+    (frames / "0009.ply").unlink()
+    notes = resolve(frames / "%04d.ply").notes
+    assert notes == "the numbers of its files are not evenly spaced: 8 is followed by 10"
+
+
+def test_two_files_of_one_number_are_refused(tmp_path):
+    for name in ("wave_1.ply", "wave_01.ply"):
+        written(tmp_path, name, files.ply_binary())
+    with pytest.raises(UserError, match=r"wave_01\.ply and wave_1\.ply have one number"):
         load(tmp_path)
 
 

@@ -91,9 +91,14 @@ def test_every_reader_is_asked(tmp_path, monkeypatch):
     path, seen = written(tmp_path, "a.glb", b""), []
     mesh = loading.READERS[".ply"](written(tmp_path, "a.ply", files.ply_binary()), Wanted())
     monkeypatch.setitem(loading.READERS, ".glb", lambda path, wanted: seen.append(wanted) or mesh)
-    scene = ChosenView(wanted=ASKED).resolved(path)
+    assert np.array_equal(load(path, ASKED).faces, mesh.faces)
     assert seen == [ASKED]
+
+
+def test_what_is_asked_stands_in_the_source(tmp_path):
+    scene = ChosenView(wanted=ASKED).resolved(waves(tmp_path / "waves"))
     assert scene.source.asked == {"frames": "2:8:3", "allow_missing": True, "rate": 12.5}
+    assert not ChosenView().resolved(tmp_path / "waves").source.asked
 
 
 @pytest.mark.parametrize("name", ["cloth", "balls-300k"])

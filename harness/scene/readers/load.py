@@ -12,7 +12,7 @@ from ...files import open_regular
 from ...texts import visible
 from ..scene import Source
 from .checks import ALL, Loaded, Mesh, Wanted
-from .glb import read_glb
+from .gltf.read import read_gltf
 from .obj import read_obj
 from .ply import read_ply
 from .sequences import load_frames, load_npz, numbered
@@ -22,7 +22,8 @@ from .usd import read_usd
 READERS: dict[str, Callable[[Path, Wanted], Mesh]] = {
     ".ply": read_ply,
     ".obj": read_obj,
-    ".glb": read_glb,
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
     ".stl": read_stl,
     ".usd": read_usd,
     ".usda": read_usd,
@@ -45,10 +46,11 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
     """
     path = Path(path)
     if path.is_dir():
-        frames = numbered(path)
+        frames = numbered(path, READERS)
         if not frames:
+            kinds = ", ".join(READERS)
             raise UserError(
-                f"{path}: this folder has no numbered .ply or .obj frames; give a file or a folder that has them"
+                f"{path}: this folder has no numbered frames ({kinds}); give a file, or a folder of them"
             )
         return load_sequence(frames, wanted)
     suffix = path.suffix.lower()
@@ -77,7 +79,7 @@ def load_sequence(paths: list[Path], wanted: Wanted = ALL) -> Loaded:
     """Numbered frames, all of one format, in the order given; of these the ``wanted`` ones. Each file gives one frame."""
     chosen = wanted.chosen(paths[0].parent, len(paths))
     read, first = READERS[paths[0].suffix.lower()], replace(wanted, frames=(0, 0, 1))
-    return load_frames([paths[k] for k in chosen], lambda path: read(path, first))
+    return load_frames([paths[k] for k in chosen], lambda path: read(path, first), wanted.rate)
 
 
 def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:

@@ -1,54 +1,132 @@
-"""Animations from files: numbered frames with the same connectivity, and ``.npz`` archives."""
+"""Animations from files: a sequence with one frame in each, and ``.npz`` archives."""
 
 from __future__ import annotations
 
+import glob
+import itertools
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.lib import format as npy
 
 from ...errors import UserError
-from .checks import ALL, Loaded, Mesh, Wanted, broken, checked, guarded
+from .checks import ALL, Loaded, Mesh, Wanted, broken, checked, exists, guarded, is_file
+from .topology import fixed_topology
 
-FRAME_SUFFIXES = (".ply", ".obj")
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
+_PLACE = re.compile(r"%0?(\d*)d|\*|\?")
+"""What stands for a number or for other letters in the name of a sequence."""
+
 _NPZ_GROWTH, _NPZ_FLOOR = 16, 1 << 26
 """An archive may unpack to this many times its size, or to this many bytes, whichever is more; this stops zip bombs."""
 
 
-def numbered(folder: Path, name: str | None = None) -> list[Path]:
+def is_pattern(text: str) -> bool:
+    """Whether a name stands for several files: ``frames/%04d.ply``, ``frames/*.ply``."""
+    return _PLACE.search(text) is not None and not exists(Path(text))
+
+
+def plain_name(pattern: str) -> str:
+    """What a pattern is called: its file name without what stands for numbers, else its folder."""
+    path = Path(pattern)
+    return _PLACE.sub("", path.stem).strip(" _.-") or _PLACE.sub("", path.absolute().parent.name)
+
+
+def matching(pattern: str, suffixes: Iterable[str]) -> list[Path]:
+    """The files that a pattern stands for, in the order of the numbers in their names.
+
+    ``%d`` is a number, ``%04d`` one of at least 4 digits, ``*`` any letters of a name and ``?`` one. Raises
+    :class:`UserError` if there are none, or if they have several formats or one that is not among ``suffixes``.
+    """
+    rule, shape, at = "", "", 0
+    for place in _PLACE.finditer(pattern):
+        between = pattern[at : place.start()]
+        letters = {"*": "[^/]*", "?": "[^/]"}.get(place[0], rf"\d{{{int(place[1] or 1)},}}")
+        rule, shape, at = rule + re.escape(between) + letters, shape + glob.escape(between) + "*", place.end()
+    rule, shape = rule + re.escape(pattern[at:]), shape + glob.escape(pattern[at:])
+    found = [Path(name) for name in glob.glob(shape) if re.fullmatch(rule, name)]
+    files = sorted((path for path in found if is_file(path)), key=_natural)
+    if not files:
+        raise UserError(f"{pattern}: no file matches; check the path")
+    kinds = sorted({path.suffix.lower() for path in files})
+    if len(kinds) > 1 or kinds[0] not in suffixes:
+        formats = " and ".join(kinds)
+        raise UserError(f"{pattern}: matches {formats} files; give a pattern of one format that can be read")
+    return files
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """A key that sorts names by the numbers in them."""
+    words = re.findall(r"\d+|\D+", path.as_posix())
+    return [(int(word), "") if word[0].isdigit() else (-1, word) for word in words]
+
+
+def numbered(folder: Path, suffixes: Iterable[str], name: str | None = None) -> list[Path]:
     """The files ``name_001.ply name_002.ply ...`` of a folder, in the order of their numbers; may be empty.
 
-    ``name`` None accepts any prefix. Raises :class:`UserError` if the folder has several prefixes or formats.
+    ``name`` None accepts any prefix. Raises :class:`UserError` if the folder has several prefixes or formats, or two files
+    of one number.
     """
+    known = set(suffixes)
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
     for entry in sorted(folder.iterdir()):
         match = _NUMBERED.match(entry.stem)
         suffix = entry.suffix.lower()
-        if not match or suffix not in FRAME_SUFFIXES or not entry.is_file():
+        if not match or suffix not in known or not entry.is_file():
             continue
         if name is None or match[1].lower() == name.lower():
             groups.setdefault((match[1].lower(), suffix), []).append((int(match[2]), entry))
     if len(groups) > 1:
         found = ", ".join(f"{prefix}*{suffix}" for prefix, suffix in sorted(groups))
         raise UserError(f"{folder}: several numbered sequences ({found}); leave one of them in the folder")
-    return [path for _, path in sorted(next(iter(groups.values())))] if groups else []
+    files = sorted(next(iter(groups.values()))) if groups else []
+    for (one, first), (other, second) in itertools.pairwise(files):
+        if one == other:
+            raise UserError(f"{folder}: {first.name} and {second.name} have one number; remove one of them")
+    return [path for _, path in files]
 
 
-def load_frames(paths: list[Path], read: Callable[[Path], Mesh]) -> Loaded:
-    """One frame per file. Raises :class:`UserError` if the connectivity of a file differs from that of the first."""
-    first = read(paths[0])
-    frames = [first.points]
-    for path in paths[1:]:
-        mesh = read(path)
-        if mesh.points.shape != first.points.shape or not np.array_equal(mesh.faces, first.faces):
-            problem = f"its faces or its number of vertices differ from those of {paths[0].name}"
-            raise broken(path, problem, "all frames of a sequence need the same connectivity")
-        frames.append(mesh.points)
-    return Loaded(first.faces, tuple(frames), tuple(paths), first.up)
+def load_frames(paths: list[Path], read: Callable[[Path], Mesh], rate: float | None = None) -> Loaded:
+    """One frame per file. Where the connectivity changes, each triangle has vertices of its own, and those that a frame
+    has not have NaN positions (:mod:`.topology`); a note says so.
+    """
+    meshes = [read(path) for path in paths]
+    fixed = fixed_topology([[(mesh.points, mesh.faces)] for mesh in meshes])
+    notes = [note for mesh in meshes for note in mesh.notes]
+    if fixed.padded:
+        counts = [len(mesh.faces) for mesh in meshes]
+        notes.append(
+            f"the connectivity changes: {min(counts):,} to {max(counts):,} triangles, which vanish and appear"
+        )
+    notes += _uneven(paths)
+    first = meshes[0]
+    files = dict.fromkeys([*paths, *(file for mesh in meshes for file in mesh.files)])
+    return Loaded(
+        fixed.faces,
+        fixed.frames,
+        tuple(files),
+        first.up,
+        rate,
+        tuple(dict.fromkeys(notes)),
+        first.cameras,
+        first.lights,
+    )
+
+
+def _uneven(paths: Sequence[Path]) -> list[str]:
+    """A note if numbers are missing from the names of a sequence."""
+    found = [re.findall(r"\d+", path.stem) for path in paths]
+    if not all(found):
+        return []
+    numbers = [int(words[-1]) for words in found]
+    steps = [after - before for before, after in itertools.pairwise(numbers)]
+    if not steps or min(steps) == max(steps):
+        return []
+    at = steps.index(max(steps))
+    return [f"the numbers of its files are not evenly spaced: {numbers[at]} is followed by {numbers[at + 1]}"]
 
 
 def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
@@ -79,7 +157,8 @@ def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
         raise broken(path, "V has no frames")
     mesh = checked(path, stack[0], faces)
     frames = np.ascontiguousarray(stack, dtype=mesh.points.dtype)
-    return Loaded(mesh.faces, tuple(frames[k] for k in wanted.chosen(path, len(frames))), (path,), None)
+    chosen = wanted.chosen(path, len(frames))
+    return Loaded(mesh.faces, tuple(frames[k] for k in chosen), (path,), rate=wanted.rate)
 
 
 def _check_archive(path: Path) -> None:

@@ -1,0 +1,107 @@
+"""Where the vertices of a glTF mesh are: displaced by morph targets, then moved by their node or bent by a skin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .accessors import Accessors
+from .document import Document, Floats
+from .extensions import refuse_unknown
+from .nodes import Matrices, Tree
+from .primitives import Vertices
+
+_BLOCK = 1 << 16
+"""Vertices that are bent at a time."""
+
+_SUM = 1e-2
+"""Weights of joints that differ by more from 1 in sum are noted: such vertices are drawn towards the origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """The joints that bend a mesh: their places in the tree, and the transforms of a mesh to each of them."""
+
+    joints: NDArray[np.int64]
+    inverse: Matrices
+
+    @staticmethod
+    def of(document: Document, accessors: Accessors, tree: Tree, index: Any, where: str) -> Skin:
+        """A skin by its index."""
+        entry, name = document.get("skins", index, where), f"skin {index}"
+        refuse_unknown(document, entry, name)
+        nodes = document.items(entry, "joints", name)
+        if not nodes:
+            raise document.error(f"{name} has no joints")
+        for node in nodes:
+            if type(node) is not int or node not in tree.place:
+                raise document.error(f"{name}: its joint {node!r} is no node of the scene")
+        joints = np.array([tree.place[node] for node in nodes], dtype=np.int64)
+        inverse = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
+        if "inverseBindMatrices" in entry:
+            stored = accessors.floats(entry["inverseBindMatrices"], name, 16)
+            if len(stored) < len(joints):
+                raise document.error(f"{name} has {len(joints)} joints, but {len(stored)} matrices")
+            columns = stored[: len(joints)].astype(np.float64).reshape(-1, 4, 4)
+            inverse = columns.transpose(0, 2, 1)
+        return Skin(joints, inverse)
+
+    def matrices(self, world: Matrices) -> Matrices:
+        """The transforms of a mesh to the scene by each joint, [joint_count, 4, 4]."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return world[self.joints] @ self.inverse
+
+
+def check_influences(document: Document, skin: Skin, vertices: Vertices, name: str) -> int:
+    """The number of vertices whose weights do not add up to 1. Raises :class:`UserError` for a joint that is not there."""
+    joints, weights = vertices.joints, vertices.weights
+    wrong = (joints >= len(skin.joints)) & (weights != 0)
+    if wrong.any():
+        problem = f"{name} names joint {joints[wrong].max()}, but its skin has {len(skin.joints)}"
+        raise document.error(problem)
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = weights.sum(axis=1, dtype=np.float64)
+    return int(np.count_nonzero(~(np.abs(total - 1.0) <= _SUM)))
+
+
+def displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats:
+    """Positions [count, 3] with each target's displacement times its weight; float64 where there is one."""
+    result: Floats = vertices.positions
+    with np.errstate(over="ignore", invalid="ignore"):
+        for target, weight in zip(vertices.targets, weights, strict=False):
+            if target is not None and weight:
+                result = result + np.multiply(target, weight, dtype=np.float64)
+    return result
+
+
+def transformed(points: Floats, matrices: Matrices, result: NDArray[np.floating]) -> None:
+    """Write each transform of the points into ``result`` [matrix_count, point_count, 3].
+
+    Points that no transform moves stay as they are stored, bit for bit.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        if (matrices == np.eye(4)).all():
+            result[:] = points
+            return
+        exact = points.astype(np.float64)
+        for k in range(0, len(matrices), step := max(1, _BLOCK // max(1, len(points)))):
+            some = matrices[k : k + step]
+            result[k : k + step] = exact @ some[:, :3, :3].transpose(0, 2, 1) + some[:, None, :3, 3]
+
+
+def bent(points: Floats, vertices: Vertices, joints: Matrices, result: NDArray[np.floating]) -> None:
+    """Write the points, each moved by the weighted sum of its joints' transforms, into ``result`` [count, 3]."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(0, len(points), _BLOCK):
+            some = slice(k, k + _BLOCK)
+            weights = vertices.weights[some].astype(np.float64)
+            places = np.where(weights != 0.0, vertices.joints[some], 0)
+            sums = np.zeros((len(weights), 3, 4))
+            for i in range(weights.shape[1]):
+                sums += weights[:, i, None, None] * joints[places[:, i], :3]
+            own = points[some].astype(np.float64)
+            result[some] = np.einsum("vij,vj->vi", sums[:, :, :3], own) + sums[:, :, 3]

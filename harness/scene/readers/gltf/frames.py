@@ -1,0 +1,74 @@
+"""The vertices of a glTF scene at a time, and in the frames of its animation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .animation import Animation
+from .deformation import bent, displaced, transformed
+from .document import Floats
+from .model import Block, Model
+from .nodes import Matrices, Tree
+
+MOST_POSITIONS = 1 << 27
+"""Largest number of vertices of all frames together: 3 GiB."""
+
+
+class Frames:
+    """Positions at any time. What no animation moves is computed once.
+
+    first  the transforms of all nodes to the scene at the first time
+    """
+
+    def __init__(self, model: Model, tree: Tree, animation: Animation | None, time: float) -> None:
+        self._model, self._tree, self._animation = model, tree, animation
+        moving = set() if animation is None else animation.moving()
+        self._levels = tree.moved(moving)
+        moved = {int(place) for places in self._levels for place in places}
+        bending = set() if animation is None else animation.weights(time).keys()
+        self._moving = [
+            block
+            for block in model.blocks
+            if block.place in bending
+            or not moved.isdisjoint([block.place] if block.skin is None else block.skin.joints.tolist())
+        ]
+        self.first, weights = self._pose(time)
+        stored = animation is None and all(self._as_stored(block) for block in model.blocks)
+        self.points: Floats = np.empty((model.vertex_count, 3), np.float32 if stored else np.float64)
+        self._write(self.points, model.blocks, self.first, weights)
+
+    def at(self, time: float) -> Floats:
+        """Positions [vertex_count, 3] at a time."""
+        world, weights = self._pose(time)
+        result = self.points.copy()
+        self._write(result, self._moving, world, weights)
+        return result
+
+    def _pose(self, time: float) -> tuple[Matrices, Mapping[int, NDArray[np.float64]]]:
+        """The transforms of all nodes to the scene, and the weights of morph targets that are animated."""
+        if self._animation is None:
+            return self._tree.world, {}
+        local = self._animation.local(self._tree, time)
+        return self._tree.posed(local, self._levels), self._animation.weights(time)
+
+    def _as_stored(self, block: Block) -> bool:
+        """Whether the positions of a block are those of the file."""
+        plain = block.skin is None and not any(block.weights) and block.vertices.positions.dtype == np.float32
+        return plain and bool((block.matrices(self._tree.world) == np.eye(4)).all())
+
+    @staticmethod
+    def _write(
+        result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, NDArray[np.float64]]
+    ) -> None:
+        """Write the positions of some blocks into ``result`` [vertex_count, 3]."""
+        for block in blocks:
+            points = displaced(block.vertices, weights.get(block.place, block.weights))
+            part = result[block.start : block.start + block.count]
+            if block.skin is not None:
+                bent(points, block.vertices, block.skin.matrices(world), part)
+            else:
+                placed = part.reshape(len(block.instances), -1, 3)
+                transformed(points, block.matrices(world), placed)

@@ -1,0 +1,78 @@
+"""Reads glTF 2.0 files, ``.glb`` and ``.gltf``."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from ..checks import ALL, Mesh, Wanted, checked, guarded
+from .accessors import Accessors
+from .animation import Animation, first_animation
+from .container import Container, MissingError
+from .document import Document, counted, titled
+from .extensions import refuse_required
+from .frames import MOST_POSITIONS, Frames
+from .model import Model
+from .nodes import Tree
+from .viewpoints import cameras, lights
+
+
+def read_gltf(path: Path, wanted: Wanted = ALL) -> Mesh:
+    """All triangles of the default scene, and the wanted frames of its first animation. In glTF, y is up.
+
+    Positions are float32 if all stand as the file stores them, else float64. Raises :class:`UserError` for extensions that
+    may change what is drawn and cannot be read, for counts that exceed the file, and for files outside its folder.
+    """
+    with guarded(path, "glTF"):
+        file = Container(path)
+        document, accessors = file.document, Accessors(file)
+        refuse_required(document)
+        tree = Tree(document)
+        model = Model(file, accessors, tree, wanted.allow_missing)
+        notes = model.notes()
+        try:
+            animation = first_animation(
+                document, accessors, tree, model.carrying(), model.targets(), wanted.rate
+            )
+        except MissingError:
+            if not wanted.allow_missing:
+                raise
+            animation = None
+            notes.append("animation left out, whose data are in a missing file")
+        chosen = wanted.chosen(path, animation.count if animation else 1)
+        if len(chosen) * model.vertex_count > MOST_POSITIONS:
+            problem = f"has {len(chosen)} frames of {model.vertex_count} vertices, more than memory may hold"
+            raise document.error(problem, "choose some of them: --frames A:B:STEP")
+        times = [animation.time(k) if animation else 0.0 for k in chosen]
+        frames = Frames(model, tree, animation, times[0])
+        mesh = checked(path, frames.points, model.faces(), (0.0, 1.0, 0.0))
+        return dataclasses.replace(
+            mesh,
+            later=tuple(frames.at(time) for time in times[1:]),
+            rate=animation.rate / chosen.step if animation and len(times) > 1 else None,
+            files=tuple(file.files),
+            notes=(*notes, *_notes(document, model, animation)),
+            cameras=cameras(document, tree, frames.first),
+            lights=lights(document, tree, frames.first),
+        )
+
+
+def _notes(document: Document, model: Model, animation: Animation | None) -> list[str]:
+    """What of the file is not drawn, or drawn in another way."""
+    found = []
+    scenes, animations = document.all("scenes"), document.all("animations")
+    drawn = document.head.get("scene", 0)
+    left = [titled(scene, "scene", i) for i, scene in enumerate(scenes) if i != drawn]
+    left += [titled(entry, "animation", i) for i, entry in enumerate(animations) if i or animation is None]
+    if animation is not None:
+        found.append(f"{animation.name} at {animation.rate:.4g} frames a second")
+    if left:
+        found.append(f"{', '.join(left[:5])}{f' and {len(left) - 5} more' if len(left) > 5 else ''} left out")
+    materials = document.all("materials")
+    used = [materials[i] for i in model.materials if 0 <= i < len(materials)]
+    if used:
+        found.append(f"{counted(len(used), 'material')} left out")
+    holes = sum(entry.get("alphaMode") in ("MASK", "BLEND") for entry in used)
+    if holes:
+        found.append(f"{counted(holes, 'material')} with transparency drawn opaque")
+    return found

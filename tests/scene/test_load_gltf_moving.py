@@ -1,0 +1,375 @@
+"""glTF files that move: nodes, skins and morph targets over time, against other evaluations of the same curves."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.gltf_files import CORNERS, SQUARE, Gltf, square
+from helpers.mesh_files import refused
+from scene.test_load_gltf import bounds
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
+from shadowbench.harness.scene.readers.checks import Wanted
+from shadowbench.harness.scene.readers.gltf.animation import own_rate
+from shadowbench.harness.scene.readers.load import load
+
+TIMES = np.float32([1, 1.5, 3])
+
+
+def moved(**channels) -> Gltf:
+    made = square()
+    made.animate(**{path: (0, *curve) for path, curve in channels.items()})
+    return made
+
+
+def frame_times(loaded) -> np.ndarray:
+    return TIMES[0] + np.arange(len(loaded.frames)) / loaded.rate
+
+
+def test_a_node_that_moves(tmp_path):
+    made = moved(translation=([0, 1], [[0, 0, 0], [5, 0, 0]]))
+    loaded = load(made.write(tmp_path))
+    assert (len(loaded.frames), loaded.rate) == (25, 24.0)
+    assert bounds(loaded, 0) == ([0, 0, 0], [1, 1, 0])
+    assert bounds(loaded, 12) == ([2.5, 0, 0], [3.5, 1, 0])
+    assert bounds(loaded, 24) == ([5, 0, 0], [6, 1, 0])
+    assert loaded.notes == ("animation 0 at 24 frames a second",)
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def test_steps_stay_until_the_next_key(tmp_path):
+    values = [[0, 0, 0], [2, 0, 0], [7, 0, 0]]
+    loaded = load(moved(translation=(TIMES, values, "STEP")).write(tmp_path))
+    found = [frame[0, 0] for frame in loaded.frames]
+    assert found == [0 if t < 1.5 else 2 if t < 3 else 7 for t in frame_times(loaded)]
+
+
+def test_cubic_splines(tmp_path):
+    values = np.random.default_rng(2).normal(size=(3, 3, 3)).astype("f4")
+    loaded = load(moved(translation=(TIMES, values.reshape(-1, 3), "CUBICSPLINE")).write(tmp_path))
+    times = frame_times(loaded)
+    spline = np.empty((len(times), 3))
+    for i, (start, end) in enumerate(itertools.pairwise(TIMES)):
+        piece = CubicHermiteSpline([start, end], values[i : i + 2, 1], [values[i, 2], values[i + 1, 0]])
+        inside = (times >= start) & (times <= end)
+        spline[inside] = piece(times[inside])
+    assert np.allclose([frame[0] for frame in loaded.frames], spline)
+    assert np.allclose(loaded.frames[-1][0], values[2, 1])
+
+
+def test_rotations_take_the_shorter_way_at_constant_speed(tmp_path):
+    turns = Rotation.random(3, random_state=3)
+    stored = turns.as_quat().astype("f4") * np.float32([[1], [-1], [1]])  # q and -q are the same rotation
+    loaded = load(moved(rotation=(TIMES, stored)).write(tmp_path))
+    expected = Slerp(TIMES, turns)(np.clip(frame_times(loaded), TIMES[0], TIMES[-1]))
+    for frame, turn in zip(loaded.frames, expected, strict=True):
+        assert np.allclose(frame, turn.apply(SQUARE), atol=1e-6)
+
+
+def test_rotations_by_splines_and_integers_have_unit_length(tmp_path):
+    made = moved(
+        rotation=(
+            TIMES,
+            np.tile(np.float32([0, 0, 0, 1, 0, 0, 3, 0, 0, 0, 0, 1]), 3).reshape(-1, 4),
+            "CUBICSPLINE",
+        )
+    )
+    loaded = load(made.write(tmp_path))
+    for frame in loaded.frames:
+        assert np.allclose(np.linalg.norm(frame[1] - frame[0]), 1)
+    made = square()
+    made.animate(rotation=(0, [0, 1], np.zeros((2, 4))))
+    output = made.head["animations"][0]["samplers"][0]
+    output["output"] = made.accessor([[0, 0, 0, 127], [0, 0, 90, 90]], "i1", normalized=True)
+    last = load(made.write(tmp_path)).frames[-1]
+    assert np.allclose(last[1], [0, 1, 0])
+    assert np.allclose(np.linalg.norm(last[2]), 2**0.5)
+
+
+def test_all_parents_move_what_is_below_them(tmp_path):
+    made = Gltf()
+    above = made.node(translation=[0, 0, 1], scale=[2, 2, 2])
+    middle = made.node(above)
+    made.node(middle, mesh=made.mesh(), translation=[1, 0, 0])
+    made.node(mesh=0, translation=[100, 0, 0])
+    made.animate(
+        translation=(above, [0, 1], [[0, 0, 0], [0, 10, 0]]), scale=(middle, [0, 1], [[1, 1, 1], [3, 3, 3]])
+    )
+    loaded = load(made.write(tmp_path))
+    assert np.array_equal(loaded.frames[0][:4], 2 * (SQUARE + [1, 0, 0]))
+    assert np.array_equal(loaded.frames[-1][:4], 2 * 3 * (SQUARE + [1, 0, 0]) + [0, 10, 0])
+    assert all(np.array_equal(frame[4:], SQUARE + [100, 0, 0]) for frame in loaded.frames)
+
+
+def test_instances_move_with_their_node(tmp_path):
+    made = moved(translation=([0, 1], [[0, 0, 0], [0, 0, 4]]))
+    places = made.accessor([[0, 0, 0], [5, 0, 0]])
+    made.extend(made.head["nodes"][0], "EXT_mesh_gpu_instancing", {"attributes": {"TRANSLATION": places}})
+    assert bounds(load(made.write(tmp_path)), -1) == ([0, 0, 4], [6, 1, 4])
+
+
+def test_morph_targets_that_move(tmp_path):
+    made = square()
+    up, aside = (made.accessor(np.ones((4, 1)) * axis) for axis in np.float32([[0, 0, 1], [2, 0, 0]]))
+    made.primitive()["targets"] = [{"POSITION": up}, {"POSITION": aside}]
+    made.animate(weights=(0, [0, 1], [0, 1, 2, 0]))
+    loaded = load(made.write(tmp_path))
+    for i, frame in enumerate(loaded.frames):
+        share = i / 24
+        assert np.allclose(frame, SQUARE + [2 * (1 - share), 0, 2 * share])
+    made.head["animations"][0]["samplers"][0]["output"] = made.accessor([0, 1, 2])
+    refused(made.write(tmp_path), "3 numbers for 2 keys of the weights, not 4")
+
+
+def skinned(points=SQUARE, influences=1) -> Gltf:
+    """A square between two joints, one above the other; its own node is far away, which means nothing."""
+    rng = np.random.default_rng(4)
+    made = Gltf()
+    joints, weights = (
+        rng.integers(0, 2, (influences, len(points), 4)),
+        rng.random((influences, len(points), 4)),
+    )
+    weights = (weights / weights.sum(axis=(0, 2))[:, None]).astype("f4")
+    attributes = {}
+    for i in range(influences):
+        attributes[f"JOINTS_{i}"] = made.accessor(joints[i], "u1")
+        attributes[f"WEIGHTS_{i}"] = made.accessor(weights[i])
+    mesh = made.mesh(points, CORNERS, attributes=attributes)
+    first = made.node(translation=[0, 1, 0])
+    second = made.node(first, rotation=[0, 0, 0.6, 0.8])
+    inverse = rng.normal(size=(2, 4, 4))
+    inverse[:, 3] = [0, 0, 0, 1]
+    made.add(
+        "skins",
+        {
+            "joints": [second, first],
+            "inverseBindMatrices": made.accessor(inverse.transpose(0, 2, 1).reshape(2, 16)),
+        },
+    )
+    made.node(mesh=mesh, skin=0, translation=[1000, 0, 0], scale=[-1, 1, 1])
+    return made
+
+
+def bent_by_hand(made, points, world):
+    """The skinned positions, vertex by vertex: the sum over joints of weight * world * inverse * position."""
+
+    def values(index):
+        entry = made.head["accessors"][index]
+        view = made.head["bufferViews"][entry["bufferView"]]
+        kind = {5121: "u1", 5126: "<f4"}[entry["componentType"]]
+        blob = bytes(made.data[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+        return np.frombuffer(blob, kind).reshape(entry["count"], -1)
+
+    attributes = made.primitive()["attributes"]
+    sets = [
+        (values(attributes[f"JOINTS_{i}"]), values(attributes[f"WEIGHTS_{i}"]))
+        for i in range(9)
+        if f"JOINTS_{i}" in attributes
+    ]
+    skin = made.head["skins"][0]
+    inverse = values(skin["inverseBindMatrices"]).reshape(2, 4, 4).transpose(0, 2, 1)
+    result = np.zeros((len(points), 3))
+    for v, point in enumerate(points):
+        for joints, weights in sets:
+            for joint, weight in zip(joints[v], weights[v], strict=True):
+                matrix = world[skin["joints"][joint]] @ inverse[joint]
+                result[v] += weight * (matrix @ [*point, 1])[:3]
+    return result
+
+
+@pytest.mark.parametrize("influences", [1, 2])
+def test_skins(tmp_path, influences):
+    made = skinned(influences=influences)
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_quat([0, 0, 0.6, 0.8]).as_matrix()
+    up = np.eye(4)
+    up[1, 3] = 1
+    loaded = load(made.write(tmp_path))
+    assert np.allclose(loaded.frames[0], bent_by_hand(made, SQUARE, {0: up, 1: up @ turn}), atol=1e-6)
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    made.animate(translation=(0, [0, 1], [[0, 1, 0], [7, 1, 0]]))
+    loaded = load(made.write(tmp_path))
+    assert len(loaded.frames) == 25
+    up[0, 3] = 7
+    assert np.allclose(loaded.frames[-1], bent_by_hand(made, SQUARE, {0: up, 1: up @ turn}), atol=1e-6)
+
+
+def test_a_skin_bends_what_morph_targets_have_moved(tmp_path):
+    made = skinned()
+    made.primitive()["targets"] = [{"POSITION": made.accessor(np.ones((4, 3)))}]
+    made.head["nodes"][2]["weights"] = [0.5]
+    plain = skinned(SQUARE + np.float32(0.5))
+    assert np.allclose(
+        load(made.write(tmp_path)).frames[0], load(plain.write(tmp_path, "b.glb")).frames[0], atol=1e-6
+    )
+
+
+def test_broken_skins(tmp_path):
+    made = skinned()
+    made.head["skins"][0]["joints"].pop()
+    refused(made.write(tmp_path), "names joint 1, but its skin has 1")
+    made = skinned()
+    made.head["skins"][0]["joints"][0] = 9
+    refused(made.write(tmp_path), "its joint 9 is no node of the scene")
+    made = skinned()
+    made.head["skins"][0]["joints"] = []
+    refused(made.write(tmp_path), "has no joints")
+    made = skinned()
+    del made.primitive()["attributes"]["JOINTS_0"]
+    refused(made.write(tmp_path), "a primitive has no joints")
+    made = skinned()
+    del made.primitive()["attributes"]["WEIGHTS_0"]
+    refused(made.write(tmp_path), "joints without weights")
+    made = skinned()
+    made.head["skins"][0]["joints"] += [0]
+    refused(made.write(tmp_path), "3 joints, but 2 matrices")
+    made = skinned()
+    made.extend(made.head["nodes"][2], "EXT_mesh_gpu_instancing", {"attributes": {"TRANSLATION": 2}})
+    refused(made.write(tmp_path), "both a skin and instances")
+
+
+def test_weights_that_do_not_add_up_are_noted(tmp_path):
+    made = skinned()
+    weights = made.primitive()["attributes"]["WEIGHTS_0"]
+    made.head["accessors"][weights]["bufferView"] = made.view(np.full((4, 4), 0.3, "f4").tobytes())
+    assert load(made.write(tmp_path)).notes == ("4 vertices whose joint weights do not add up to 1",)
+
+
+def test_joints_of_a_static_mesh_mean_nothing(tmp_path):
+    made = square()
+    made.primitive()["attributes"].update(JOINTS_0=77, WEIGHTS_0=88)
+    assert np.array_equal(load(made.write(tmp_path)).frames[0], SQUARE)
+
+
+# --- frames ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("keys", "rate"),
+    [
+        ([0, 1], 24),
+        (np.arange(50) / 24, 24),
+        (np.arange(50) / 25, 25),
+        (np.float32(np.arange(5000) / 30), 30),
+        (np.arange(50) / 60, 60),
+        (np.arange(50) / 15, 30),
+        (np.arange(50) / 20, 40),
+        (np.array([0, 2, 3, 11]) / 24, 24),
+        (np.array([0, 2, 3, 11]) / 30, 30),
+        (np.arange(240) * 1001 / 24000, 24000 / 1001),
+        ([0.5, 0.5 + 1 / 24], 24),
+        ([0, 0.3333, 1], 24),
+        ([0, 1 / np.pi, 1], 30),
+        ([0, 1 / np.pi, 1.01], 31 / 1.01),
+        ([5], 30),
+    ],
+)  # fmt: skip
+def test_the_rate_of_keys(keys, rate):
+    assert own_rate(np.asarray(keys, dtype=np.float64)) == pytest.approx(rate, rel=1e-4)
+
+
+def test_chosen_frames_and_rates(tmp_path):
+    path = moved(translation=([2, 3], [[0, 0, 0], [24, 0, 0]])).write(tmp_path)
+    some = load(path, Wanted(frames=(3, 11, 4)))
+    assert [frame[0, 0] for frame in some.frames] == pytest.approx([3, 7, 11])
+    assert some.rate == 6
+    one = load(path, Wanted(frames=(12, 12, 1)))
+    assert [frame[0, 0] for frame in one.frames] == pytest.approx([12])
+    assert one.rate is None
+    slow = load(path, Wanted(rate=2.5))
+    assert [frame[0, 0] for frame in slow.frames] == pytest.approx([0, 9.6, 19.2])
+    refused_frames = Wanted(frames=(0, 25, 1))
+    with pytest.raises(Exception, match="has frames 0 to 24"):
+        load(path, refused_frames)
+
+
+def test_the_first_animation_is_read_and_the_others_are_named(tmp_path):
+    made = moved(translation=([0, 1], [[0, 0, 0], [5, 0, 0]]))
+    made.animate(translation=(0, [0, 9], [[0, 0, 0], [0, 5, 0]]))
+    made.head["animations"][0]["name"], made.head["animations"][1]["name"] = "walk", "run\nfast"
+    loaded = load(made.write(tmp_path))
+    assert bounds(loaded, -1) == ([5, 0, 0], [6, 1, 0])
+    assert loaded.notes == ("animation 'walk' at 24 frames a second", "animation 'run fast' left out")
+
+
+def test_an_animation_of_what_is_not_drawn_moves_nothing(tmp_path):
+    made = square()
+    made.node(camera=0)
+    made.add("cameras", {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}})
+    made.animate(translation=(1, [0, 1], [[0, 0, 0], [5, 0, 0]]), weights=(0, [0, 1], [0, 1]))
+    loaded = load(made.write(tmp_path))
+    assert len(loaded.frames) == 1
+    assert loaded.notes == ("animation 0 left out",)
+
+
+def test_an_animation_of_one_key_is_one_frame(tmp_path):
+    loaded = load(moved(translation=([3], [[4, 0, 0]])).write(tmp_path))
+    assert bounds(loaded) == ([4, 0, 0], [5, 1, 0])
+    assert (len(loaded.frames), loaded.rate) == (1, None)
+
+
+def pointer(made: Gltf, text: object) -> Gltf:
+    target = made.head["animations"][0]["channels"][0]["target"]
+    target.clear()
+    target["path"] = "pointer"
+    made.extend(target, "KHR_animation_pointer", {"pointer": text})
+    return made
+
+
+def test_pointers_to_what_animations_move(tmp_path):
+    def made():
+        return moved(translation=([0, 1], [[0, 0, 0], [5, 0, 0]]))
+
+    loaded = load(pointer(made(), "/nodes/0/translation").write(tmp_path))
+    assert bounds(loaded, -1) == ([5, 0, 0], [6, 1, 0])
+    loaded = load(pointer(made(), "/materials/0/emissiveFactor").write(tmp_path))
+    assert (len(loaded.frames), loaded.notes) == (1, ("animation 0 left out",))
+    hidden = "/nodes/0/extensions/KHR_node_visibility/visible"
+    refused(pointer(made(), hidden).write(tmp_path), hidden)
+    refused(pointer(made(), ["x"]).write(tmp_path), "animates")
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "how", "word"),
+    [
+        ([0, 0], [[0, 0, 0]] * 2, (), "do not increase"),
+        ([1, 0], [[0, 0, 0]] * 2, (), "do not increase"),
+        ([0, np.nan], [[0, 0, 0]] * 2, (), "do not increase"),
+        ([], np.zeros((0, 3)), (), "do not increase"),
+        ([0, 1], [[0, 0, 0]] * 3, (), "9 numbers for 2 keys of the translation, not 6"),
+        ([0, 1], [[0, 0, 0]] * 2, ("CUBICSPLINE",), "not 18"),
+        ([0, 1], [[0, 0, 0]] * 2, ("BEZIER",), "interpolation 'BEZIER'"),
+        ([0, 1], [[0, 0, 0, 1]] * 2, (), "not 3 floats"),
+        ([0, 1], [[0, 0, np.inf]] * 2, (), "not finite"),
+        ([0, 1e9], [[0, 0, 0]] * 2, (), "2.4e+10 frames"),
+    ],
+)
+def test_broken_animations(tmp_path, times, values, how, word):
+    refused(moved(translation=(times, values, *how)).write(tmp_path), "animation 0", word)
+
+
+def test_other_broken_animations(tmp_path):
+    def made():
+        return moved(translation=([0, 1], [[0, 0, 0], [5, 0, 0]]))
+
+    wrong = made()
+    wrong.head["nodes"][0]["matrix"] = np.eye(4).ravel().tolist()
+    refused(wrong.write(tmp_path), "moves node 0, which has a matrix")
+    wrong = made()
+    wrong.head["animations"][0]["channels"] *= 2
+    refused(wrong.write(tmp_path), "two channels for the translation of node 0")
+    wrong = made()
+    wrong.head["animations"][0]["channels"][0]["sampler"] = 3
+    refused(wrong.write(tmp_path), "names sampler 3")
+    wrong = made()
+    wrong.head["animations"][0]["channels"][0]["target"]["path"] = "color"
+    refused(wrong.write(tmp_path), "animates 'color'")
+
+
+def test_more_frames_than_memory_holds_are_refused(tmp_path):
+    made = Gltf()
+    made.node(mesh=made.mesh(np.zeros((100_000, 3)), CORNERS))
+    made.animate(translation=(0, [0, 60], [[0, 0, 0], [5, 0, 0]]))
+    path = made.write(tmp_path)
+    refused(path, "1441 frames of 100000 vertices", "--frames A:B:STEP")
+    assert len(load(path, Wanted(frames=(0, None, 240))).frames) == 7
