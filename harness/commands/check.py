@@ -50,6 +50,7 @@ def check(
     from ..hardcases import all_cases, find_case
     from ..hardcases.conformance import conformance
     from ..hardcases.judge import SHADOWS, judge_method, outside_of
+    from ..scene.facts import few_hits
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))
@@ -62,6 +63,7 @@ def check(
     MACHINE.share()
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
+    warning = few_hits(sum(one.hits for one in findings), sum(one.pixels for one in findings))
     statuses = [*(finding.status for finding in findings), *(one.status for one in checks)]
     passed = not any(status in ("error", "excused") for status in statuses)
     facts = {
@@ -74,6 +76,7 @@ def check(
         "true_errors": sum(finding.true_errors for finding in findings),
         "excused": sum(finding.excused for finding in findings),
         "rays": sum(finding.rays for finding in findings),
+        "warning": warning.rpartition(";")[0],
     }
     if as_json:
         report = {
@@ -133,6 +136,7 @@ def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) 
     summary += f", {count['excused']} with too many excused" if count["excused"] else ""
     summary += f", {count['outside']} outside" if count["outside"] else ""
     print_lines(console, f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")
+    print_lines(console, *filter(None, [facts["warning"]]))
     named = {name for finding in findings for name in finding.classes}
     outside = ["outside: the method declares that it cannot do this"] if bits or count["outside"] else []
     print_legend(console, (kind for kind in Verdict if kind.key in named), *outside)

@@ -24,6 +24,7 @@ from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder
 from ..scene.chosen_view import ChosenView
+from ..scene.facts import few_hits
 from .options import checked_limit
 
 RESULTS = Path("results/local")
@@ -181,6 +182,8 @@ def shown(options: Options, records: list[Record], as_json: bool) -> int:
             prefer(options.out, records)
         files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
     bad = [record for record in records if record.status in FAILURES]
+    for text in warnings_of(records):
+        warn(text)
     if as_json:
         print(json.dumps(report_json(options, records, files), indent=1))
     else:
@@ -193,6 +196,17 @@ def shown(options: Options, records: list[Record], as_json: bool) -> int:
         if bad:
             print(f"{len(bad)} of {len(records)} points failed; --retry measures them again", file=sys.stderr)
     return 1 if bad else 0
+
+
+def warnings_of(records: list[Record]) -> list[str]:
+    """A warning for each scene on which fewer than a hundredth of the rays of any method hit something."""
+    seen: dict[str, tuple[int, int]] = {}
+    for record in records:
+        frames = [frame.hits for frame in record.frames if frame.hits is not None]
+        rays = len(frames) * record.point["width"] * record.point["height"]
+        seen[record.scene["name"]] = max(seen.get(record.scene["name"], (0, 0)), (sum(frames), rays))
+    texts = ((name, few_hits(hits, rays)) for name, (hits, rays) in seen.items())
+    return [f"{name}: {text.removeprefix('warning: ')}" for name, text in texts if text]
 
 
 def newest(experiment: str) -> Path:
@@ -216,5 +230,6 @@ def report_json(options: Options, records: list[Record], files: list[Path]) -> d
         "device": options.device,
         "out": str(options.out),
         "files": [str(file) for file in files],
+        "warnings": warnings_of(records),
         "points": [{**row, "built": built[row["key"]]} for row in point_rows(records)],
     }

@@ -120,7 +120,7 @@ def _verify_scene(
     from ..judge.context import Judge
     from ..judge.score import Scored, score_answers
     from ..judge.shared_errors import share_errors
-    from ..scene.facts import never_hit
+    from ..scene.facts import few_hits, never_hit
     from ..scene.prepared import prepare
 
     prepared = prepare(described)
@@ -154,14 +154,19 @@ def _verify_scene(
         row["score"] = next(shared) if row["score"] else None
         wrong = row["score"] is not None and not row["score"].passed
         row["counts_against"] = row["status"] == "failed" or (wrong and not row["known_inexact"])
+    hits = int((judge.checked_reference.answers["triangle"] >= 0).sum())
+    valid = int(moment.valid.sum())
+    # Without a triangle that can be hit there is nothing else to say.
+    warnings = [never_hit(prepared.triangle_count, valid), few_hits(hits, judge.pixel_count) if valid else ""]
     return {
         "scene": name,
         "title": described.title,
         "stand_in": described.stand_in,
         "triangles": prepared.triangle_count,
-        "valid_triangles": int(moment.valid.sum()),
+        "valid_triangles": valid,
+        "hits": hits,
         "view": view,
-        "warning": never_hit(prepared.triangle_count, int(moment.valid.sum())),
+        "warning": "; ".join(filter(None, warnings)),
         "sha256": prepared.sha256(frame),
         "methods": rows,
     }

@@ -44,7 +44,8 @@ class Finding:
     ``status``: ok; outside (declared by the method, or not applicable); error; or excused (more answers were excused
     than :attr:`.case.HardCase.excusable` allows). ``classes`` counts answers that are not ok; ``examples`` are some of
     them, as :mod:`.judge.score` describes them. ``excused``: of ``rays`` answers, those that are wrong by rounding near
-    an edge. ``bits_outside``: wrong shadow bits of a method that declares shadows as outside.
+    an edge. ``hits``: of ``pixels`` primary rays, those that hit something. ``bits_outside``: wrong shadow bits of a
+    method that declares shadows as outside.
     """
 
     case: str
@@ -57,6 +58,8 @@ class Finding:
     examples: list[dict[str, Any]] = field(default_factory=list)
     excused: int = 0
     rays: int = 0
+    pixels: int = 0
+    hits: int = 0
     bits_outside: int = 0
 
     @property
@@ -201,7 +204,8 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
         answers, every_bit or SHADOWS not in outside
     )
     finding.excused = sum(finding.classes.get(kind.key, 0) for kind in EXCUSED)
-    finding.rays = judged.rays
+    finding.rays, finding.pixels = judged.rays, len(judged.exact["triangle"])
+    finding.hits = int((judged.exact["triangle"] >= 0).sum())
     unlike = [name for name in answers if not same_bits(answers[name], again[name])]
     if unlike:
         finding.classes["differs"] = finding.classes.get("differs", 0) + 1

@@ -157,6 +157,7 @@ class Frame:
     started      when the frame's samples began, seconds since the epoch, one per round; ``stopped_by``: what ended them
     counters     work counters by name
     score        what :mod:`.judge.score` made of the answers; None: not judged, ``unscored`` says why
+    hits         primary rays that hit something
     shadow_rays  number of shadow rays: one for each light and each pixel that needs one
     flip         mean FLIP against the reference's picture; None: not computed, ``flip_missing`` says why
     """
@@ -175,6 +176,7 @@ class Frame:
     memory_bytes: Annotated[float, 0.0] | None = None
     memory_source: str | None = field(default=None, metadata=OMITTED)
     counters: dict[str, Annotated[float, 0.0]] | None = field(default_factory=dict)
+    hits: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
     shadow_rays: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
     flip: Annotated[float, 0.0] | None = field(default=None, metadata=OMITTED)
     flip_missing: str | None = field(default=None, metadata=OMITTED)

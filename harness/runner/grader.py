@@ -68,6 +68,7 @@ class Grader:
                 answers = {name: stored[name] for name in stored.files}
             unscored = "not requested; shadowbench score DIR adds it"
             graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": unscored}
+            graded["hits"] = int(np.count_nonzero(answers["triangle"] >= 0))
             graded["shadow_rays"] = shadow_rays(answers, self.effects)
             if score:
                 graded.update(self._score(key, frame, answers, wrong_maps and frame == last))

@@ -16,6 +16,7 @@ from pathlib import Path
 from ..errors import UserError, did_you_mean, install, warn
 from ..texts import visible
 from .declaration import SUFFIX, declared_scene
+from .facts import triangles
 from .names import BUNNY, NAMES, scene_names
 from .readers import usd
 from .readers.apart import load, load_sequence
@@ -23,8 +24,9 @@ from .readers.checks import ALL, Loaded, Wanted, exists, is_file, within_range
 from .readers.load import READERS, SUFFIXES, source
 from .readers.sequences import is_pattern, matching, numbered, plain_name
 from .scene import Camera, Light, Scene
+from .shape import Shape, shape_of
 from .standins import balls
-from .views import Shape, inside, outside, shape_of, view
+from .views import inside, outside, view
 
 FOLDER_VARIABLE = "SHADOWBENCH_SCENES"
 
@@ -153,7 +155,12 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
     """A scene loaded from files, with a view chosen from its shape. Raises :class:`UserError` for a broken file."""
     loaded: Loaded = load_sequence(files, wanted) if isinstance(files, list) else load(files, wanted)
     within_range(loaded)
-    camera, lights = VIEWS.get(name, view)(shape_of(loaded))
+    shape = shape_of(loaded)
+    camera, lights = VIEWS.get(name, view)(shape)
+    notes = [
+        *loaded.notes,
+        *([f"{triangles(shape.far)} too far from the others for the automatic view"] if shape.far else []),
+    ]
     return Scene(
         name,
         title,
@@ -161,7 +168,7 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
         camera,
         lights,
         source=source(loaded.files, wanted),
-        notes=visible("; ".join(loaded.notes)),
+        notes=visible("; ".join(notes)),
     )
 
 

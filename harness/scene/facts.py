@@ -12,6 +12,9 @@ from .effects import Effects
 from .moment import Moment
 from .prepared import Prepared
 
+FEW = 0.01
+"""Share of the rays that must hit something for a check to mean much."""
+
 
 def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
     """The facts of a scene for a record: its source, size, and hashes of the arrays that all methods receive."""
@@ -77,6 +80,16 @@ def never_hit(count: int, valid: int) -> str:
         return f"{count - valid:,} of {triangles(count)} can never be hit ({why})"
     return (
         f"warning: none of {triangles(count)} can ever be hit ({why}): this checked misses, and nothing else"
+    )
+
+
+def few_hits(hits: int, rays: int) -> str:
+    """A warning if fewer than :data:`FEW` of the primary rays hit anything, so that a check says little; else ""."""
+    if hits >= FEW * rays:
+        return ""
+    return (
+        f"warning: {hits:,} of {rays:,} rays hit anything, fewer than {FEW:.0%}: this checked misses, and little else; "
+        "choose another --camera"
     )
 
 

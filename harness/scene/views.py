@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .interiors import interior, standpoint
 from .light_paths import vector
-from .prepared import finite_bounds
-from .readers.checks import Loaded
 from .scene import Camera, Light
+from .shape import Shape
 
 FOV, WITHIN_FOV = 40.0, 60.0
 AZIMUTH, ELEVATION = 35.0, 20.0
@@ -25,103 +23,8 @@ _OPEN = 0.25
 other.
 """
 
-
-@dataclass(frozen=True, eq=False)
-class Shape:
-    """The measurements from which views are chosen.
-
-    points  float64 [n, 3]: finite vertices that faces use, of frames spread over the whole length
-    sides   share of each side of the bounding box that triangles lie on, float64 [axis, low or high]
-    up      index of the upward axis
-    corners float64 [n, 3, 3]: of the triangles of the first frame that are finite
-    """
-
-    points: NDArray[np.float64]
-    sides: NDArray[np.float64]
-    up: int
-    corners: NDArray[np.float64]
-
-    @property
-    def low(self) -> NDArray[np.float64]:
-        return finite_bounds(self.points)[0]
-
-    @property
-    def high(self) -> NDArray[np.float64]:
-        return finite_bounds(self.points)[1]
-
-    @property
-    def radius(self) -> float:
-        """Half the diagonal of the bounding box; 1 where that is zero."""
-        return float(np.linalg.norm(self.high - self.low) / 2) or 1.0
-
-    @property
-    def thinnest(self) -> int:
-        """Index of the axis along which it extends least."""
-        return int(np.argmin(self.high - self.low))
-
-    def frame(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Right, up and towards the viewer of the front view: right-handed."""
-        right, up, front = np.eye(3)[[0, 1, 2]]
-        if self.up == 2:  # the front of a z-up scene is its -y side
-            right, up, front = np.eye(3)[0], np.eye(3)[2], -np.eye(3)[1]
-        elif self.up == 0:
-            right, up, front = -np.eye(3)[1], np.eye(3)[0], np.eye(3)[2]
-        return right, up, front
-
-
-def shape_of(loaded: Loaded) -> Shape:
-    """Measures a loaded file, using at most 8 of its frames."""
-    used = np.unique(loaded.faces)
-    chosen = np.unique(np.linspace(0, len(loaded.frames) - 1, 8).round().astype(int))
-    points = np.concatenate([loaded.frames[k][used].astype(np.float64) for k in chosen])
-    points = points[(np.abs(points) < np.finfo(np.float32).max).all(axis=1)]
-    if not len(points):
-        points = np.zeros((1, 3))
-    low, high = points.min(axis=0), points.max(axis=0)
-    corners = loaded.frames[0].astype(np.float64)[loaded.faces]
-    corners = corners[(np.abs(corners) < np.finfo(np.float32).max).all(axis=(1, 2))]
-    sides = _covered(corners, low, high)
-    if loaded.up is not None:
-        up = int(np.argmax(loaded.up))
-    else:
-        up = _upward(low, high)
-    return Shape(points, sides, up, corners)
-
-
-def _covered(corners: NDArray[np.float64], low: NDArray, high: NDArray) -> NDArray[np.float64]:
-    """Share of each side of the box that triangles within 3 % of it and parallel to it add up to. [axis,
-    end].
-    """
-    extent = np.maximum(high - low, 1e-30)
-    sides = np.zeros((3, 2))
-    with np.errstate(invalid="ignore", over="ignore"):
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-        for axis in range(3):
-            area = extent[(axis + 1) % 3] * extent[(axis + 2) % 3]
-            for end, place in enumerate((low, high)):
-                near = (np.abs(corners[:, :, axis] - place[axis]) <= 0.03 * extent[axis]).all(axis=1)
-                sides[axis, end] = np.nansum(np.abs(normal[near, axis])) / area
-    return sides
-
-
-def _upward(low: NDArray, high: NDArray) -> int:
-    """Index of the upward axis where the file does not say: guessed.
-
-    The one axis along which it rests on zero while the others straddle it; else the axis along which it is
-    much thinner than along the others (terrain); else y, which most programs use.
-    """
-    extent = np.maximum(high - low, 1e-30)
-    rests = (np.abs(low) <= 0.03 * extent) & (high > 0)
-    straddles = (low < -0.2 * extent) & (high > 0.2 * extent)
-    for axis in range(3):
-        others = [i for i in range(3) if i != axis]
-        if rests[axis] and straddles[others].all():
-            return axis
-    for axis in range(3):
-        others = [i for i in range(3) if i != axis]
-        if (extent[axis] < 0.4 * extent[others]).all():
-            return axis
-    return 1
+_EDGE_ON = 0.05
+"""Share of the area that a view must see."""
 
 
 def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
@@ -140,13 +43,27 @@ def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
 def outside(
     shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION
 ) -> tuple[Camera, tuple[Light, ...]]:
-    """The three-quarter view from outside, everything just inside a square image; the light high at its
-    left.
+    """The three-quarter view from outside, everything just inside a square image; the light high at its left.
+
+    Where that sees planes edge-on, it is turned.
     """
+    azimuth = next(
+        (
+            turned
+            for turned in _turns(azimuth)
+            if shape.facing(_direction(shape, turned, elevation)) > _EDGE_ON
+        ),
+        azimuth,
+    )
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
     middle = (shape.low + shape.high) / 2
     place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 60.0, 45.0)
     return camera, (Light(vector(place)),)
+
+
+def _turns(azimuth: float) -> tuple[float, ...]:
+    """Azimuths to look from, the wanted one first."""
+    return azimuth, azimuth - 45.0, azimuth + 45.0, azimuth - 90.0
 
 
 def _direction(shape: Shape, azimuth: float, elevation: float) -> NDArray[np.float64]:

@@ -15,7 +15,8 @@ from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.checks import Loaded
 from shadowbench.harness.scene.readers.load import load
 from shadowbench.harness.scene.scene import Geometry, Light, Scene
-from shadowbench.harness.scene.views import FOV, Shape, shape_of, view
+from shadowbench.harness.scene.shape import Shape, shape_of
+from shadowbench.harness.scene.views import FOV, view
 
 needs_usd = pytest.mark.skipif(not usd.available(), reason="usd-core is not installed")
 

@@ -11,7 +11,8 @@ from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers.checks import Loaded
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
-from shadowbench.harness.scene.views import WITHIN_FOV, shape_of, view
+from shadowbench.harness.scene.shape import shape_of
+from shadowbench.harness.scene.views import WITHIN_FOV, view
 
 ROOM, THICK = (4.0, 2.6, 3.0), (4.3, 2.75, 3.3)
 

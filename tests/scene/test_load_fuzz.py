@@ -15,7 +15,8 @@ from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.load import Loaded, load
 from shadowbench.harness.scene.scene import Scene
-from shadowbench.harness.scene.views import shape_of, view
+from shadowbench.harness.scene.shape import shape_of
+from shadowbench.harness.scene.views import view
 
 MIXED = [(0, 1, 2, 3), (0, 1, 4), (0, 1, 2, 3, 4)]
 
