@@ -8,6 +8,8 @@ import trimesh
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
 from helpers.real_scenes import MESHES, needs_real
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.checks import MAX_LINE
@@ -237,6 +239,24 @@ def test_files_that_are_none(tmp_path):
     refused(tmp_path / "absent.xyz", "no such file")
     refused(written(tmp_path, "a.plx", b""), "did you mean .ply?")
     refused(tmp_path, "no numbered")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "words"),
+    [
+        ("abc", ("Alembic (.abc) is not read", "Blender", "USD")),
+        ("FBX", ("FBX (.fbx) is not read", "FBX2glTF", ".glb")),
+        ("dae", ("COLLADA", "COLLADA2GLTF")),
+        ("step", ("STEP", "FreeCAD")),
+        ("pbrt", ("pbrt", ".toml")),
+        ("mtl", ("materials of an OBJ file", "give the .obj file")),
+    ],
+)
+def test_a_format_that_is_not_read_names_what_converts_it(tmp_path, suffix, words):
+    refused(written(tmp_path, f"a.{suffix}", b"x"), *words)
+    with pytest.raises(UserError, match="is not read"):
+        resolve(tmp_path / f"a.{suffix}")
+    refused(tmp_path / f"b.{suffix}", "no such file")
 
 
 def test_one_triangle_and_nan_vertices(tmp_path):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ...errors import UserError, did_you_mean
+from ...errors import UserError
 from ...files import open_regular
 from ...texts import visible
 from ..scene import Source
@@ -17,6 +17,7 @@ from .obj import read_obj
 from .ply import read_ply
 from .sequences import load_frames, load_npz, numbered
 from .stl import read_stl
+from .unread import refusal
 from .usd import read_usd
 
 READERS: dict[str, Callable[[Path, Wanted], Mesh]] = {
@@ -59,7 +60,7 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
     if suffix not in READERS:
         if not path.exists():
             raise UserError(f"{path}: no such file; check the path")
-        raise UserError(f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, SUFFIXES)}")
+        raise refusal(path, SUFFIXES)
     if suffix in STILL:
         wanted.chosen(path, 1)
     mesh = READERS[suffix](path, wanted)
