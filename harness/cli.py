@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .commands.cache import cache
 from .commands.check import check
 from .commands.compare import compare
 from .commands.keep import keep
@@ -344,6 +345,7 @@ command("compare", "shadowbench compare results/local/old results/local/new --fa
 command("view", "shadowbench view cloth --size 256x256")(view)
 command("scenes", "shadowbench scenes fetch sibenik buddha --scene-dir scenes")(scenes)
 command("new-method", "shadowbench new-method my_method")(new_method)
+command("cache", "shadowbench cache clear")(cache)
 command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
 
 

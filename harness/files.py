@@ -7,6 +7,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 import stat
 import tempfile
 import zipfile
@@ -17,6 +18,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+PARTIAL = re.compile(r"\..+\.[a-z0-9_]{8}\.partial")
+"""Names of the files that :func:`replacing` writes before it puts them in their place: they stay where it is killed."""
+
 
 @contextlib.contextmanager
 def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
@@ -25,7 +29,7 @@ def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
     ``durable``: on the disk before the file is put in its place, so that a crash of the machine does not lose it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".partial")
     try:
         with os.fdopen(handle, "wb") as stream:
             yield stream

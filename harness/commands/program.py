@@ -75,6 +75,7 @@ SHORT = {
     "view": "Show a scene on an interactive page on this machine.",
     "scenes": "Fetch the originals of scenes.",
     "new-method": "Create a Python package for a new method.",
+    "cache": "Show or clear the compiled kernels on the disk.",
     "keep": "Pack results into a folder to publish.",
 }
 """One line per command in ``shadowbench --help``, short enough for 80 columns."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
 from ..errors import UserError, warn
-from ..files import read_regular, write_atomic
+from ..files import PARTIAL, read_regular, write_atomic
 from ..texts import all_visible
 from ..typed_json import WrongFieldError, checked
 from .journal import Journal
@@ -56,7 +56,15 @@ class ResultsFolder:
                 raise UserError(
                     f"{self.path}: another run is writing there; wait or choose another --out"
                 ) from error
+            self.remove_partial()
             yield
+
+    def remove_partial(self) -> None:
+        """Remove files that a run was writing when it was killed. Only while no other run writes there."""
+        for place in (self.path, *(self.path / name for name in PARTS)):
+            for path in place.glob(".*"):
+                if PARTIAL.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+                    path.unlink(missing_ok=True)
 
     @contextmanager
     def idle(self) -> Iterator[None]:

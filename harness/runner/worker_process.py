@@ -13,6 +13,8 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
+from . import scratch
+
 GRACE_S = 0.5
 """Additional time for a reply to arrive after its time limit, seconds."""
 
@@ -118,6 +120,7 @@ class Remote:
                 stderr=log,
                 text=True,
                 encoding="utf-8",
+                env=scratch.environment(),
                 # The parent handles Ctrl-C and stops its workers.
                 start_new_session=True,
             )

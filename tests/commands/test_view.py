@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+import websocket
 from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.options import view_of
@@ -180,6 +181,35 @@ def asked(address, path, **headers):
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
     return answer.status, answer.read().decode()
+
+
+def test_other_pages_are_refused_and_any_message_is_answered(running):
+    """A page of another origin that has got hold of the token; bytes in place of text, and no JSON at all."""
+    process, address = running
+    place = address.replace("http", "ws").replace("/?", "/frames?")
+    port = address.split(":")[2].split("/")[0]
+    for origin in (
+        "http://elsewhere.example",
+        "null",
+        f"https://127.0.0.1:{port}",
+        "http://127.0.0.1:1",
+        "file://",
+    ):
+        with pytest.raises(websocket.WebSocketBadStatusException) as refused:
+            websocket.create_connection(place, origin=origin)
+        assert refused.value.status_code == 403
+    for options in ({"origin": f"http://127.0.0.1:{port}"}, {"suppress_origin": True}):
+        connection = websocket.create_connection(place, timeout=120, **options)
+        for message in (b"\xff\x00", b"[]", b""):
+            connection.send_binary(message)
+            assert b'"error"' in connection.recv()
+        connection.send("[" * 4000)
+        assert b'"error"' in connection.recv()
+        connection.send_binary(json.dumps({"method": METHOD}).encode())
+        assert b"WEBP" in connection.recv()
+        connection.close()
+    assert process.wait(timeout=120) == 0
+    assert "Traceback" not in process.stderr.read()
 
 
 @pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")

@@ -150,3 +150,29 @@ def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
     scene.write_text("v 0 0 0\nv 5 0 0\nv 0 1 0\nf 1 2 3\n")
     go(options(out, [str(scene)], ["warp_bvh"]))
     assert picture.read_bytes() != first
+
+
+def test_files_that_a_killed_run_was_writing_are_removed_and_no_others(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    (tmp_path / "records").mkdir()
+    others = [
+        ".gitignore",
+        ".notes.original",
+        ".a.json.abcdefgh",
+        "a.json.abcdefgh.partial",
+        ".a.json.abcdefgh.partial.d/",
+    ]
+    for name in others:
+        (tmp_path / "records" / name).mkdir() if name[-1] == "/" else (tmp_path / "records" / name).touch()
+    for place in (tmp_path, tmp_path / "records"):
+        program = (
+            "from shadowbench.harness.files import replacing; from pathlib import Path; import os, signal\n"
+        )
+        program += f"with replacing(Path({str(place / 'a.json')!r})): os.kill(os.getpid(), signal.SIGKILL)"
+        subprocess.run([sys.executable, "-c", program])
+        assert len(list(place.glob(".a.json.*.partial"))) == 1
+    with folder.locked():
+        assert not list(tmp_path.glob(".a*"))
+        assert {path.name for path in (tmp_path / "records").iterdir()} == {
+            name.strip("/") for name in others
+        }

@@ -24,6 +24,7 @@ from .frames import Frames, Wish
 from .page import page, policy
 
 HOST = "127.0.0.1"
+HOSTS = (HOST, "localhost")
 GRACE_S = 2.0
 """Seconds to wait after the last page has closed: a page that is reloaded connects again within this time."""
 
@@ -46,7 +47,7 @@ class Server:
         self._worker = ThreadPoolExecutor(max_workers=1)  # frames are made one after the other
         app = Starlette(
             routes=[Route("/", self._page), WebSocketRoute("/frames", self._frames)],
-            middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])],
+            middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(HOSTS))],
         )
         config = uvicorn.Config(
             app, ws="wsproto", log_level="error", access_log=False, ws_max_size=LONGEST_WISH, lifespan="off",
@@ -68,6 +69,10 @@ class Server:
     def _known(self, given: str | None) -> bool:
         return secrets.compare_digest((given or "").encode(), self.token.encode())
 
+    def _own(self, origin: str | None) -> bool:
+        """Whether a connection comes from this server's page, or from a program that is no browser."""
+        return origin in (None, *(f"http://{host}:{self.port}" for host in HOSTS))
+
     async def _page(self, request: Request) -> Response:
         if not self._known(request.query_params.get("token")):
             return PlainTextResponse(TOKEN_NEEDED, 403)
@@ -80,7 +85,7 @@ class Server:
         return HTMLResponse(text, headers=headers)
 
     async def _frames(self, socket: WebSocket) -> None:
-        if not self._known(socket.query_params.get("token")):
+        if not (self._known(socket.query_params.get("token")) and self._own(socket.headers.get("origin"))):
             await socket.close(1008)  # before it is accepted: the answer is 403
             return
         await socket.accept()
@@ -88,8 +93,11 @@ class Server:
         loop = asyncio.get_running_loop()
         try:
             while True:
-                text = await socket.receive_text()
-                await socket.send_bytes(await loop.run_in_executor(self._worker, self.answer, text))
+                message = await socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    break
+                wish = message.get("text") or message.get("bytes") or ""
+                await socket.send_bytes(await loop.run_in_executor(self._worker, self.answer, wish))
         except (WebSocketDisconnect, RuntimeError):  # the page was closed, perhaps while a frame was made
             pass
         finally:
@@ -100,10 +108,10 @@ class Server:
         if not self._open:
             self._uvicorn.should_exit = True
 
-    def answer(self, text: str) -> bytes:
+    def answer(self, wish: str | bytes) -> bytes:
         """The reply to a message: the length of the facts, uint32 little-endian, the facts as JSON, the picture."""
         try:
-            facts, picture = self.frames.show(Wish.read(json.loads(text)))
+            facts, picture = self.frames.show(Wish.read(json.loads(wish)))
         except (UserError, ValueError, TypeError, KeyError) as error:
             facts, picture = {"error": " ".join(str(error).split())}, b""
         except Exception as error:  # the failure of one method must not end the page

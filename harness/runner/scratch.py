@@ -1,0 +1,71 @@
+"""A folder for the temporary files of a run's workers, which goes with the run.
+
+A worker may be ended at any moment, and leaves what the libraries in it have put into the folder for temporary files, such
+as the compiled headers of kernels. So workers get a folder of their own there. It is removed when this process ends; if
+this process is killed, the next run removes it. Whether a folder is still in use is told by a lock on a file in it.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import fcntl
+import os
+import shutil
+import stat
+import tempfile
+from pathlib import Path
+
+from . import machine_lock
+
+PREFIX = "shadowbench-scratch-"
+LOCK = "in-use"
+
+_made: dict[int, tuple[Path, int]] = {}
+"""The folder of a process and its open lock file, by the process's number: a copy of a process has none."""
+
+
+def environment() -> dict[str, str]:
+    """The environment of a worker: this process's, with another folder for temporary files.
+
+    The files that lock the machine stay where all runs have them.
+    """
+    locks = os.environ.get(machine_lock.FOLDER) or tempfile.gettempdir()
+    return {**os.environ, machine_lock.FOLDER: locks, "TMPDIR": str(folder())}
+
+
+def folder() -> Path:
+    """The folder of this process, made at the first call."""
+    if os.getpid() not in _made:
+        remove_abandoned()
+        path = Path(tempfile.mkdtemp(prefix=PREFIX))
+        lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(lock, fcntl.LOCK_SH)
+        _made[os.getpid()] = path, lock
+    return _made[os.getpid()][0]
+
+
+@atexit.register
+def remove() -> None:
+    """Remove the folder of this process."""
+    path, lock = _made.pop(os.getpid(), (None, -1))
+    if path is not None:
+        shutil.rmtree(path, ignore_errors=True)
+        os.close(lock)
+
+
+def remove_abandoned() -> None:
+    """Remove the folders of this user's runs that were killed."""
+    for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        with contextlib.suppress(OSError):
+            found = path.lstat()
+            if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
+                continue
+            lock = os.open(path / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                if stat.S_ISREG(os.fstat(lock).st_mode):
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(path, ignore_errors=True)
+            finally:
+                os.close(lock)
