@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import read_regular
+from ...files import open_regular
 from ..scene import Camera, Geometry, Light, Vector
 
 MAX_LINE = 1 << 20
@@ -182,10 +182,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def read_bytes(path: Path) -> bytes:
-    """The contents of a file. UserError if it is missing, no regular file, unreadable or a Git LFS pointer."""
+def read_bytes(path: Path, most: int = -1) -> bytes:
+    """The contents of a file, or ``most`` of its first bytes.
+
+    Raises :class:`UserError` if it is missing, no regular file, unreadable or a Git LFS pointer.
+    """
     try:
-        blob = read_regular(path)
+        with open_regular(path) as stream:
+            blob = stream.read(most)
     except FileNotFoundError:
         raise UserError(f"{path}: no such file; check the path") from None
     except OSError as error:

@@ -49,7 +49,7 @@ def read_usd(path: Path, wanted: Wanted = ALL) -> Mesh:
         raise UserError(f"{path}: {missing()}")
     from . import stage as stages
 
-    read_bytes(path)  # missing and unreadable files get the same message as in every other format
+    read_bytes(path, 1024)  # missing and unreadable files get the same message as in every other format
     notes: list[str] = []
     with guarded(path, "USD"), stages.listening(path, notes):
         stage = stages.opened(path, wanted.allow_missing, notes)

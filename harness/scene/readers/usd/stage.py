@@ -26,6 +26,8 @@ def listening(path: Path, notes: list[str]) -> Iterator[None]:
     except (Tf.ErrorException, Tf.CppException) as error:
         first = getattr(error.args[0], "commentary", "damaged") if error.args else "damaged"
         raise broken(path, f"USD cannot read it: {_plain(first, path)[:200]}") from None
+    except UnicodeDecodeError:
+        raise broken(path, "USD cannot read it: it holds text that is not UTF-8") from None
     finally:
         said = [_plain(found.commentary, path) for found in delegate.TakeUncoalescedDiagnostics()]
     # What could not be composed is noted apart.
