@@ -163,6 +163,11 @@ def pixel_centres(count: int, half: float = 1.0) -> F64:
 # --- meshes ----------------------------------------------------------------------------------------------------
 
 
+def float32_of(values: object) -> F64:
+    """Numbers that float32 holds exactly."""
+    return np.asarray(values, dtype=np.float32).astype(np.float64)
+
+
 def triangles(*corners: Any) -> Mesh:
     """Triangles from their corners, without shared vertices."""
     points = np.asarray(corners, dtype=np.float64).reshape(-1, 3)

@@ -13,13 +13,23 @@ from functools import partial
 
 import numpy as np
 
-from .case import F64, Counts, HardCase, Mesh, Trial, icosphere, joined, plane, quad, sheet, triangles, view
+from .case import (
+    F64,
+    Counts,
+    HardCase,
+    Mesh,
+    Trial,
+    float32_of,
+    icosphere,
+    joined,
+    plane,
+    quad,
+    sheet,
+    triangles,
+    view,
+)
 
 PLACES = ("vertex", "edge", "plane")
-
-
-def float32_of(values: object) -> F64:
-    return np.asarray(values, dtype=np.float32).astype(np.float64)
 
 
 def touched(seed: int, place: str) -> tuple[Mesh, F64]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import partial
 
 import numpy as np
 
+from ..scene.scene import AlphaMask
 from .case import (
     F64,
     Counts,
@@ -14,6 +16,7 @@ from .case import (
     Trial,
     ball,
     box,
+    float32_of,
     joined,
     pixel_centres,
     plane,
@@ -63,6 +66,26 @@ def three_of_each() -> Trial:
     points, faces = joined((floor, floor_faces), (points, faces))
     thrice = np.concatenate([faces, faces[:, [1, 2, 0]], faces[:, [1, 0, 2]]])
     return view((points, thrice), [(1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24))
+
+
+def in_other_orders(seed: int, holes: bool) -> Trial:
+    """Every triangle three times with its corners in any order, whose distances then differ in their last bit; in some pixel
+    that bit decides which of two rounded distances is less. ``holes``: half of them have a mask, without a hole."""
+    random = np.random.default_rng(seed)
+    count = 10
+    corners = float32_of(random.normal(size=(count, 3, 3)) * (1.5, 1.5, 0.7) + (0, 0, -3))
+    orders = np.array(list(itertools.permutations(range(3))))
+    faces = np.arange(3 * count).reshape(-1, 3)
+    others = [np.take_along_axis(faces, orders[random.integers(0, 6, count)], axis=1) for _ in range(2)]
+    random = np.random.default_rng(seed + 1000)
+    mask = AlphaMask(
+        (random.random(3 * count) < 0.5).astype(np.uint8), random.random((3 * count, 3, 2)).astype(np.float32),
+        np.ones((2, 2), dtype=np.uint8),
+    )  # fmt: skip
+    return view(
+        (corners.reshape(-1, 3), np.concatenate([faces, *others])), [(1, 2, 3)], (0.1, 0.2, 0.5), (0, 0, -1), 0.7, (64, 64),
+        alpha=(lambda geometry: mask) if holes else None,
+    )  # fmt: skip
 
 
 def flat_sheet(every: int, unwelded: bool) -> Trial:
@@ -266,6 +289,13 @@ CASES = (
     ),
     HardCase("P05b", "nothing but broken triangles", "a scene without a bounding box", lambda: broken_triangles(True)),
     HardCase("P06", "every triangle three times", "ties that depend on the order of a reduction", three_of_each),
+    *(
+        HardCase(
+            f"P06 {'holes' if holes else 'orders'} {seed}", "duplicates with corners in other orders",
+            "rounded distances compared where their difference should be", partial(in_other_orders, seed, holes),
+        )
+        for seed, holes in ((49, False), (128, False), (219, False), (141, True), (208, True))
+    ),
     HardCase("P08", "flat sheet, rays to its border", NO_THICKNESS, lambda: flat_sheet(1, False)),
     HardCase("P08b", "flat sheet, rays through edges", NO_THICKNESS, lambda: flat_sheet(2, False)),
     HardCase("P08c", "flat sheet with split vertices", "no rule for rays through edges", lambda: flat_sheet(2, True)),

@@ -11,12 +11,13 @@ own rounding on both sides, and count the hit if any of them is opaque.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from .corner_order import follow
 from .scene import AlphaMask, Geometry, Scene
 
 MOST_TEXELS = 2.0**30
@@ -58,11 +59,14 @@ def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
     )
 
 
-def alpha_of(scene: Scene, geometry: Geometry) -> AlphaMask | None:
-    """The checked mask of a scene's geometry; None where every triangle is opaque."""
+def alpha_of(scene: Scene, geometry: Geometry, faces: NDArray[np.int32]) -> AlphaMask | None:
+    """The checked mask of a scene's geometry, its coordinates in the order of the corners of ``faces``; None where every
+    triangle is opaque."""
     if scene.alpha is None:
         return None
-    return checked(scene.alpha(geometry), len(np.reshape(geometry.faces, (-1, 3))), scene.name)
+    mask = checked(scene.alpha(geometry), len(faces), scene.name)
+    own = np.reshape(geometry.faces, (-1, 3))
+    return replace(mask, coordinates=follow(mask.coordinates, own, faces))
 
 
 def arrays_of(mask: AlphaMask | None) -> dict[str, NDArray]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from .alpha import alpha_of
+from .corner_order import in_order_of_duplicates
 from .moment import F32, Moment, max_coordinate_of, proxy_positions_of, ray_tables
 from .scene import AlphaMask, Camera, Geometry, Light, Scene
 
@@ -35,7 +36,7 @@ class Prepared:
 
     scene     lights, camera and effects; :func:`under` gives the same geometry with another scene
     geometry  the mesh over time, as the scene made it, in float64
-    faces     int32 [triangle_count, 3]
+    faces     int32 [triangle_count, 3]; duplicates list their corners in one order (:mod:`.scene.corner_order`)
     centre    float64 [3]: the point that was subtracted. Zero where the bounding box lies within its own size of the
               origin: subtracting would gain nothing, and the float32 values of the file remain unchanged
     weld      int32 [vertex_count]: see :func:`weld`
@@ -166,15 +167,17 @@ def prepare(scene: Scene) -> Prepared:
     check_faces(faces, len(first), scene.name)
     centre = recentre(first)
     low, high = finite_bounds(first - centre)
+    welds = weld(first - centre)
+    faces = in_order_of_duplicates(faces, welds, scene.closed)
     return Prepared(
         scene=scene,
         geometry=geometry,
         faces=faces,
         centre=centre,
-        weld=weld(first - centre),
+        weld=welds,
         middle=(low + high) / 2,
         radius=float(np.linalg.norm(high - low) / 2) or 1.0,
-        alpha=alpha_of(scene, geometry),
+        alpha=alpha_of(scene, geometry, faces),
         mirror=mirror_of(scene, geometry),
         points=rounded(geometry, faces, centre),
     )
@@ -184,7 +187,7 @@ def under(prepared: Prepared, scene: Scene) -> Prepared:
     """The same mesh with another scene's lights, camera and effects. The arrays of the mesh are shared."""
     alpha, mirror = prepared.alpha, prepared.mirror
     if scene.alpha is not prepared.scene.alpha:
-        alpha = alpha_of(scene, prepared.geometry)
+        alpha = alpha_of(scene, prepared.geometry, prepared.faces)
     if scene.mirror is not prepared.scene.mirror:
         mirror = mirror_of(scene, prepared.geometry)
     return replace(prepared, scene=scene, alpha=alpha, mirror=mirror)

@@ -31,11 +31,15 @@ at infinity (:data:`.structures.AT_INFINITY`); and hits whose t differ by less t
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=str)
 def test_exact_methods_name_the_lowest_of_equal_triangles(name, settings) -> None:
     """P06: the index itself, not only a member of the tie."""
-    one = judged("P06")
-    moment = one.trial.moment
-    session = Session(make_method(name, settings), one.trial.prepared, moment.width, moment.height, "cpu")
-    np.testing.assert_array_equal(session.answers(moment)["triangle"], one.exact["triangle"])
-    assert one.exact["triangle"].max() < len(one.trial.prepared.faces) / 3
+    for case in [case.name for case in CASES if case.name.startswith("P06")]:
+        one = judged(case)
+        moment = one.trial.moment
+        method = make_method(name, settings)
+        if one.trial.prepared.alpha is not None and "alpha" not in method.simulates:
+            continue
+        session = Session(method, one.trial.prepared, moment.width, moment.height, "cpu")
+        np.testing.assert_array_equal(session.answers(moment)["triangle"], one.exact["triangle"], case)
+        assert one.exact["triangle"].max() < len(one.trial.prepared.faces) / 3
 
 
 @pytest.mark.parametrize(("name", "given"), METHODS, ids=str)

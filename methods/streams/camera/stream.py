@@ -14,7 +14,7 @@ from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...exact.holes import opaque_at_hit
-from ...exact.triangle import hit_distance, spare_bits
+from ...exact.triangle import hit_distance, spare_bits, to_float64
 from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...gpu.reserve import reserve
 from ..queues import DOUBTS, ITEMS, Queue, Share, triangle_of
@@ -251,11 +251,14 @@ def doubt_kernel(
         weld = weld_at(mesh, i)
         t = hit_distance(ray, corners, weld)
         hits = t > wp.float64(0.0)
+        inverse = wp.float64(1.0) / t
         if wp.static(effects.alpha):
             if hits:
                 hits = opaque_at_hit(alpha, i, ray, corners, weld)
+                # To the last bit as of a duplicate without holes, which float32 decides.
+                inverse = wp.dot(inverse_depth(ray.origin, corners), to_float64(ray.direction))
         if hits:
             # The pair is read again: if registers held it until here, one block of threads fewer would fit.
             again = entry(queue.doubts, k)
-            raise_entry(nearest, again[1], hit_word(wp.float64(1.0) / t, again[0], spare))
+            raise_entry(nearest, again[1], hit_word(inverse, again[0], spare))
         k += threads
