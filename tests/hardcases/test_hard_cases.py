@@ -28,6 +28,12 @@ EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ", "S39 edges", "O
 at infinity (:data:`.structures.AT_INFINITY`); and hits whose t differ by less than 2^-37."""
 
 
+def skip_where_it_cannot_run(name: str, device: str) -> None:
+    """Skip the test for a method of another kind of device."""
+    if device.split(":")[0] not in method_class(name).devices:
+        pytest.skip(f"{name} does not run on {device}")
+
+
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=str)
 def test_exact_methods_name_the_lowest_of_equal_triangles(name, settings) -> None:
     """P06: the index itself, not only a member of the tie."""
@@ -48,6 +54,7 @@ def test_exact_methods_pass_every_case(name, given, device) -> None:
 
     Settings of a method take turns over the cases; each has all of them where :data:`.judged_hard_cases.EVERYTHING` holds.
     """
+    skip_where_it_cannot_run(name, device)
     settings, wrong, outside = settings_of(name, given), {}, collections.Counter[str]()
     for number, case in enumerate(CASES):
         for turn in settings if EVERYTHING else (settings[number % len(settings)],):
@@ -86,6 +93,7 @@ def test_a_light_space_in_float32_is_exact_at_the_ends_of_float32(precision) -> 
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=str)
 def test_rules_of_conduct(name, settings, device) -> None:
     """Frames that follow one another, graph replays, no allocation in a frame after the first."""
+    skip_where_it_cannot_run(name, device)
     found = conformance(lambda: make_method(name, settings), device)
     assert [(one.name, one.reason) for one in found if one.status == "error"] == []
     assert {one.name for one in found if one.status == "ok"} >= {
