@@ -22,7 +22,7 @@ from ..common.pairs import grown
 from ..common.ray_launches import PixelRays
 from ..gpu.reserve import counted
 from ..streams.camera.passes import CameraStream
-from ..streams.queues import COUNTERS, DOUBTS, Queues, Step
+from ..streams.queues import COUNTERS, UNDECIDED, Queues, Step
 from ..streams.settings import Streams
 from ..uniform_grid.method import Build
 from ..uniform_grid.traversal import Cells, make_kernels
@@ -46,7 +46,7 @@ class Trace:
 
 
 class CoherentGrid(BaseMethod):
-    """See the package. Needs: pairs of triangles and cells, then the counters of the queues (doubtful pairs)."""
+    """See the package. Needs: pairs of triangles and cells, then the counters of the queues (undecided pairs)."""
 
     name: ClassVar[str] = "coherent_grid"
     title: ClassVar[str] = "Coherent grid (packets, CPU)"
@@ -57,7 +57,7 @@ class CoherentGrid(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._pairs = self._doubts = 0
+        self._pairs = self._undecided = 0
         self._need: wp.array | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
@@ -67,7 +67,7 @@ class CoherentGrid(BaseMethod):
             return miss_passes(frame, effects)
         cells = cells_for(count, self.build.density, limits.memory)
         self._pairs = self._pairs or self.build.capacity or 4 * count
-        self._doubts = self._doubts or max(1024, frame.pixels // 2)
+        self._undecided = self._undecided or max(1024, frame.pixels // 2)
         self._packets = -(-frame.width // side) * -(-frame.height // side)
         self._frame, self._effects = frame, effects
         with wp.ScopedDevice(frame.device):
@@ -79,7 +79,7 @@ class CoherentGrid(BaseMethod):
         self._cells = filled(
             Cells, grid=self._grid.grid, begin=lists.begin, end=lists.end, members=lists.values
         )
-        self._queues = Queues(frame, False, (1, 1, self._doubts), 1)
+        self._queues = Queues(frame, False, (1, 1, self._undecided), 1)
         camera = PacketCamera(frame, Streams(), self._queues, effects)
         camera.launch = self._launch_primary
         others = PixelRays(frame, effects, self._cells, *make_kernels(0), swizzle=False, hit=camera.hit)
@@ -110,11 +110,11 @@ class CoherentGrid(BaseMethod):
         return wp.array(np.concatenate(both), dtype=wp.int64, device="cpu")
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
-        before = (self._pairs, self._doubts)
-        doubts = counted(needed[1:].reshape(-1, COUNTERS)[:, DOUBTS])
+        before = (self._pairs, self._undecided)
+        undecided = counted(needed[1:].reshape(-1, COUNTERS)[:, UNDECIDED])
         self._pairs = grown(int(needed[0]), self._pairs, self._memory, "(triangle, cell) pairs")
-        self._doubts = grown(int(doubts.max()), self._doubts, self._memory, "doubtful pairs")
-        return before != (self._pairs, self._doubts)
+        self._undecided = grown(int(undecided.max()), self._undecided, self._memory, "undecided pairs")
+        return before != (self._pairs, self._undecided)
 
     def counters(self) -> dict[str, int]:
         """Pairs of the grid; (triangle, ray) pairs that the packets of the last frame tested; those left to float64."""
@@ -123,7 +123,7 @@ class CoherentGrid(BaseMethod):
         return {
             "pairs": int(self._need.numpy()[0]),
             "primary tests": int(self._tests.numpy()[0]),
-            "doubtful pairs": int(self._queues.counts.numpy()[:, DOUBTS].sum()),
+            "doubtful pairs": int(self._queues.counts.numpy()[:, UNDECIDED].sum()),
         }
 
     def built(self) -> dict[str, Any]:
@@ -131,10 +131,10 @@ class CoherentGrid(BaseMethod):
 
 
 class PacketCamera(CameraStream):
-    """Primary rays: clear, packets, doubtful pairs, resolve."""
+    """Primary rays: clear, packets, undecided pairs, resolve."""
 
     structure = STRUCTURE
     launch: Callable[[int], None]
 
     def steps(self) -> list[Step]:
-        return [("packets", (), (), self.launch), self.doubts()]
+        return [("packets", (), (), self.launch), self.undecided()]

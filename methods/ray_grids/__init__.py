@@ -24,7 +24,7 @@ from ..streams.cube.aims import LightAims
 from ..streams.cube.cells import cell_arrays
 from ..streams.light import LightStream
 from ..streams.occlusion.last_occluder import RememberingLight, occluder_arrays
-from ..streams.queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room
+from ..streams.queues import CHUNKS, COUNTERS, ITEMS, SMALL, UNDECIDED, Capacity, Queues, more_room
 from ..streams.rays.placing import KnownRegionLight, SpotLight
 from ..streams.settings import BESIDE, Build, Streams
 
@@ -151,8 +151,8 @@ class RayGrids(BaseMethod):
         for row, needed in enumerate(rows):
             name = "camera" if row == 0 else f"light {row - 1}"
             result[f"{name} items"] = int(needed[ITEMS] + needed[SMALL])
-            result[f"{name} parts"] = int(needed[PARTS])
-            result[f"{name} doubtful pairs"] = int(needed[DOUBTS])
+            result[f"{name} parts"] = int(needed[CHUNKS])
+            result[f"{name} doubtful pairs"] = int(needed[UNDECIDED])
         for light in self._remembering:
             result[f"light {light.index} rays settled by the last occluder"] = light.settled()
         return result

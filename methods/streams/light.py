@@ -20,9 +20,9 @@ from .cube import density as light_expected
 from .cube.aims import LightAims
 from .cube.cells import RayCells, SpacedCells
 from .occlusion import groups as light_split
-from .occlusion import rows as light_queue
+from .occlusion import rows as light_rows
 from .occlusion import stream as light_stream
-from .occlusion import undecided as light_doubts
+from .occlusion import undecided as light_undecided
 from .occlusion.planes import ShadowBits
 from .queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from .rays import receivers as light_receivers
@@ -40,7 +40,7 @@ class LightStream:
     tabled   whether what the rays cover is known before they are placed
     spaced   whether cells are narrower where rays are dense (:mod:`.cube.spacing`)
     beside   whether triangles are streamed beside the passes that sort the rays into cells, and not after these
-    strays   int32 [1 + pixels]: rays outside the region of a spot (:mod:`.rays.cone`); else empty
+    outside_rays  int32 [1 + pixels]: rays outside the region of a spot (:mod:`.rays.cone`); else empty
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
              rays, and where rays bounce: passes that read no receivers would have no condition then
     """
@@ -86,14 +86,14 @@ class LightStream:
         self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
         if self.marking and not queues.cuda and not effects.bounces:
             self.reached = reached_by(frame, index, 0)
-        self.strays = wp.empty(0, dtype=wp.int32, device=frame.device)
+        self.outside_rays = wp.empty(0, dtype=wp.int32, device=frame.device)
         self.bits: Any = filled(
             ShadowBits,
             light=index,
             triangle=self.cells.triangle,
             shadowed=frame.answers.shadowed,
         )
-        self.rays = filled(Words, nearest=queues.nearest, careful=queues.careful)
+        self.rays = filled(Words, nearest=queues.nearest, exact_path=queues.exact_path)
 
     def variant(self, kernel: wp.Kernel) -> wp.Kernel:
         """A kernel of the stream for the class of :attr:`bits`."""
@@ -137,9 +137,9 @@ class LightStream:
             steps = steps[1:]
         passes += sorting
         passes += in_shares(who, "shadow", steps, self.queues, (*scene, bits), (bits,), effect)
-        doubts: Step = ("doubtful pairs", (), (), self.launch_doubts)
+        undecided: Step = ("doubtful pairs", (), (), self.launch_undecided)
         scene = (*scene, "camera", *(("hits",) if self.hit.size else ()))
-        passes += in_shares(who, "shadow", [doubts], self.queues, (*scene, bits), (bits,), effect)
+        passes += in_shares(who, "shadow", [undecided], self.queues, (*scene, bits), (bits,), effect)
         return [work.hinted(parallel=(branch, *work.hints.parallel)) for work in passes]
 
     def by_facing(self) -> bool:
@@ -184,7 +184,7 @@ class LightStream:
         ]
 
     def steps(self) -> list[Step]:
-        """The passes of each share of the triangles before the doubtful pairs are decided."""
+        """The passes of each share of the triangles before the undecided pairs are decided."""
         if not self.queues.queued:
             return [("stream triangles", (), (), self.launch_stream)]
         steps: list[Step] = [
@@ -349,11 +349,11 @@ class LightStream:
         )
 
     def launch_rows(self, again: bool, share: int) -> None:
-        """Groups of rows, or their further parts (``again``)."""
+        """Groups of rows, or their further chunks (``again``)."""
         f, q = self.frame, self.queues
         wp.launch(
             specialised(
-                self.variant(self.of_cells(light_queue.make_item_kernel(q.cuda, again))), self.switches
+                self.variant(self.of_cells(light_rows.make_item_kernel(q.cuda, again))), self.switches
             ),
             dim=q.threads,
             inputs=[q.threads, self.build.part, self.cells, f.alpha],
@@ -362,14 +362,16 @@ class LightStream:
             block_dim=BLOCK_DIM,
         )
 
-    def launch_doubts(self, share: int) -> None:
+    def launch_undecided(self, share: int) -> None:
         """Pairs that float32 left; rays outside the region with the first share's."""
         f, q = self.frame, self.queues
-        kernel = light_doubts.make_doubt_kernel(bool(self.hit.size), share == 0 and self.strays.size > 0)
+        kernel = light_undecided.make_undecided_kernel(
+            bool(self.hit.size), share == 0 and self.outside_rays.size > 0
+        )
         wp.launch(
             specialised(self.variant(kernel), self.switches),
             dim=q.few_threads,
-            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit, self.strays],
+            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit, self.outside_rays],
             outputs=[self.bits, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,

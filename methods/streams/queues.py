@@ -25,8 +25,8 @@ from ..gpu.prefetch import GROUP_WORDS
 from ..gpu.reserve import counted, next_number, reserve
 from ..gpu.warps import LANES, claim, claimed_place
 
-ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
-"""Counters of one stream: groups of rows of a larger triangle; further parts of groups with many pixels or
+ITEMS, CHUNKS, UNDECIDED, LARGE = 0, 1, 2, 3
+"""Counters of one stream: groups of rows of a larger triangle; further chunks of groups with many pixels or
 rays; (triangle, pixel or ray) pairs left to float64; larger triangles on a face of a light's cube."""
 
 RAYS = 4
@@ -46,19 +46,20 @@ BLOCK_SHIFT = wp.constant(7)
 BLOCK_DIM = wp.constant(128)
 
 WORDS = "nearest words"
-"""The resource that the camera's stream makes: the nearest hit of every pixel, and which triangles take care."""
+"""The resource that the camera's stream makes: the nearest hit of every pixel, and for which triangles hit points are
+computed exactly."""
 
 
 @wp.struct
 class Queue:
     """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
-    counts   int32 [6]: ITEMS, PARTS, DOUBTS, LARGE, RAYS, SMALL
+    counts   int32 [6]: ITEMS, CHUNKS, UNDECIDED, LARGE, RAYS, SMALL
     large    vec4i [item_capacity]: triangles to be split into groups (a light's)
     items    vec4i [item_capacity]: groups of rows of a triangle (the camera's)
     groups   vec4f [item_capacity, 8]: groups of rows of a triangle, and its planes (a light's)
-    parts    vec2i [part_capacity]: (item, part), parts from 1
-    doubts   vec2i [doubt_capacity]: (triangle, pixel)
+    chunks   vec2i [chunk capacity]: (item, chunk), chunks from 1
+    undecided  vec2i [capacity]: (triangle, pixel)
     records  vec4f [triangles, 4]: planes of queued triangles; depths vec3d [triangles]: (the camera's)
     """
 
@@ -66,8 +67,8 @@ class Queue:
     large: wp.array(dtype=wp.vec4i)
     items: wp.array(dtype=wp.vec4i)
     groups: wp.array2d(dtype=wp.vec4f)
-    parts: wp.array(dtype=wp.vec2i)
-    doubts: wp.array(dtype=wp.vec2i)
+    chunks: wp.array(dtype=wp.vec2i)
+    undecided: wp.array(dtype=wp.vec2i)
     records: wp.array2d(dtype=wp.vec4f)
     depths: wp.array(dtype=wp.vec3d)
 
@@ -90,41 +91,41 @@ def triangle_of(thread: wp.int32, share: Share) -> wp.int32:
 
 
 @wp.func
-def queue_doubt(queue: Queue, i: wp.int32, pixel: wp.int32):
+def queue_undecided(queue: Queue, i: wp.int32, pixel: wp.int32):
     """Leave a (triangle, pixel) pair to float64."""
-    place = next_number(queue.counts, DOUBTS)
-    if place < queue.doubts.shape[0]:
-        set_entry(queue.doubts, place, wp.vec2i(i, pixel))
+    place = next_number(queue.counts, UNDECIDED)
+    if place < queue.undecided.shape[0]:
+        set_entry(queue.undecided, place, wp.vec2i(i, pixel))
 
 
 @wp.func
-def queue_parts(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32):
-    """Queue the elements of an item beyond its first ``size``, of ``number`` in all: (item, part), by one lane."""
+def queue_chunks(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32):
+    """Queue the elements of an item beyond its first ``size``, of ``number`` in all: (item, chunk), by one lane."""
     if number > size and lane == 0:
         further = (number - 1) // size
-        place = reserve(queue.counts, PARTS, further)
-        for part in range(further):
-            if place + part < queue.parts.shape[0]:
-                queue.parts[place + part] = wp.vec2i(item, part + 1)
+        place = reserve(queue.counts, CHUNKS, further)
+        for chunk in range(further):
+            if place + chunk < queue.chunks.shape[0]:
+                queue.chunks[place + chunk] = wp.vec2i(item, chunk + 1)
 
 
 @wp.func
-def claim_parts(queue: Queue, number: wp.int32, size: wp.int32) -> wp.int32:
-    """Reserve places for the parts of an item beyond its first ``size`` elements, for a warp: what :func:`store_parts` needs
-    later."""
-    return claim(queue.counts, PARTS, wp.where(number > size, (number - 1) // size, 0))
+def claim_chunks(queue: Queue, number: wp.int32, size: wp.int32) -> wp.int32:
+    """Reserve places for the chunks of an item beyond its first ``size`` elements, for a warp: what :func:`store_chunks`
+    needs later."""
+    return claim(queue.counts, CHUNKS, wp.where(number > size, (number - 1) // size, 0))
 
 
 @wp.func
-def store_parts(
+def store_chunks(
     queue: Queue, claimed: wp.int32, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32
 ):
-    """:func:`queue_parts` by all lanes of a warp, which must all call it, in the places of :func:`claim_parts`."""
+    """:func:`queue_chunks` by all lanes of a warp, which must all call it, in the places of :func:`claim_chunks`."""
     if number > size:
         first = claimed_place(claimed)
-        for part in range(lane, (number - 1) // size, LANES):
-            if first + part < queue.parts.shape[0]:
-                set_entry(queue.parts, first + part, wp.vec2i(item, part + 1))
+        for chunk in range(lane, (number - 1) // size, LANES):
+            if first + chunk < queue.chunks.shape[0]:
+                set_entry(queue.chunks, first + chunk, wp.vec2i(item, chunk + 1))
 
 
 @wp.kernel(enable_backward=False)
@@ -135,17 +136,17 @@ def copy_counts_kernel(counts: wp.array(dtype=wp.int32), needs: wp.array(dtype=w
 
 
 Capacity = tuple[int, int, int]
-"""Room for items (and for large triangles), parts and doubts."""
+"""Room for items (and for large triangles), chunks and undecided pairs."""
 
 
 def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capacity:
     """The capacities that the queues need, given the counters of one or more streams."""
     most = counted(needed).reshape(-1, COUNTERS).max(axis=0)
-    items, parts, doubts = before
+    items, chunks, undecided = before
     return (
         grown(int(max(most[ITEMS] + most[SMALL], most[LARGE])), items, memory, "work items"),
-        grown(int(most[PARTS]), parts, memory, "parts of work items"),
-        grown(int(most[DOUBTS]), doubts, memory, "doubtful pairs"),
+        grown(int(most[CHUNKS]), chunks, memory, "chunks of work items"),
+        grown(int(most[UNDECIDED]), undecided, memory, "undecided pairs"),
     )
 
 
@@ -153,9 +154,9 @@ class Queues:
     """Memory that the streams of one frame share: queues, counters, and planes of queued triangles.
 
     The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
-    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]; careful uint8 [triangles]: of those in
-    view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`). Without queues (CPU) all
-    arrays of a :class:`Queue` but the doubts are one element long.
+    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]; exact_path uint8 [triangles]: of
+    those in view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`). Without
+    queues (CPU) all arrays of a :class:`Queue` but the undecided pairs are one element long.
     """
 
     def __init__(
@@ -177,7 +178,7 @@ class Queues:
         self.threads = THREADS * device.sm_count if self.cuda else 64
         self.few_threads = (
             self.threads // 4
-        )  # for large triangles and doubtful pairs: blocks without work take time too
+        )  # for large triangles and undecided pairs: blocks without work take time too
         words = COUNTERS // 2 * streams * shares
         with wp.ScopedDevice(frame.device):
             # One array for everything that is cleared at the start of a frame: a launch costs as much as the bytes.
@@ -187,11 +188,11 @@ class Queues:
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
-            self.careful = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
+            self.exact_path = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
         self._make_lists()
 
     def _make_lists(self) -> None:
-        items, parts, doubts = self._capacity
+        items, chunks, undecided = self._capacity
         with wp.ScopedDevice(self.device):
             self._records = wp.zeros((self._rows, 4), dtype=wp.vec4f)
             self._lists = [
@@ -199,8 +200,8 @@ class Queues:
                     "large": wp.zeros(items, dtype=wp.vec4i),
                     "items": wp.zeros(items, dtype=wp.vec4i),
                     "groups": wp.zeros((items, GROUP_WORDS), dtype=wp.vec4f),
-                    "parts": wp.zeros(parts, dtype=wp.vec2i),
-                    "doubts": wp.zeros(doubts, dtype=wp.vec2i),
+                    "chunks": wp.zeros(chunks, dtype=wp.vec2i),
+                    "undecided": wp.zeros(undecided, dtype=wp.vec2i),
                 }
                 for _ in range(self.shares)
             ]

@@ -21,7 +21,7 @@ STREAMED = ("auto", "beside", "after")
 SPACINGS = ("auto", "even", "rays")
 
 MOST_PART = 256
-"""Most pixels of a part: a warp keeps those that are doubtful (:data:`..gpu.warps.KEPT`)."""
+"""Most pixels of a part: a warp keeps those that are undecided (:data:`..gpu.warps.KEPT`)."""
 
 CHOOSE = -1
 """For a parameter: chosen from the number of triangles and of lights."""

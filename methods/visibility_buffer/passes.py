@@ -35,11 +35,11 @@ def threads_of(queues: Queues) -> list[int]:
 
 
 class CameraRaster(CameraStream):
-    """Primary rays: clear, rasterise, decide the doubtful pairs, resolve."""
+    """Primary rays: clear, rasterise, decide the undecided pairs, resolve."""
 
     def steps(self) -> list[Step]:
         first: Step = ("rasterise triangles", (), ("items",), self.launch_stream)
-        return [first, *tile_steps(self.launch_split, self.launch_tiles), self.doubts()]
+        return [first, *tile_steps(self.launch_split, self.launch_tiles), self.undecided()]
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues
@@ -47,7 +47,7 @@ class CameraRaster(CameraStream):
             specialised(raster.raster_kernel, self.effects.switches()),
             dim=q.share_threads,
             inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, q.careful, self.queue[share]],
+            outputs=[q.nearest, q.exact_path, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
@@ -75,7 +75,8 @@ class CameraRaster(CameraStream):
 
 
 class LightRaster(LightStream):
-    """Shadow rays of one light: aim the map, map the hit points, put them in lists, rasterise, decide doubtful pairs."""
+    """Shadow rays of one light: aim the map, map the hit points, put them in lists, rasterise, decide the undecided
+    pairs."""
 
     keeps: ClassVar[bool] = True
 

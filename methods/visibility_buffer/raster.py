@@ -1,6 +1,6 @@
 """The visibility buffer: triangles rasterised at pixel centres, the nearest hit of a pixel stored in a 64-bit word.
 
-Edge functions and words are those of :mod:`..streams.camera.pixels`: what float32 leaves in doubt is queued for
+Edge functions and words are those of :mod:`..streams.camera.pixels`: what float32 leaves undecided is queued for
 float64.
 """
 
@@ -30,8 +30,8 @@ from .tiles import (
     TILE_SHIFT,
     TILE_SIZE,
     TILE_TEXELS,
+    held_chunks,
     held_items,
-    held_parts,
     is_in,
     item_tile,
     queue_groups,
@@ -116,7 +116,7 @@ def raster_kernel(
     mesh: Mesh,
     alpha: Alpha,
     nearest: wp.array(dtype=wp.uint64),
-    careful: wp.array(dtype=wp.uint8),
+    exact_path: wp.array(dtype=wp.uint8),
     queue: Queue,
 ):
     """One thread per triangle: a small one is rasterised, a larger one is queued."""
@@ -131,7 +131,7 @@ def raster_kernel(
     if not counted or box[2] < box[0] or box[3] < box[1]:
         return
     candidate = candidate_of(i, o, corners, camera, share.triangles)
-    careful[i] = wp.uint8(not candidate.planes.steep)
+    exact_path[i] = wp.uint8(not candidate.planes.steep)
     if wp.static(effects.alpha):
         if alpha.masked[i] != wp.uint8(0):
             candidate.sure = wp.INF
@@ -179,13 +179,13 @@ def tile_kernel(
 ):
     """Pixels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes
-    stop = held_parts(queue)
+    stop = held_chunks(queue)
     while at < stop:
-        part = entry(queue.parts, at)
+        chunk = entry(queue.chunks, at)
         at += threads // lanes
-        if part[0] < queue.large.shape[0]:
-            work = entry(queue.large, part[0])
-            tile = queued_tile(part)
+        if chunk[0] < queue.large.shape[0]:
+            work = entry(queue.large, chunk[0])
+            tile = queued_tile(chunk)
             box = tile_box(work, tile)
             candidate = stored_candidate(queue, queued_triangle(work), camera)
             if wp.static(effects.alpha):

@@ -2,7 +2,7 @@
 
 Where a triangle may lie on the map is found as in ``ray_grids`` (:mod:`..streams.cube.footprint`), with a pad for what
 float32 does to its corners. A hit point is tested against the planes of the frustum behind the triangle
-(:mod:`..streams.occlusion.planes`); what float32 leaves in doubt is queued for float64.
+(:mod:`..streams.occlusion.planes`); what float32 leaves undecided is queued for float64.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ..streams.cube.footprint import (
     sides_of_flat,
     sides_of_planes,
 )
-from ..streams.cube.rectangle import cells_of, faces_of, last_row, reach_with_rays
+from ..streams.cube.rectangle import cells_of, extent_with_rays, faces_of, last_row
 from ..streams.occlusion.planes import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
 from ..streams.queues import Queue, Share, triangle_of
 from ..streams.reads import corners_at
@@ -38,9 +38,9 @@ from .tiles import (
     TILE_SHIFT,
     TILE_SIZE,
     TILE_TEXELS,
+    held_chunks,
     held_items,
     held_large,
-    held_parts,
     is_in,
     item_tile,
     queue_groups,
@@ -117,8 +117,8 @@ def raster_kernel(
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
-    reach = reach_with_rays(cube, corners, row)
-    slack = depth_slack(reach, cube)
+    extent = extent_with_rays(cube, corners, row)
+    slack = depth_slack(extent, cube)
     occluder = Occluder()
     occluder.i = i
     occluder.bound = bound_of(row, corners)
@@ -139,7 +139,7 @@ def raster_kernel(
         fb = on_face(qb, face)
         fc = on_face(qc, face)
         if not leaves_out(several, fa, fb, fc, slack):
-            flat = on_bins(fa, fb, fc, reach, entry(cells.table, face))
+            flat = on_bins(fa, fb, fc, extent, entry(cells.table, face))
             box = flat_box(flat, face, along, cells)
             least = nearest_depth(fa, fb, fc, slack)
             if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
@@ -154,7 +154,7 @@ def raster_kernel(
         planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i), False)
         if here >= 0:
             if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
-                # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are doubtful.
+                # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are undecided.
                 queued_too = True
                 queue_large(queue, i, here, box_here, planes.bound)
         if queued_too:
@@ -181,20 +181,20 @@ def setup_kernel(
         face = queued_face(work)
         corners = corners_at(mesh, queued_triangle(work))
         r = entry(cells.table, face)
-        reach = reach_with_rays(cube, corners, row)
+        extent = extent_with_rays(cube, corners, row)
         fa = on_face(cube_space(corners.a, cube), face)
         fb = on_face(cube_space(corners.b, cube), face)
         fc = on_face(cube_space(corners.c, cube), face)
-        flat = on_bins(fa, fb, fc, reach, r)
+        flat = on_bins(fa, fb, fc, extent, r)
         sides = Sides()
-        if flat.known:
+        if flat.valid:
             sides = sides_of_flat(flat)
         else:
             sides = sides_of_planes(lights[light], cube, face, corners, r)
         set_entry(queue.groups, place, 0, sides.line0)
         set_entry(queue.groups, place, 1, sides.line1)
         set_entry(queue.groups, place, 2, sides.line2)
-        slack = depth_slack(reach, cube)
+        slack = depth_slack(extent, cube)
         queue_groups(queue, place, queued_box(work), nearest_depth(fa, fb, fc, slack))
         place += threads
 
@@ -237,17 +237,17 @@ def tile_kernel(
 ):
     """Hit points in the texels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes
-    stop = held_parts(queue)
+    stop = held_chunks(queue)
     along = cells_of(last_row(cells.table))
     while at < stop:
-        part = entry(queue.parts, at)
+        chunk = entry(queue.chunks, at)
         at += threads // lanes
-        if part[0] < queue.large.shape[0]:
-            work = entry(queue.large, part[0])
+        if chunk[0] < queue.large.shape[0]:
+            work = entry(queue.large, chunk[0])
             face = queued_face(work)
-            tile = queued_tile(part)
+            tile = queued_tile(chunk)
             box = tile_box(work, tile)
-            sides = stored_sides(queue, part[0])
+            sides = stored_sides(queue, chunk[0])
             occluder = Occluder()
             occluder.i = queued_triangle(work)
             occluder.bound = wp.cast(work[3], wp.float32)

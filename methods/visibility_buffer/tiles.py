@@ -15,7 +15,7 @@ import warp as wp
 
 from ..gpu.entries import set_entry
 from ..gpu.reserve import next_number, reserve
-from ..streams.queues import ITEMS, LARGE, PARTS, Queue
+from ..streams.queues import CHUNKS, ITEMS, LARGE, Queue
 
 TILE_SHIFT = wp.constant(3)
 """A tile is 8 wide and high: as the tiles of :mod:`..streams.cube.farthest`, which the lights' maps use."""
@@ -104,15 +104,15 @@ def tile_box(work: wp.vec4i, tile: wp.vec2i) -> wp.vec4i:
 @wp.func
 def queue_tile(queue: Queue, large: wp.int32, tile: wp.vec2i):
     """Queue a tile that is to be rasterised."""
-    place = next_number(queue.counts, PARTS)
-    if place < queue.parts.shape[0]:
-        set_entry(queue.parts, place, wp.vec2i(large, tile[0] | (tile[1] << 16)))
+    place = next_number(queue.counts, CHUNKS)
+    if place < queue.chunks.shape[0]:
+        set_entry(queue.chunks, place, wp.vec2i(large, tile[0] | (tile[1] << 16)))
 
 
 @wp.func
-def queued_tile(part: wp.vec2i) -> wp.vec2i:
+def queued_tile(chunk: wp.vec2i) -> wp.vec2i:
     """Column and row of a queued tile."""
-    return wp.vec2i(part[1] & 65535, part[1] >> 16)
+    return wp.vec2i(chunk[1] & 65535, chunk[1] >> 16)
 
 
 @wp.func
@@ -131,5 +131,5 @@ def held_items(queue: Queue) -> wp.int32:
 
 
 @wp.func
-def held_parts(queue: Queue) -> wp.int32:
-    return wp.min(queue.counts[PARTS], queue.parts.shape[0])
+def held_chunks(queue: Queue) -> wp.int32:
+    return wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])

@@ -28,7 +28,7 @@ kernels = functools.cache(kernels_with_effects)
 """Every kernel that branches on an effect, by its name. Made in the test that asks first: it takes seconds."""
 
 SMALL = {
-    "alpha": "methods.streams.camera.stream.doubt_kernel",
+    "alpha": "methods.streams.camera.stream.undecided_kernel",
     "bounced": "harness.frame.effects.mirrors.mirror_kernel",
     "orthographic": "harness.frame.effects.shading.color_kernel",
     "receivers": "methods.perspective_spherical.light.frame.box_kernel",

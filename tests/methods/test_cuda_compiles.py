@@ -13,7 +13,7 @@ from helpers.compiled_twins import kernels_with_effects, source_of, with_source
 from shadowbench.harness.frame.effects.specialise import named
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.streams.camera import stream as camera_stream
-from shadowbench.methods.streams.occlusion import rows as light_queue
+from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from tools.kernel_report import hot_modules, uses_of
 
@@ -51,7 +51,7 @@ def test_streams_without_a_queue_compile_for_cuda(name):
 
 def test_a_queue_that_is_read_again_compiles_for_cuda():
     """Those that are read once are hot, as above."""
-    assert uses_of(light_queue.make_item_kernel(True, True).module)
+    assert uses_of(light_rows.make_item_kernel(True, True).module)
 
 
 @pytest.mark.parametrize("name", EFFECTS)

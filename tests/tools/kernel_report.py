@@ -48,11 +48,11 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
-    from shadowbench.methods.streams.camera import rows as camera_queue
+    from shadowbench.methods.streams.camera import rows as camera_rows
     from shadowbench.methods.streams.camera import stream as camera_stream
-    from shadowbench.methods.streams.occlusion import rows as light_queue
+    from shadowbench.methods.streams.occlusion import rows as light_rows
     from shadowbench.methods.streams.occlusion import stream as light_stream
-    from shadowbench.methods.streams.occlusion import undecided as light_doubts
+    from shadowbench.methods.streams.occlusion import undecided as light_undecided
     from shadowbench.methods.trees.build import hploc as build_hploc
     from shadowbench.methods.trees.build import lbvh as build_lbvh
     from shadowbench.methods.trees.build import refit, sort
@@ -66,7 +66,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "uniform_grid: primary": grid_primary.module,
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
-        "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
+        "ray_grids camera: rows": camera_rows.make_item_kernel(True, False).module,
         "ray_grids camera: parts": "shadowbench.methods.streams.camera.remainder",
         "ray_grids camera": "shadowbench.methods.streams.camera.stream",
         "ray_grids camera: resolve": "shadowbench.methods.streams.camera.resolve",
@@ -76,9 +76,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: stream": light_stream.make_stream_kernel(True, False).module,
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
         "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,
-        "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,
-        "ray_grids light: doubts": light_doubts.make_doubt_kernel(False, False).module,
-        "ray_grids light: doubts of a spot": light_doubts.make_doubt_kernel(False, True).module,
+        "ray_grids light: rows": light_rows.make_item_kernel(True, False).module,
+        "ray_grids light: doubts": light_undecided.make_undecided_kernel(False, False).module,
+        "ray_grids light: doubts of a spot": light_undecided.make_undecided_kernel(False, True).module,
         "ray_grids light: split": "shadowbench.methods.streams.occlusion.groups",
         "bvh2: tree": build_hploc.make_hploc_kernel(2, 48).module,
         "bvh2: tree, lbvh": build_lbvh.make_lbvh_kernel(48).module,

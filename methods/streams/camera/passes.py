@@ -15,7 +15,7 @@ from ..queues import BLOCK_DIM, COUNTERS, WORDS, Queues, Step, copy_counts_kerne
 from ..settings import Streams
 from . import remainder as camera_parts
 from . import resolve as camera_resolve
-from . import rows as camera_queue
+from . import rows as camera_rows
 from . import stream as camera_stream
 
 
@@ -76,12 +76,12 @@ class CameraStream:
             steps.append(("queued rows", ("items",), ("parts",), self.launch_items))
             if self.queues.cuda:
                 return [*steps, ("further parts, doubtful pairs", ("parts",), (), self.launch_last)]
-            steps.append(("further parts", ("parts",), (), self.launch_parts))
-        return [*steps, self.doubts()]
+            steps.append(("further parts", ("parts",), (), self.launch_chunks))
+        return [*steps, self.undecided()]
 
-    def doubts(self) -> Step:
-        """The last step, where doubtful pairs have a pass of their own."""
-        return ("doubtful pairs", (), (), self.launch_doubts)
+    def undecided(self) -> Step:
+        """The last step, where undecided pairs have a pass of their own."""
+        return ("doubtful pairs", (), (), self.launch_undecided)
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues
@@ -89,7 +89,7 @@ class CameraStream:
             specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
             dim=q.share_threads,
             inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, q.careful, self.queue[share]],
+            outputs=[q.nearest, q.exact_path, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
@@ -97,7 +97,7 @@ class CameraStream:
     def _launch_rows(self, share: int, again: bool) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
+            specialised(camera_rows.make_item_kernel(q.cuda, again), self.effects.switches()),
             dim=q.threads,
             inputs=[q.threads, self.build.part, f.camera, f.alpha],
             outputs=[q.nearest, self.queue[share]],
@@ -108,11 +108,11 @@ class CameraStream:
     def launch_items(self, share: int) -> None:
         self._launch_rows(share, again=False)
 
-    def launch_parts(self, share: int) -> None:
+    def launch_chunks(self, share: int) -> None:
         self._launch_rows(share, again=True)
 
     def launch_last(self, share: int) -> None:
-        """Further parts and doubtful pairs."""
+        """Further chunks and undecided pairs."""
         f, q = self.frame, self.queues
         threads = camera_parts.BLOCKS * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
         wp.launch(
@@ -125,10 +125,10 @@ class CameraStream:
         )
         self._copy_needs(share)
 
-    def launch_doubts(self, share: int) -> None:
+    def launch_undecided(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(camera_stream.doubt_kernel, self.effects.switches()),
+            specialised(camera_stream.undecided_kernel, self.effects.switches()),
             dim=q.few_threads,
             inputs=[q.few_threads, f.camera, f.mesh, f.alpha],
             outputs=[q.nearest, self.queue[share]],

@@ -16,7 +16,7 @@ from ...exact.triangle import U32, U64, largest, nearness_key, to_float64
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.division import about_inverse, quotient, reciprocal
 from ...gpu.entries import entry_now, raise_entry
-from ..queues import Queue, queue_doubt
+from ..queues import Queue, queue_undecided
 from ..reads import direction_at
 
 LEAST_HEIGHT = wp.constant(wp.float64(2.0**-14))
@@ -188,7 +188,7 @@ def test_pixel_or_queue(
 ):
     """Test one pixel, and queue the pair where float64 must decide."""
     if test_pixel(nearest, pixel, candidate, d):
-        queue_doubt(queue, candidate.i, pixel)
+        queue_undecided(queue, candidate.i, pixel)
 
 
 @wp.func
@@ -206,7 +206,7 @@ def test_box(
     """Test every pixel of a small box, 32 at a time: all against the planes first, then those stored that passed.
 
     A warp waits for its lane with the most work. Tests are short and read only the directions of pixels. Slow steps
-    (reading the stored word, reserving a place in the queue of doubtful pairs) are done only for the few pixels that need
+    (reading the stored word, reserving a place in the queue of undecided pairs) are done only for the few pixels that need
     them, and every lane processes its own pixels, whatever the shape of its box.
     """
     number = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
@@ -237,5 +237,5 @@ def test_box(
         while unsure != wp.uint32(0):
             at = pixel_in(box, first + lowest_bit(unsure))
             unsure = without_lowest_bit(unsure)
-            queue_doubt(queue, candidate.i, at[1] * camera.width + at[0])
+            queue_undecided(queue, candidate.i, at[1] * camera.width + at[0])
         first += 32

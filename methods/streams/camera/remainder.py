@@ -1,7 +1,7 @@
-"""What is left of the primary rays, in one kernel of a GPU: doubtful pairs, and further parts of queued groups.
+"""What is left of the primary rays, in one kernel of a GPU: undecided pairs, and further chunks of queued groups.
 
-The pairs that the passes before have queued are decided first, then the parts are tested. A warp keeps the pairs that are
-doubtful in its parts in shared memory, and decides them 32 at a time. So there is no further pass that waits for the last
+The pairs that the passes before have queued are decided first, then the chunks are tested. A warp keeps the pairs that are
+undecided in its chunks in shared memory, and decides them 32 at a time. So there is no further pass that waits for the last
 warps of this one.
 """
 
@@ -16,7 +16,7 @@ from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
 from ...gpu.entries import entry, raise_entry
 from ...gpu.warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
-from ..queues import DOUBTS, PARTS, Queue
+from ..queues import CHUNKS, UNDECIDED, Queue
 from ..reads import corners_at, direction_at, weld_at
 from .pixels import hit_word, sign_bound, test_pixel
 from .rows import pixel_of, queued_rows, rows_of_lanes
@@ -37,13 +37,13 @@ def last_kernel(
     nearest: wp.array(dtype=wp.uint64),
     queue: Queue,
 ):
-    """Doubtful pairs and further parts; ``size``: elements of a part, at most :data:`..settings.MOST_PART`."""
+    """Undecided pairs and further chunks; ``size``: elements of a chunk, at most :data:`..settings.MOST_PART`."""
     thread = wp.tid()
     k = warp_of(thread)
     lane = lane_of(thread)
     step = warp_of(threads)
-    stop = wp.min(queue.counts[PARTS], queue.parts.shape[0])
-    listed = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+    stop = wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])
+    listed = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
     spare = spare_bits(queue.depths.shape[0])
     bound = sign_bound(camera.tangents)
     kept = place_of_kept()
@@ -55,7 +55,7 @@ def last_kernel(
             pair = wp.vec2i(-1, 0)
             if first < listed:
                 if first + lane < listed:
-                    pair = entry(queue.doubts, first + lane)
+                    pair = entry(queue.undecided, first + lane)
                 first += step * LANES
             else:
                 number = wp.min(held, LANES)
@@ -77,7 +77,7 @@ def last_kernel(
                 if hits:
                     raise_entry(nearest, pair[1], hit_word(wp.float64(1.0) / t, i, spare))
         else:
-            further = entry(queue.parts, k)
+            further = entry(queue.chunks, k)
             k += step
             rows = queued_rows(queue, further[0], spare, bound)
             if wp.static(effects.alpha):

@@ -62,7 +62,7 @@ def set_point_of_hit(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.ve
 
 @wp.func
 def quick_point(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
-    """The hit point where :func:`takes_care` says no."""
+    """The hit point where :func:`takes_exact_path` says no."""
     return steep_hit_point(ray, t, corners)
 
 
@@ -72,13 +72,13 @@ def quick_point(points: wp.array(dtype=wp.vec3f), ray: Ray, t: wp.float64, corne
 
 
 @wp.func
-def takes_care(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+def takes_exact_path(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     """Whether the hit point is one that :func:`...exact.hit_point.flat_hit_point` computes."""
     return is_flat(ray, t, corners)
 
 
 @wp.func
-def takes_care(points: wp.array(dtype=wp.vec3f), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+def takes_exact_path(points: wp.array(dtype=wp.vec3f), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     return is_vague(ray, corners)
 
 
@@ -99,7 +99,7 @@ def quick_point(points: wp.array(dtype=NO_POINT), ray: Ray, t: wp.float64, corne
 
 
 @wp.func
-def takes_care(points: wp.array(dtype=NO_POINT), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+def takes_exact_path(points: wp.array(dtype=NO_POINT), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     return False
 
 
@@ -132,7 +132,7 @@ def resolve_pixel(
         t = wp.float32(found.t)
         uv = found.uv
         hit = quick_point(hit_points, ray, found.t, corners)
-        flat = takes_care(hit_points, ray, found.t, corners)
+        flat = takes_exact_path(hit_points, ray, found.t, corners)
     set_entry_last(hits.triangle, pixel, best)
     set_entry_last(hits.t, pixel, t)
     set_entry_last(hits.u, pixel, uv[0])

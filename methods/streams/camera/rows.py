@@ -12,7 +12,7 @@ from ....harness.frame.geometry import Camera
 from ...exact.triangle import spare_bits
 from ...gpu.entries import entry, entry_now, entry_of_four
 from ...gpu.warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
-from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
+from ..queues import CHUNKS, ITEMS, UNDECIDED, Queue, queue_chunks
 from ..reads import direction_at
 from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
@@ -123,9 +123,9 @@ def pixel_of(rows: Rows, lanes: LaneRow, at: wp.int32, lane: wp.int32) -> wp.vec
 
 @functools.cache
 def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
-    """Queued groups of rows, one warp for each on the GPU, one thread on the CPU; ``again``: their further parts, on the CPU
-    (on the GPU: :mod:`.remainder`)."""
-    counter = PARTS if again else ITEMS
+    """Queued groups of rows, one warp for each on the GPU, one thread on the CPU; ``again``: their further chunks, on
+    the CPU (on the GPU: :mod:`.remainder`)."""
+    counter = CHUNKS if again else ITEMS
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def item_kernel(
@@ -139,7 +139,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         k = wp.tid()
         stop = queue.counts[wp.static(counter)]
         if wp.static(again):
-            stop = wp.min(stop, queue.parts.shape[0])
+            stop = wp.min(stop, queue.chunks.shape[0])
         else:
             stop = wp.min(stop, queue.items.shape[0])
         bound = sign_bound(camera.tangents)
@@ -153,11 +153,11 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         held = wp.int32(0)
         while k < stop:
             item = k
-            part = wp.int32(0)
+            chunk = wp.int32(0)
             if wp.static(again):
-                further = entry(queue.parts, k)
+                further = entry(queue.chunks, k)
                 item = further[0]
-                part = further[1]
+                chunk = further[1]
             k += step
             rows = queued_rows(queue, item, spare, bound)
             i = rows.candidate.i
@@ -177,13 +177,15 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     if at + lane < end:
                         unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
                     at += LANES
-                    held = append_pairs(unsure, i, pixel, held, False, queue.counts, DOUBTS, queue.doubts)
+                    held = append_pairs(
+                        unsure, i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided
+                    )
             else:
                 for line in range(rows.first, rows.first + rows.number):
                     ends = ends_of_row(rows, line, camera)
                     for along in range(ends[0], ends[1] + 1):
-                        # A part has its share of the group's pixels in order, as on the GPU.
-                        if number // size == part:
+                        # A chunk has its share of the group's pixels in order, as on the GPU.
+                        if number // size == chunk:
                             x = wp.where(rows.tall, line, along)
                             y = wp.where(rows.tall, along, line)
                             pixel = y * camera.width + x
@@ -192,8 +194,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                             )
                         number += 1
             if wp.static(not again):
-                queue_parts(queue, item, number, size, lane)
+                queue_chunks(queue, item, number, size, lane)
         if wp.static(cuda):
-            append_pairs(False, 0, 0, held, True, queue.counts, DOUBTS, queue.doubts)
+            append_pairs(False, 0, 0, held, True, queue.counts, UNDECIDED, queue.undecided)
 
     return item_kernel

@@ -17,7 +17,7 @@ from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits, to_float64
 from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...gpu.reserve import reserve
-from ..queues import DOUBTS, ITEMS, Queue, Share, triangle_of
+from ..queues import ITEMS, UNDECIDED, Queue, Share, triangle_of
 from ..reads import corners_at, direction_at, weld_at
 from .pixels import (
     Candidate,
@@ -173,7 +173,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         mesh: Mesh,
         alpha: Alpha,
         nearest: wp.array(dtype=wp.uint64),
-        careful: wp.array(dtype=wp.uint8),
+        exact_path: wp.array(dtype=wp.uint8),
         queue: Queue,
     ):
         i = triangle_of(wp.tid(), share)
@@ -195,7 +195,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         candidate.bound = sign_bound(camera.tangents)
         candidate.planes = edge_planes(o, corners)
         candidate.m = inverse_depth(o, corners)
-        careful[i] = wp.uint8(not candidate.planes.steep)
+        exact_path[i] = wp.uint8(not candidate.planes.steep)
         candidate.sure = candidate.bound
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):
@@ -230,7 +230,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def doubt_kernel(
+def undecided_kernel(
     threads: wp.int32,
     camera: Camera,
     mesh: Mesh,
@@ -240,10 +240,10 @@ def doubt_kernel(
 ):
     """(triangle, pixel) pairs that float32 could not decide."""
     k = wp.tid()
-    stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+    stop = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
     spare = spare_bits(mesh.triangles.shape[0])
     while k < stop:
-        pair = entry(queue.doubts, k)
+        pair = entry(queue.undecided, k)
         i = pair[0]
         y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
         ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
@@ -259,6 +259,6 @@ def doubt_kernel(
                 inverse = wp.dot(inverse_depth(ray.origin, corners), to_float64(ray.direction))
         if hits:
             # The pair is read again: if registers held it until here, one block of threads fewer would fit.
-            again = entry(queue.doubts, k)
+            again = entry(queue.undecided, k)
             raise_entry(nearest, again[1], hit_word(inverse, again[0], spare))
         k += threads

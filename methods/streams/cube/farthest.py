@@ -62,10 +62,10 @@ def raise_from(seen: wp.int32, farthest: wp.array(dtype=wp.int32), tile: wp.int3
 
 
 @wp.func
-def depth_slack(reach: wp.float32, cube: Cube) -> wp.float32:
-    """Error bound of a corner's coordinate on the cube: depths are known to 8 u reach, and those of receivers to u of
-    their own and what :func:`.rectangle.reach_with_rays` adds for them."""
-    return 32.0 * U32 * (reach + cube.distance)
+def depth_slack(extent: wp.float32, cube: Cube) -> wp.float32:
+    """Error bound of a corner's coordinate on the cube: depths are known to 8 u extent, and those of receivers to u of
+    their own and what :func:`.rectangle.extent_with_rays` adds for them."""
+    return 32.0 * U32 * (extent + cube.distance)
 
 
 @wp.func

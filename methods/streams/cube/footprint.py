@@ -33,7 +33,7 @@ class Flat:
     b: wp.vec2f
     c: wp.vec2f
     pad: wp.float32
-    known: wp.bool
+    valid: wp.bool
 
 
 @wp.func
@@ -48,7 +48,7 @@ def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
 
 
 @wp.func
-def reach_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
+def extent_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
     """The largest |p - middle|_1 of the corners."""
     return wp.max(total(corners.a - middle), wp.max(total(corners.b - middle), total(corners.c - middle)))
 
@@ -69,8 +69,8 @@ def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4
     (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...gpu.division.about_inverse`).
     """
     flat = Flat()
-    flat.known = is_projected(a, b, c)
-    if flat.known:
+    flat.valid = is_projected(a, b, c)
+    if flat.valid:
         low_u = r[0]
         low_v = r[1]
         per_u = r[2]
@@ -113,7 +113,7 @@ def last_cell(cells: Any, axis: wp.int32, face: wp.int32, t: wp.float32, along: 
 def flat_box(flat: Flat, face: wp.int32, along: wp.int32, cells: Any) -> wp.vec4i:
     """First and last column and row of cells, ``along`` on the face; empty if last < first. All cells if corners cannot be
     projected."""
-    if not flat.known:
+    if not flat.valid:
         return wp.vec4i(0, 0, along - 1, along - 1)
     x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
     y0 = wp.min(flat.a[1], wp.min(flat.b[1], flat.c[1])) - flat.pad

@@ -11,7 +11,7 @@ import warp as wp
 from ....harness.frame.geometry import Corners
 from ...gpu.entries import entry
 from .aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
-from .footprint import reach_from
+from .footprint import extent_from
 from .spacing import BINS
 
 
@@ -102,13 +102,13 @@ def faces_of(row: wp.vec4f) -> wp.uint32:
 
 
 @wp.func
-def reach_of(row: wp.vec4f) -> wp.float32:
+def max_coordinate_of(row: wp.vec4f) -> wp.float32:
     """The largest coordinate of a hit point."""
     return row[1]
 
 
 @wp.func
-def reach_with_rays(cube: Cube, corners: Corners, row: wp.vec4f) -> wp.float32:
-    """:func:`.footprint.reach_from`, enlarged so that bounds of 32 u reach cover four times what hit points are off by,
+def extent_with_rays(cube: Cube, corners: Corners, row: wp.vec4f) -> wp.float32:
+    """:func:`.footprint.extent_from`, enlarged so that bounds of 32 u extent cover four times what hit points are off by,
     which is at most u of their largest coordinate (:mod:`..rays.hit_points`)."""
-    return reach_from(cube.middle, corners) + 0.125 * reach_of(row)
+    return extent_from(cube.middle, corners) + 0.125 * max_coordinate_of(row)

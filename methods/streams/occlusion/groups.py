@@ -12,7 +12,7 @@ from ...gpu.warps import LANES
 from ..cube.aim import Cube, cube_of
 from ..cube.faces import on_face
 from ..cube.footprint import Flat, Sides, cube_space, on_bins, sides_of_flat, sides_of_planes
-from ..cube.rectangle import last_row, reach_with_rays
+from ..cube.rectangle import extent_with_rays, last_row
 from ..queues import ITEMS, LARGE, SMALL, Queue
 from .planes import Occluder, occluder_of, occludes_none
 
@@ -47,7 +47,7 @@ def sides_on_face(
     r: wp.vec4f,
 ) -> Sides:
     """The lines that bound a triangle's cells on a face, from its projection if that is known."""
-    if flat.known:
+    if flat.valid:
         return sides_of_flat(flat)
     return sides_of_planes(light, cube, face, corners, r)
 
@@ -97,7 +97,7 @@ def split_kernel(
             qb = on_face(cube_space(corners.b, cube), face)
             qc = on_face(cube_space(corners.c, cube), face)
             r = entry(table, face)
-            flat = on_bins(qa, qb, qc, reach_with_rays(cube, corners, row), r)
+            flat = on_bins(qa, qb, qc, extent_with_rays(cube, corners, row), r)
             sides = sides_on_face(flat, position, cube, face, corners, r)
             occluder = occluder_of(i, False, position, corners, row, True)
             for g in range(number):

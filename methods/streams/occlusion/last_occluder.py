@@ -40,8 +40,8 @@ def certainly_occludes(
 ) -> wp.bool:
     """Whether triangle i of the mesh (any number) certainly occludes the ray of a pixel that hit triangle ``own`` at h.
 
-    The bound covers this one hit point, which takes no care (:mod:`..rays.hit_points`). With the eye in it, it exceeds
-    the error of the float64 hit point, in which float64 would find the triangle's plane
+    The bound covers this one hit point, which the camera's words give (:mod:`..rays.hit_points`). With the eye in it,
+    it exceeds the error of the float64 hit point, in which float64 would find the triangle's plane
     (:func:`...exact.hit_point.hit_error`).
     """
     if i < 0 or i >= mesh.triangles.shape[0] or i == own:
@@ -89,7 +89,7 @@ def settle_kernel(
     bit = wp.uint8(0)
     if wanted and remembered != 0:
         i = remembered - 1
-        unsure = point.careful
+        unsure = point.exact_path
         if wp.static(effects.alpha):
             unsure = unsure or has_holes(alpha, i)
         h = to_float32(point.hit)

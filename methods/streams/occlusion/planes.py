@@ -15,8 +15,8 @@ from ....harness.frame.geometry import Corners
 from ...exact.triangle import U32, U64, largest, to_float64, total
 from ...gpu.division import about_inverse
 from ...gpu.entries import entry, entry_if, set_entry
-from ..cube.rectangle import reach_of
-from ..queues import Queue, queue_doubt
+from ..cube.rectangle import max_coordinate_of
+from ..queues import Queue, queue_undecided
 from ..rays.sort import span_of
 
 
@@ -171,7 +171,7 @@ def sign_bound(size: wp.float32) -> wp.float32:
 def bound_of(row: wp.vec4f, corners: Corners) -> wp.float32:
     """:func:`sign_bound` of a triangle and every hit point of a light (:func:`..cube.rectangle.last_row`)."""
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
-    return sign_bound(wp.max(reach_of(row), size))
+    return sign_bound(wp.max(max_coordinate_of(row), size))
 
 
 @wp.func
@@ -193,7 +193,7 @@ def value_at(plane: wp.vec4f, h: wp.vec4f) -> wp.float32:
     return plane[0] * h[0] + (plane[1] * h[1] + (plane[2] * h[2] + plane[3]))
 
 
-NO, YES, DOUBTFUL = wp.constant(0), wp.constant(1), wp.constant(2)
+NO, YES, MAYBE = wp.constant(0), wp.constant(1), wp.constant(2)
 """Verdicts of float32 on a (triangle, ray) pair."""
 
 
@@ -209,10 +209,10 @@ def certain(h: wp.vec4f, occluder: Occluder) -> tuple[wp.bool, wp.bool]:
 def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
     """The verdict of float32 on a ray (hit point and pixel) and a triangle.
 
-    A ray's own triangle passes through its hit point, so it is always among the doubtful.
+    A ray's own triangle passes through its hit point, so it is always among the undecided.
     """
     misses, hits = certain(h, occluder)
-    verdict = wp.int32(DOUBTFUL)
+    verdict = wp.int32(MAYBE)
     if misses:
         verdict = NO
     elif hits:
@@ -234,8 +234,8 @@ def set_shadowed(bits: RememberedBits, pixel: wp.int32, i: wp.int32):
 
 
 @wp.func
-def set_bit_or_doubt(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32) -> wp.bool:
-    """Set the pixel's bit where the verdict is YES; of a doubtful pair, whether float64 must decide. Not for NO."""
+def set_bit_or_undecided(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32) -> wp.bool:
+    """Set the pixel's bit where the verdict is YES; of an undecided pair, whether float64 must decide. Not for NO."""
     if verdict == YES:
         set_shadowed(bits, pixel, i)
         return False
@@ -244,20 +244,20 @@ def set_bit_or_doubt(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32)
 
 @wp.func
 def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h: wp.vec4f):
-    """Set the ray's bit where the verdict is YES; queue a doubtful pair for float64. Not for NO.
+    """Set the ray's bit where the verdict is YES; queue an undecided pair for float64. Not for NO.
 
-    Few pairs are doubtful, but nearly every warp meets one; if it were decided here, all lanes of the warp would wait.
+    Few pairs are undecided, but nearly every warp meets one; if it were decided here, all lanes of the warp would wait.
     """
     pixel = wp.cast(h[3], wp.int32)
-    if set_bit_or_doubt(bits, verdict, i, pixel):
-        queue_doubt(queue, i, pixel)
+    if set_bit_or_undecided(bits, verdict, i, pixel):
+        queue_undecided(queue, i, pixel)
 
 
 @wp.func
 def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
-    """Queue a doubtful pair for float64, unless the pixel is shadowed already."""
+    """Queue an undecided pair for float64, unless the pixel is shadowed already."""
     if entry(bits.shadowed, bits.light, pixel) == wp.uint8(0):
-        queue_doubt(queue, i, pixel)
+        queue_undecided(queue, i, pixel)
 
 
 @wp.func

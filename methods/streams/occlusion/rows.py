@@ -32,7 +32,7 @@ from ...gpu.warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_
 from ..cube.cells import RayCells
 from ..cube.footprint import Sides
 from ..cube.rectangle import cells_of, last_row
-from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
+from ..queues import CHUNKS, ITEMS, SMALL, UNDECIDED, Queue, claim_chunks, queue_chunks, store_chunks
 from .planes import Occluder, ShadowBits, certain, set_shadowed, test_ray
 from .stored_groups import rays_of_row, shared_occluder, shared_rays_of_row, stored_occluder
 
@@ -69,8 +69,8 @@ def sure_of(occluder: Occluder, alpha: Alpha) -> wp.float32:
 
 @wp.struct
 class Tested:
-    """The pair that a lane tested last: doubtful if the ray's ``own`` triangle, known one step later, is not triangle ``i``.
-    held: pairs that the warp holds (:func:`...gpu.warps.append_pairs`)."""
+    """The pair that a lane tested last: undecided if the ray's ``own`` triangle, known one step later, is not triangle
+    ``i``. held: pairs that the warp holds (:func:`...gpu.warps.append_pairs`)."""
 
     i: wp.int32
     own: wp.int32
@@ -80,9 +80,16 @@ class Tested:
 
 @wp.func
 def append_tested(tested: Tested, last: wp.bool, queue: Queue) -> wp.int32:
-    """Queue the pair if it is doubtful; how many the warp still holds. All lanes must call it."""
+    """Queue the pair if it is undecided; how many the warp still holds. All lanes must call it."""
     return append_pairs(
-        tested.own != tested.i, tested.i, tested.pixel, tested.held, last, queue.counts, DOUBTS, queue.doubts
+        tested.own != tested.i,
+        tested.i,
+        tested.pixel,
+        tested.held,
+        last,
+        queue.counts,
+        UNDECIDED,
+        queue.undecided,
     )
 
 
@@ -90,7 +97,7 @@ def append_tested(tested: Tested, last: wp.bool, queue: Queue) -> wp.int32:
 def test_fetched(
     h: wp.vec4f, occluder: Occluder, inside: wp.bool, before: Tested, bits: Any, queue: Queue
 ) -> Tested:
-    """Test a lane's ray, if it has one (``inside``), and queue the pair that it tested ``before`` if that is doubtful. All
+    """Test a lane's ray, if it has one (``inside``), and queue the pair that it tested ``before`` if that is undecided. All
     lanes must call it."""
     misses, hits = certain(h, occluder)
     tested = Tested()
@@ -106,7 +113,7 @@ def test_fetched(
 @functools.cache
 def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     """Queued groups of rows: on the GPU a warp for each large one and for four small ones, on the CPU a thread for each;
-    ``again``: their further parts."""
+    ``again``: their further chunks."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def item_kernel(
@@ -126,7 +133,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         if wp.static(cuda):
             stop = large + packs_of(small)
         if wp.static(again):
-            stop = wp.min(queue.counts[PARTS], queue.parts.shape[0])
+            stop = wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])
         if wp.static(cuda):
             lane = lane_of(k)
             k = warp_of(k)
@@ -135,28 +142,28 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             tested = Tested()
             # The groups of the next item are fetched while this one's are in use.
             item = k
-            part = wp.int32(0)
+            chunk = wp.int32(0)
             set = wp.int32(0)
             following = wp.int32(0)
             if k < stop:
                 if wp.static(again):
-                    further = entry(queue.parts, k)
+                    further = entry(queue.chunks, k)
                     item = further[0]
-                    part = further[1]
+                    chunk = further[1]
                 following = fetch_groups(queue.groups, item, large, small, set)
             while k < stop:
                 wait_for_groups()
                 group = following
                 this_item = item
-                this_part = part
+                this_chunk = chunk
                 k += step
                 item = k
                 set = 1 - set
                 if k < stop:
                     if wp.static(again):
-                        further = entry(queue.parts, k)
+                        further = entry(queue.chunks, k)
                         item = further[0]
-                        part = further[1]
+                        chunk = further[1]
                     following = fetch_groups(queue.groups, item, large, small, set)
                 row = lane
                 if this_item >= large:
@@ -173,8 +180,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 claimed = wp.int32(0)
                 if wp.static(not again):
                     if number > size:
-                        claimed = claim_parts(queue, number, size)
-                at = this_part * size
+                        claimed = claim_chunks(queue, number, size)
+                at = this_chunk * size
                 end = wp.min(number, at + size)
                 if at < end:
                     for ahead in range(3):
@@ -206,16 +213,16 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         tested = test_fetched(h, occluder, inside, tested, bits, queue)
                         at += LANES
                 if wp.static(not again):
-                    store_parts(queue, claimed, this_item, number, size, lane)
+                    store_chunks(queue, claimed, this_item, number, size, lane)
             append_tested(tested, True, queue)
         else:
             while k < stop:
                 item = k
-                part = wp.int32(0)
+                chunk = wp.int32(0)
                 if wp.static(again):
-                    further = entry(queue.parts, k)
+                    further = entry(queue.chunks, k)
                     item = further[0]
-                    part = further[1]
+                    chunk = further[1]
                 k += threads
                 # Small groups lie at the end.
                 at = wp.where(item < large, item, capacity - 1 - (item - large))
@@ -232,11 +239,11 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 for r in range((which >> 4) & 63):
                     span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, along, cells)
                     for ray in range(span[0], span[1]):
-                        # A part has its share of the group's rays in order, as on the GPU.
-                        if number // size == part:
+                        # A chunk has its share of the group's rays in order, as on the GPU.
+                        if number // size == chunk:
                             test_ray(bits, queue, entry(cells.rays, ray), occluder)
                         number += 1
                 if wp.static(not again):
-                    queue_parts(queue, item, number, size, 0)
+                    queue_chunks(queue, item, number, size, 0)
 
     return item_kernel

@@ -21,7 +21,7 @@ from ..cube.cells import RayCells
 from ..cube.faces import on_face
 from ..cube.farthest import all_rays_end_before, depth_slack, nearest_depth
 from ..cube.footprint import cells_of_row, cube_space, flat_box, leaves_out, on_bins
-from ..cube.rectangle import cells_of, faces_of, last_row, reach_with_rays
+from ..cube.rectangle import cells_of, extent_with_rays, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
 from ..reads import corners_at
@@ -78,8 +78,8 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
         qa = cube_space(corners.a, cube)
         qb = cube_space(corners.b, cube)
         qc = cube_space(corners.c, cube)
-        reach = reach_with_rays(cube, corners, row)
-        slack = depth_slack(reach, cube)
+        extent = extent_with_rays(cube, corners, row)
+        slack = depth_slack(extent, cube)
         holes = wp.bool(False)
         if wp.static(effects.alpha):
             holes = alpha.masked[i] != wp.uint8(0)
@@ -96,7 +96,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
             fb = on_face(qb, face)
             fc = on_face(qc, face)
             if not leaves_out(several, fa, fb, fc, slack):
-                flat = on_bins(fa, fb, fc, reach, r)
+                flat = on_bins(fa, fb, fc, extent, r)
                 box = flat_box(flat, face, along, cells)
                 number = wp.int32(0)
                 least = nearest_depth(fa, fb, fc, slack)

@@ -17,36 +17,37 @@ from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
 from ...exact.triangle import largest
 from ...gpu.entries import entry
-from ..queues import DOUBTS, Queue
+from ..queues import UNDECIDED, Queue
 from ..reads import corners_at, direction_at, weld_at
 from .planes import ShadowBits, set_shadowed
 
 PAIRS_UNASKED = wp.constant(4)
-"""Doubtful pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
+"""Undecided pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
 
 REGISTERS = 96
 """Registers per thread: there are fewer threads than a GPU has room for."""
 
 
 @functools.cache
-def make_doubt_kernel(stored: bool, outside: bool) -> wp.Kernel:
+def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
     """The kernel. ``stored``: hit_points vec3d [pixels] are exact. ``outside``: there may be rays outside the region
     (:mod:`..rays.cone`), which it tests against every triangle, too."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
-    def doubt_kernel(
+    def undecided_kernel(
         threads: wp.int32,
         lights: wp.array(dtype=wp.vec3f),
         camera: Camera,
         mesh: Mesh,
         alpha: Alpha,
         hit_points: wp.array(dtype=wp.vec3d),
-        strays: wp.array(dtype=wp.int32),
+        outside_rays: wp.array(dtype=wp.int32),
         bits: ShadowBits,
         queue: Queue,
     ):
-        """strays: int32 [1 + pixels]: how many rays lie outside the region, and their pixels; [0] without ``outside``."""
-        pairs = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+        """outside_rays: int32 [1 + pixels]: how many rays lie outside the region, and their pixels; [0] without
+        ``outside``."""
+        pairs = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
         origin_size = wp.float64(largest(camera.eye[0]))
         light = lights[bits.light]
         # Whether the pixel is shadowed already: a thread with few pairs would wait for the answer, and what it reads of both
@@ -55,24 +56,24 @@ def make_doubt_kernel(stored: bool, outside: bool) -> wp.Kernel:
         asks = pairs > PAIRS_UNASKED * threads
         rounds = wp.int32(1)
         if wp.static(outside):
-            rounds += entry(strays, 0)
-        for r in range(rounds):  # first the doubtful pairs, then a round for each ray outside the region
-            stray = wp.int32(-1)
+            rounds += entry(outside_rays, 0)
+        for r in range(rounds):  # first the undecided pairs, then a round for each ray outside the region
+            outside_ray = wp.int32(-1)
             stop = wp.int32(pairs)
             if wp.static(outside):
                 if r > 0:
-                    stray = entry(strays, r)
+                    outside_ray = entry(outside_rays, r)
                     stop = mesh.triangles.shape[0]
             k = wp.int32(wp.tid())
             while k < stop:
-                pair = wp.vec2i(k, stray)
-                if stray < 0:
-                    pair = entry(queue.doubts, k)
+                pair = wp.vec2i(k, outside_ray)
+                if outside_ray < 0:
+                    pair = entry(queue.undecided, k)
                 k += threads
                 i = pair[0]
                 wanted = wp.bool(True)
-                if stray >= 0:
-                    wanted = i != entry(bits.triangle, stray) and entry(mesh.valid, i) != wp.uint8(0)
+                if outside_ray >= 0:
+                    wanted = i != entry(bits.triangle, outside_ray) and entry(mesh.valid, i) != wp.uint8(0)
                 elif asks:
                     wanted = entry(bits.shadowed, bits.light, pair[1]) == wp.uint8(0)
                 if wanted:
@@ -93,4 +94,4 @@ def make_doubt_kernel(stored: bool, outside: bool) -> wp.Kernel:
                     if occluded:
                         set_shadowed(bits, pair[1], i)
 
-    return doubt_kernel
+    return undecided_kernel

@@ -3,8 +3,8 @@
 So a spot's rays, too, are counted in their cells by the pass that places them and marks the receivers.
 
 Whether a hit point lies in the cone the harness decides, in plain float64. On a triangle seen edge-on, or next to the
-light, that may be off by more than the slack. Such a ray may lie outside the region. It is then a stray, and is tested
-against every triangle in float64 instead (:mod:`..occlusion.undecided`). All other rays are placed to 2^-18 of their
+light, that may be off by more than the slack. Such a ray may lie outside the region. It is then an outside ray, and is
+tested against every triangle in float64 instead (:mod:`..occlusion.undecided`). All other rays are placed to 2^-18 of their
 direction.
 """
 
@@ -28,8 +28,8 @@ from .receivers import REGISTERS, mark_receiver
 from .sort import count_exactly, count_quickly, set_row_edges
 
 SLACK = 1.0e-4
-"""Added to the angle of a cone: a ray that takes no care is placed to 2^-18 of its direction (:mod:`.hit_points`), and
-the proxy turns it by less."""
+"""Added to the angle of a cone: a ray that the camera's words place is right to 2^-18 of its direction
+(:mod:`.hit_points`), and the proxy turns it by less."""
 
 COS_SLACK, SIN_SLACK = wp.constant(wp.float64(math.cos(SLACK))), wp.constant(wp.float64(math.sin(SLACK)))
 
@@ -81,12 +81,12 @@ def cone_kernel(
     axes: wp.array(dtype=wp.mat33d),
     spots: wp.array2d(dtype=wp.float64),
     rectangle: wp.array(dtype=wp.int32),
-    strays: wp.array(dtype=wp.int32),
+    outside_rays: wp.array(dtype=wp.int32),
 ):
     """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside a cone
     that is wholly before its centre. One thread. A spot of another kind, or of nearly all directions, keeps all. Empties
-    the list of ``strays``."""
-    strays[0] = 0
+    the list of ``outside_rays``."""
+    outside_rays[0] = 0
     cosine = spots[light, 10]
     if spots[light, 0] != CONE or cosine < WIDEST:
         return
@@ -135,11 +135,11 @@ def place_kernel(
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
     shadowed: wp.array2d(dtype=wp.uint8),
-    strays: wp.array(dtype=wp.int32),
+    outside_rays: wp.array(dtype=wp.int32),
 ):
     """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.sort.count_kernel` in one.
 
-    strays: int32 [1 + pixels]: the number of rays outside the region, and their pixels. They get no slot."""
+    outside_rays: int32 [1 + pixels]: the number of rays outside the region, and their pixels. They get no slot."""
     set_row_edges(first + wp.tid(), camera, cells)
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
@@ -163,4 +163,4 @@ def place_kernel(
         return
     set_entry(cells.slot, pixel, -1)
     set_entry(cells.triangle, pixel, point.triangle)
-    set_entry(strays, 1 + number_among(strays, 0), pixel)
+    set_entry(outside_rays, 1 + number_among(outside_rays, 0), pixel)

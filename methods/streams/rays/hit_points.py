@@ -32,23 +32,23 @@ more than 2^-18."""
 
 @wp.struct
 class Words:
-    """The nearest hits of the camera's stream: nearest uint64 [pixels], careful uint8 [triangles]
+    """The nearest hits of the camera's stream: nearest uint64 [pixels], exact_path uint8 [triangles]
     (:class:`..queues.Queues`)."""
 
     nearest: wp.array(dtype=wp.uint64)
-    careful: wp.array(dtype=wp.uint8)
+    exact_path: wp.array(dtype=wp.uint8)
 
 
 @wp.struct
 class Point:
-    """A hit point. triangle: -1 at a miss; way: the largest coordinate of its way from the eye; careful: whether
-    :func:`exact_point` must give it; t: its distance, to 2^-23 of itself unless it is careful."""
+    """A hit point. triangle: -1 at a miss; way: the largest coordinate of its way from the eye; exact_path:
+    whether :func:`exact_point` must give it; t: its distance, to 2^-23 of itself unless it must."""
 
     triangle: wp.int32
     hit: wp.vec3d
     t: wp.float32
     way: wp.float32
-    careful: wp.bool
+    exact_path: wp.bool
 
 
 @wp.func
@@ -65,7 +65,7 @@ def point_of(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, mesh: M
     if word != wp.uint64(0):
         spare = spare_bits(mesh.triangles.shape[0])
         point.triangle = index_of(word, spare)
-        point.careful = entry(rays.careful, point.triangle) != wp.uint8(0)
+        point.exact_path = entry(rays.exact_path, point.triangle) != wp.uint8(0)
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
         t = distance_of(word, spare)
         point.t = wp.float32(t)
@@ -105,7 +105,7 @@ def placed(point: Point, wanted: wp.bool, light: wp.vec3f, axes: wp.mat33d) -> P
     """Where a hit point lies; face -1 if it has no ray (not ``wanted``), or if :func:`placed_exactly` must say."""
     found = Placed()
     found.place = wp.vec4f(0.0, 0.0, -1.0, 0.0)
-    if wanted and not point.careful:
+    if wanted and not point.exact_path:
         place = place_of(point.hit, light, axes)
         if place[3] >= NEAR_LIGHT * point.way and place[3] < wp.INF:
             found.place = place

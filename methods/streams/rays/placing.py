@@ -114,8 +114,8 @@ class SpotLight(KnownRegionLight):
 
     def __init__(self, *given: Any):
         super().__init__(*given)
-        self.strays = wp.zeros(1 + self.frame.pixels, dtype=wp.int32, device=self.frame.device)
-        # Whenever rays are placed again, the list of strays must have been emptied.
+        self.outside_rays = wp.zeros(1 + self.frame.pixels, dtype=wp.int32, device=self.frame.device)
+        # Whenever rays are placed again, the list of outside rays must have been emptied.
         self.aim_reads = (*self.aim_reads, *self.effects.surface_reads())
 
     def by_facing(self) -> bool:
@@ -127,7 +127,7 @@ class SpotLight(KnownRegionLight):
             light_spots.cone_kernel,
             dim=1,
             inputs=[self.index, self.aims.axes, self.frame.spots],
-            outputs=[self.cells.rectangle, self.strays],
+            outputs=[self.cells.rectangle, self.outside_rays],
             device=self.frame.device,
         )
 
@@ -140,6 +140,6 @@ class SpotLight(KnownRegionLight):
                 threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, f.front_facing, a.cones,
                 a.proxy_positions, a.axes, self.rays,
             ],
-            outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed, self.strays],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.shadowed, self.outside_rays],
             device=f.device,
         )  # fmt: skip

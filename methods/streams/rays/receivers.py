@@ -72,7 +72,7 @@ def is_receiver(
         unsure = wanted and spots[light, 0] != wp.float64(0.0)
     if unsure:
         margin = wp.float32(0.0)
-        if not asked and not point.careful:
+        if not asked and not point.exact_path:
             margin = cone_margin(entry(lights, light), entry(cones, light), ray, point)
         wanted = margin > 0.0
         if margin == 0.0:

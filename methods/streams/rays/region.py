@@ -26,13 +26,13 @@ from ..cube.aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube,
 from ..cube.cells import RayCells
 from ..cube.density import expect_triangles
 from ..cube.faces import on_face
-from ..cube.footprint import FINEST, beyond_face, cube_space, reach_from, turned
+from ..cube.footprint import FINEST, beyond_face, cube_space, extent_from, turned
 from ..reads import corners_at
 from .hit_points import FAR, Words, has_hit, point_of
 from .sort import REGISTERS, count_placed, put_ray, set_row_edges
 
 OFF = wp.constant(wp.float32(2.0**-7))
-"""Share of the way from the eye that is added to the reach of a triangle: a hit point is off by at most 2^-29 of that way
+"""Share of the way from the eye that is added to the extent of a triangle: a hit point is off by at most 2^-29 of that way
 (:mod:`.hit_points`), and 32 u of the share are eight times as much."""
 
 LARGE_BOX = wp.constant(256)
@@ -53,11 +53,11 @@ def lower(words: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float32):
 
 @wp.func
 def rectangle_of(
-    a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, reach: wp.float32, before: wp.vec4f
+    a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, extent: wp.float32, before: wp.vec4f
 ) -> wp.vec4f:
     """The part of a rectangle of face 0 (least u and v, greatest u and v) that the convex hull of four points may cover.
 
-    Points are (along, across, up), and ``reach`` bounds |p - middle|_1 of them; errors are those of
+    Points are (along, across, up), and ``extent`` bounds |p - middle|_1 of them; errors are those of
     :func:`..cube.footprint.on_bins`. Where a point lies behind the centre of projection or too near its plane, the
     rectangle is returned as it is.
     """
@@ -72,7 +72,7 @@ def rectangle_of(
     most_u = wp.max(u)
     most_v = wp.max(v)
     widest = wp.max(wp.max(-least_u, most_u), wp.max(wp.max(-least_v, most_v), FINEST))
-    pad = 32.0 * U32 * ((1.0 + widest) * reach / nearest + widest)
+    pad = 32.0 * U32 * ((1.0 + widest) * extent / nearest + widest)
     return wp.vec4f(
         wp.max(before[0], least_u - pad),
         wp.max(before[1], least_v - pad),
@@ -118,14 +118,14 @@ def part_is_known(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera) 
 
 @wp.struct
 class Part:
-    """Four points in whose convex hull the hits of a triangle lie, in the space of the cube. reach: the largest
+    """Four points in whose convex hull the hits of a triangle lie, in the space of the cube. extent: the largest
     |p - middle|_1 of them; infinite where there are none. size: at least their largest coordinate in the scene's space."""
 
     a: wp.vec3f
     b: wp.vec3f
     c: wp.vec3f
     d: wp.vec3f
-    reach: wp.float32
+    extent: wp.float32
     size: wp.float32
 
 
@@ -140,12 +140,12 @@ def part_in_view(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera, c
     d = relative_point(Ray(o, beyond_pixel(camera, box[2] + 1, box[3] + 1)), m, cube.middle)
     way = wp.vec3f(cube.distance, 0.0, 0.0)
     part = Part()
-    part.reach = wp.max(wp.max(total(a), total(b)), wp.max(total(c), total(d)))
+    part.extent = wp.max(wp.max(total(a), total(b)), wp.max(total(c), total(d)))
     beyond = wp.max(
         wp.max(largest(a + cube.middle), largest(b + cube.middle)),
         wp.max(largest(c + cube.middle), largest(d + cube.middle)),
     )
-    part.size = beyond + 8.0 * U32 * part.reach
+    part.size = beyond + 8.0 * U32 * part.extent
     part.a = turned(a, cube) + way
     part.b = turned(b, cube) + way
     part.c = turned(c, cube) + way
@@ -156,7 +156,7 @@ def part_in_view(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera, c
 @wp.func
 def part_beyond_face(part: Part, face: wp.int32, distance: wp.float32) -> wp.bool:
     """Whether the hull lies certainly behind a face's centre or beyond its sides: both triangles that it consists of."""
-    slack = 32.0 * U32 * (part.reach + distance)
+    slack = 32.0 * U32 * (part.extent + distance)
     b = on_face(part.b, face)
     c = on_face(part.c, face)
     return beyond_face(on_face(part.a, face), b, c, slack) and beyond_face(on_face(part.d, face), b, c, slack)
@@ -168,18 +168,18 @@ def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cub
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
-    reach = reach_from(cube.middle, corners)
+    extent = extent_from(cube.middle, corners)
     # What a hit point may be off (:mod:`.hit_points`), in the units of the slack and of a corner's error.
     far = wp.max(largest(corners.a - o), wp.max(largest(corners.b - o), largest(corners.c - o)))
-    reach += OFF * far
-    slack = 32.0 * U32 * (reach + cube.distance)
+    extent += OFF * far
+    slack = 32.0 * U32 * (extent + cube.distance)
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     part = Part()
-    part.reach = wp.INF
+    part.extent = wp.INF
     if part_is_known(box, o, corners, camera):
         part = part_in_view(box, o, corners, camera, cube)
-        part.reach += OFF * far
-    in_part = part.reach < 1.0e30
+        part.extent += OFF * far
+    in_part = part.extent < 1.0e30
     if in_part:
         size = wp.min(size, part.size)
     most = wp.cast(1.0001 * wp.max(size, FAR * wp.min(far, size + largest(o))), wp.int32)
@@ -193,9 +193,9 @@ def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cub
             if cells.rectangle[FACE + face] != 0:
                 cells.rectangle[FACE + face] = 0
             if face == 0:
-                sides = rectangle_of(qa, qb, qc, qc, reach, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
+                sides = rectangle_of(qa, qb, qc, qc, extent, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
                 if in_part:
-                    sides = rectangle_of(part.a, part.b, part.c, part.d, part.reach, sides)
+                    sides = rectangle_of(part.a, part.b, part.c, part.d, part.extent, sides)
                 lower(cells.rectangle, LOW_U, sides[0])
                 lower(cells.rectangle, LOW_V, sides[1])
                 lower(cells.rectangle, HIGH_U, -sides[2])

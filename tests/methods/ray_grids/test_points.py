@@ -35,7 +35,7 @@ def points_kernel(
         exact[pixel] = exact_point(rays, pixel, at, camera, mesh)
         rough[pixel] = point.hit
         t[pixel] = point.t
-        way[pixel] = wp.where(point.careful, wp.float32(-1.0), point.way)
+        way[pixel] = wp.where(point.exact_path, wp.float32(-1.0), point.way)
         placed_as[pixel] = placed(point, True, light[0], axes[0]).place
 
 
@@ -124,9 +124,9 @@ def test_the_t_of_rough_points_is_that_of_the_answers_rounded(many):
 
 
 def test_points_of_some_triangles_would_be_farther_off(many):
-    careful = many["way"] < 0
-    assert 50 < careful.sum() < 0.5 * careful.size
-    assert (many["placed_as"][careful][:, 2] == -1.0).all()
+    exact_path = many["way"] < 0
+    assert 50 < exact_path.sum() < 0.5 * exact_path.size
+    assert (many["placed_as"][exact_path][:, 2] == -1.0).all()
 
 
 def test_points_beside_the_light_are_not_placed_by_the_words():

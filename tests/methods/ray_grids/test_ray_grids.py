@@ -13,7 +13,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.gpu.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.streams.queues import COUNTERS, DOUBTS, more_room
+from shadowbench.methods.streams.queues import COUNTERS, UNDECIDED, more_room
 from shadowbench.methods.streams.settings import (
     FEW_TRIANGLES,
     MANY_TRIANGLES,
@@ -134,8 +134,8 @@ def test_what_a_counter_past_31_bits_hands_out_lies_in_no_list(before, place, de
 
 def test_a_counter_past_31_bits_is_no_small_need():
     needed = np.zeros((2, COUNTERS), dtype=np.int64)
-    needed[1, DOUBTS] = np.int32(-(2**31) + 5)
-    with pytest.raises(CapacityRejected, match="2,147,483,653 doubtful pairs"):
+    needed[1, UNDECIDED] = np.int32(-(2**31) + 5)
+    with pytest.raises(CapacityRejected, match="2,147,483,653 undecided pairs"):
         more_room(needed, (1, 1, 1), 2**40)
 
 
@@ -174,7 +174,7 @@ def test_a_moved_frame_equals_a_fresh_one():
         assert (fresh[name] == after[name]).all()
 
 
-def test_few_pairs_are_doubtful_however_far_the_eye():
+def test_few_pairs_are_undecided_however_far_the_eye():
     """Bounds grow with the triangles' coordinates, not with the eye's: what float64 decides stays the exception."""
     vertices, faces = soup(7, 400, size=0.2)
     prepared = make_scene(vertices, faces, [(5.0, 4.0, 3.0)], (0.0, 0.0, 300.0), (0.0, 0.0, 0.0), 0.6)

@@ -199,7 +199,7 @@ def test_triangles_that_face_away_do_not_count():
 def test_rays_outside_the_region_of_a_spot_are_tested_against_every_triangle(device):
     """The eye far away for its fine lens, lights where hit points are rounded to, thin cones towards where plain float64,
     which decides whether a hit lies in them, finds these: the exact point of such a ray lies elsewhere."""
-    strays = 0
+    outside_rays = 0
     for seed in range(12):
         random = np.random.default_rng(seed)
         vertices, faces = soup(seed, 40)
@@ -230,14 +230,14 @@ def test_rays_outside_the_region_of_a_spot_are_tested_against_every_triangle(dev
             answers, wanted = known.answers(moment), by_grid.answers(moment)
             for name in wanted:
                 np.testing.assert_array_equal(answers[name], wanted[name])
-        strays += sum(int(light.strays.numpy()[0]) for light in lights_of_session(known))
+        outside_rays += sum(int(light.outside_rays.numpy()[0]) for light in lights_of_session(known))
     if device == "cpu":  # a GPU fuses products with sums, and finds none of these hits in a cone
-        assert strays > 10
+        assert outside_rays > 10
 
 
 @pytest.mark.parametrize("holes", [False, True])
-def test_strays_get_the_bits_of_other_rays(holes, device):
-    """Every ray of a spot is declared a stray, and its bits are found again."""
+def test_outside_rays_get_the_bits_of_other_rays(holes, device):
+    """Every ray of a spot is declared an outside ray, and its bits are found again."""
     spot = Light((0.3, 4.0, 0.5), spot=Spot((0.0, -1.0, 0.0), 40.0))
     prepared = make_scene(*soup(5, 120), [spot])
     if holes:
@@ -248,11 +248,11 @@ def test_strays_get_the_bits_of_other_rays(holes, device):
     assert isinstance(light, KnownRegionLight)
     pixels = np.flatnonzero(session.frame.receivers.numpy()[0])
     session.frame.answers.shadowed.zero_()
-    listed = np.zeros(light.strays.size, dtype=np.int32)
+    listed = np.zeros(light.outside_rays.size, dtype=np.int32)
     listed[0] = len(pixels)
     listed[1 : 1 + len(pixels)] = pixels
-    light.strays.assign(listed)
-    light.counts.zero_()  # no other doubtful pairs
-    light.launch_doubts(0)
+    light.outside_rays.assign(listed)
+    light.counts.zero_()  # no other undecided pairs
+    light.launch_undecided(0)
     np.testing.assert_array_equal(session.frame.answers.shadowed.numpy()[0], wanted)
     assert 0 < wanted.sum() < len(pixels)
