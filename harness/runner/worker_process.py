@@ -13,7 +13,9 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
+from ..results.record import STATUSES
 from . import scratch
+from .protocol import UNWRITABLE, check_reply
 
 GRACE_S = 0.5
 """Additional time for a reply to arrive after its time limit, seconds."""
@@ -48,7 +50,7 @@ class Remote:
         self.log = log
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
-        self._asked = 0.0
+        self._asked, self._command = 0.0, ""
         self._log_start = 0
         self.generation = 0
 
@@ -69,7 +71,7 @@ class Remote:
     def send(self, **command: Any) -> None:
         """Send a command without waiting; :meth:`receive` must follow."""
         process = self._process or self._start()
-        self._asked = time.monotonic()
+        self._asked, self._command = time.monotonic(), command["do"]
         try:
             assert process.stdin is not None
             process.stdin.write(json.dumps(command) + "\n")
@@ -84,7 +86,11 @@ class Remote:
             self._asked = math.inf if reply["waiting"] else time.monotonic()
             reply = self._reply(timeout)
         if "error" in reply:
-            raise WorkerError(reply["error"], reply["reason"])
+            raise WorkerError(*_said(reply))
+        try:
+            check_reply(self._command, reply)
+        except ValueError as error:
+            raise WorkerError("failed", f"no record can hold what the worker replied: {error}") from error
         return reply
 
     def _reply(self, timeout: float) -> dict[str, Any]:
@@ -92,11 +98,14 @@ class Remote:
         if line is None:
             raise WorkerLostError("failed", self._epitaph())
         try:
-            return json.loads(line)
-        except ValueError:
+            reply = json.loads(line)
+        except (ValueError, RecursionError):
+            reply = None
+        if not isinstance(reply, dict):
             self.stop()
             reason = f"the worker wrote something that is not a reply: {line.strip()[:80]}"
-            raise WorkerLostError("failed", reason) from None
+            raise WorkerLostError("failed", reason)
+        return reply
 
     def _line(self, timeout: float) -> str | None:
         """The next line that the worker wrote; None at the end of its output."""
@@ -151,6 +160,12 @@ class Remote:
                         pipe.close()
                 except OSError:
                     pass
+
+
+def _said(reply: dict[str, Any]) -> tuple[str, str]:
+    """The status and the reason of a command that failed."""
+    status = reply["error"] if reply["error"] in (*STATUSES, UNWRITABLE) else "failed"
+    return status, str(reply.get("reason", "")).encode(errors="replace").decode()
 
 
 def _pump(stream: IO[str], replies: queue.Queue[str | None]) -> None:
