@@ -1,18 +1,16 @@
 """A worker process. It loads scenes and, on command, prepares and measures the points of one method, or scores answers.
 
-``python -m shadowbench.harness.runner.worker`` reads one JSON command per line and writes one JSON reply per line. It
-works only on command; the parent waits for each reply, so that only one worker runs at a time. Output of methods goes to
-standard error. The worker ends when its input ends.
+It reads one JSON command per line and writes one JSON reply per line. It works only on command; the parent waits for each
+reply, so that only one worker runs at a time. Output of methods goes to standard error. The worker ends when its input
+ends; :mod:`.runner.guard` starts it.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import json
 import os
-import signal
 import sys
 import time
 import traceback
@@ -281,21 +279,10 @@ def serve(commands: IO[str], replies: IO[str]) -> None:
             reply(answer_line(worker, line))
 
 
-def die_with_parent() -> None:
-    """On Linux, end this process when its parent ends, even during a launch."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-
-
 def main() -> None:
     """Reserve standard output for replies, redirect all other output to standard error, and serve."""
-    die_with_parent()
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     start_warp()
     gc.freeze()  # what is imported stays to the end: no search for garbage need visit it
     serve(sys.stdin, replies)
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -18,7 +20,13 @@ from . import scratch
 from .protocol import UNWRITABLE, check_reply
 
 GRACE_S = 0.5
-"""Additional time for a reply to arrive after its time limit, seconds."""
+"""Additional time for a reply to arrive after its time limit, or after the end of its worker, seconds."""
+
+STOP_S = 5.0
+"""Time for a worker to end with all that it has started, seconds; then it is left to itself."""
+
+MOST = 1 << 26
+"""Characters of a reply. A method can get hold of the pipe, and what it writes is held in this process."""
 
 POLL_S = 60.0
 """Waiting without a time limit is done in intervals of this many seconds."""
@@ -123,20 +131,20 @@ class Remote:
         with open(self.log, "ab") as log:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
-                [sys.executable, "-m", f"{PACKAGE}.worker"],
+                [sys.executable, "-m", f"{PACKAGE}.guard", str(os.getpid())],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
                 encoding="utf-8",
+                errors="replace",
                 env=scratch.environment(),
                 # The parent handles Ctrl-C and stops its workers.
                 start_new_session=True,
             )
         self.generation += 1
         self._replies = queue.Queue()
-        assert self._process.stdout is not None
-        threading.Thread(target=_pump, args=(self._process.stdout, self._replies), daemon=True).start()
+        threading.Thread(target=_follow, args=(self._process, self._replies), daemon=True).start()
         return self._process
 
     def _epitaph(self) -> str:
@@ -148,18 +156,24 @@ class Remote:
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
         return f"the worker {how}" + (f": {last[:200]}" if last else "")
 
+    def end(self) -> None:
+        """Have the process end, and all that it has started, at once; :meth:`stop` must follow."""
+        if self._process is not None:
+            self._process.terminate()  # its guard ends what it guards
+
     def stop(self) -> None:
-        """End the process, at once."""
+        """End the process and all that it has started."""
+        self.end()
         process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            process.wait()
-            for pipe in (process.stdin, process.stdout):
-                try:
-                    if pipe:
-                        pipe.close()
-                except OSError:
-                    pass
+        if process is None:
+            return
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            _end_group(process.pid)
+        with contextlib.suppress(OSError):
+            assert process.stdin is not None
+            process.stdin.close()
 
 
 def _said(reply: dict[str, Any]) -> tuple[str, str]:
@@ -168,10 +182,23 @@ def _said(reply: dict[str, Any]) -> tuple[str, str]:
     return status, str(reply.get("reason", "")).encode(errors="replace").decode()
 
 
-def _pump(stream: IO[str], replies: queue.Queue[str | None]) -> None:
-    try:
-        for line in stream:
-            replies.put(line)
-    except ValueError:
-        pass  # closed by stop()
+def _follow(process: subprocess.Popen[str], replies: queue.Queue[str | None]) -> None:
+    """Pass on the lines of a process, then None when it has ended, though another process may hold its end of the pipe."""
+    reader = threading.Thread(target=_read, args=(process.stdout, replies), daemon=True)
+    reader.start()
+    with contextlib.suppress(ChildProcessError):  # its end was seen by :meth:`Remote.stop`
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        _end_group(process.pid)  # its guard may have been killed
+    reader.join(GRACE_S)
     replies.put(None)
+
+
+def _read(stream: IO[str], replies: queue.Queue[str | None]) -> None:
+    with stream:
+        while line := stream.readline(MOST):
+            replies.put(line)
+
+
+def _end_group(leader: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(leader, signal.SIGKILL)

@@ -162,6 +162,8 @@ class Workers:
     def stop(self) -> None:
         """End all processes, and remove the scene that they shared."""
         for worker in self._remotes.values():
+            worker.end()
+        for worker in self._remotes.values():
             worker.stop()
         for path in (self.folder.path / "journal").glob("scene-*.npz"):
             if path.stem.removeprefix("scene-").isdecimal():

@@ -5,6 +5,7 @@ import dataclasses
 import errno
 import math
 import os
+import subprocess
 import time
 from dataclasses import dataclass
 from typing import ClassVar
@@ -131,6 +132,37 @@ class Exits(Steady):
     def trace_primary(self, frame):
         print("leaving")
         os._exit(3)
+
+
+@dataclass(frozen=True)
+class Fork(Pace):
+    """``how``: the other process is a "copy" of this one, an "orphan" in a session of its own, or a "program"; then this one
+    "ends", "hangs", or goes "on"."""
+
+    how: str = "copy"
+    then: str = "on"
+
+
+class Forks(Steady):
+    """Starts a process that holds all that its worker holds, and does not end."""
+
+    name: ClassVar[str] = "forks"
+    Trace = Fork
+
+    def build_structure(self, frame):
+        if self.trace.how == "program":
+            subprocess.Popen(["sleep", "100000"], close_fds=False)
+        elif os.fork() == 0:
+            if self.trace.how == "orphan":
+                os.setsid()
+                if os.fork():
+                    os._exit(0)
+            time.sleep(1e6)
+        print("started", flush=True)
+        if self.trace.then == "ends":
+            os._exit(3)
+        if self.trace.then == "hangs":
+            time.sleep(1e6)
 
 
 class Rejects(Steady):
@@ -305,6 +337,7 @@ CLASSES = (
     Fickle,
     Hangs,
     Exits,
+    Forks,
     Rejects,
     Skips,
     Grows,
