@@ -30,7 +30,7 @@ def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, A
     return {**called, "source": {"kind": "", "file": name}, "lighting": lighting.facts()}
 
 
-def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str]]) -> None:
+def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str | None]]) -> None:
     """Remove the failures to make the scene of points whose scene has been made.
 
     ``made``: the keys of these points, and the labels of their methods.
