@@ -31,6 +31,15 @@ def warn(text: str) -> None:
     say(f"shadowbench: warning: {text}")
 
 
+def one_line(error: BaseException) -> str:
+    """The text of an error on one line; the name of its class where it has none."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # the class of a method's error may fail, too
+        text = ""
+    return text.encode(errors="replace").decode() or type(error).__name__
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``'; did you mean X?'`` with the most similar known word; if none is similar, the list of known words."""
     names = sorted(known)

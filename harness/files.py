@@ -98,6 +98,11 @@ def canonical(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
+def require_storable(value: Any) -> None:
+    """Raise ValueError unless every number in a value is finite and every text is Unicode, as files and terminals need."""
+    json.dumps(value, ensure_ascii=False, allow_nan=False).encode()
+
+
 def digest(value: Any) -> str:
     """Sha256 of the canonical JSON of a value."""
     return hashlib.sha256(canonical(value).encode()).hexdigest()

@@ -17,6 +17,7 @@ from ..errors import UserError, warn
 from ..files import PARTIAL, read_regular, write_atomic
 from ..texts import all_visible
 from ..typed_json import WrongFieldError, checked
+from .events import EVENTS
 from .journal import Journal
 from .record import Record
 from .schema import archived, whole_record
@@ -114,7 +115,7 @@ class ResultsFolder:
     def journal(self, key: str) -> Journal:
         """The journal of a point."""
         with self.writing():
-            return Journal(self.path / "journal" / f"{key}.jsonl")
+            return Journal(self.path / "journal" / f"{key}.jsonl", EVENTS)
 
     def record(self, key: str) -> Record | None:
         """The finished record of a point; None if there is none, or if the file is not a whole record."""

@@ -4,20 +4,29 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypedDict
 
-from ..files import canonical
+from ..files import canonical, require_storable
+from ..typed_json import checked
+
+
+class _Event(TypedDict):
+    event: str
 
 
 class Journal:
     """The events of an unfinished point: one JSON object per line, written to disk before :meth:`append` returns.
 
-    An incomplete last line, left by a crash, is removed when the journal is opened again.
+    An incomplete last line, left by a crash, is removed when the journal is opened again, and so is all from the first
+    event on that does not have the type that ``schema`` gives for its name (others may have any).
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, schema: Mapping[str, type] = MappingProxyType({})):
         self.path = path
+        self.schema = schema
         self.events: list[dict[str, Any]] = []
         if path.exists():
             self._recover()
@@ -26,10 +35,10 @@ class Journal:
         whole = 0
         for line in self.path.read_bytes().splitlines(keepends=True):
             try:
-                event = json.loads(line) if line.endswith(b"\n") else None
-            except ValueError:
-                event = None
-            if not isinstance(event, dict):
+                event = checked(_Event, json.loads(line) if line.endswith(b"\n") else None)
+                checked(self.schema.get(event["event"], _Event), event)
+                require_storable(event)
+            except (ValueError, RecursionError, OverflowError):
                 break
             self.events.append(event)
             whole += len(line)

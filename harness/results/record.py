@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, TypedDict
 
 from ..judge.counts import Count, Score
+from ..files import require_storable
 from ..texts import FILE_NAME
-from ..typed_json import OMITTED, to_json
+from ..typed_json import OMITTED, checked, to_json
 
 SCHEMA = 1
 """Version of the files. Another one is refused."""
@@ -305,6 +306,12 @@ def make_record(
         baseline_rss_bytes=prepared.get("baseline_rss_bytes"),
         stopped_by=" and ".join(sorted({f["stopped_by"] for one in rounds for f in one["frames"]})),
     )
+
+
+def as_read(record: Record) -> Record:
+    """The same record, as it is read from its file. Raises ValueError, as reading would, if it cannot be."""
+    require_storable(record.to_json())
+    return checked(Record, record.to_json())
 
 
 def _empty_frame(index: int) -> Frame:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+import shadowbench
 import warp as wp
 
 from ..files import digest, write_atomic
@@ -27,8 +28,10 @@ PACKAGES = (
     "scipy",
     "pillow",
     "usd-core",
-    "shadowbench",
 )
+DISTRIBUTION = "shadowbench-rt"
+"""The name under which this package is installed."""
+
 GPU_FIELDS = (
     "name",
     "driver_version",
@@ -126,8 +129,8 @@ def gpus() -> list[dict[str, Any]]:
 
 
 def packages() -> dict[str, str]:
-    """Installed versions of the packages that affect measurements."""
-    versions = {}
+    """Installed versions of the packages that affect measurements, and of this one."""
+    versions = {DISTRIBUTION: shadowbench.__version__}
     for name in PACKAGES:
         try:
             versions[name] = importlib.metadata.version(name)
@@ -136,21 +139,23 @@ def packages() -> dict[str, str]:
     return versions
 
 
-def git_state() -> dict[str, Any] | None:
-    """Commit and whether tracked files differ from it; None without a git checkout or without git."""
-    here = Path(__file__).resolve().parent
+def git_state(file: Path = Path(__file__)) -> dict[str, Any] | None:
+    """Commit and whether tracked files differ from it; None without git, and where the repository does not track ``file``.
+
+    An installed package may lie in a repository of something else.
+    """
     try:
-        command = ["git", "-C", str(here), "rev-parse", "HEAD"]
-        commit = subprocess.run(
-            command, capture_output=True, text=True, timeout=10, check=True
-        ).stdout.strip()
-        command = ["git", "-C", str(here), "status", "--porcelain", "--untracked-files=no"]
-        changes = subprocess.run(
-            command, capture_output=True, text=True, timeout=20, check=True
-        ).stdout.strip()
+        _git(file, "ls-files", "--error-unmatch", file.name)
+        commit = _git(file, "rev-parse", "HEAD")
+        changes = _git(file, "status", "--porcelain", "--untracked-files=no")
     except (OSError, subprocess.SubprocessError):
         return None
     return {"commit": commit, "dirty": bool(changes)}
+
+
+def _git(file: Path, *words: str) -> str:
+    command = ["git", "-C", str(file.resolve().parent), *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout.strip()
 
 
 def _version(read: Any) -> str | None:

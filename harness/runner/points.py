@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..errors import UserError, did_you_mean
-from ..files import digest
+from ..errors import UserError, did_you_mean, one_line
+from ..files import digest, plain, require_storable
 from ..frame import registry
 from ..frame.devices import device_for, device_title
-from ..results.record import SCHEMA
+from ..results.record import SCHEMA, MethodFacts
+from ..typed_json import checked
 from .experiment import Entry, Preset
 from .source_closure import source_hash
 
@@ -82,19 +83,22 @@ def describe_method(entry: Entry, device: str) -> dict[str, Any]:
         method = registry.make_method(entry.method, dict(entry.settings))
         cls = type(method)
         place = device_for(cls, device)
-        facts.update(
-            title=cls.title or entry.method,
-            label=entry.label or cls.title or entry.method,
-            parameters={name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
-            capturable=bool(method.capturable),
-            known_inexact=getattr(method, "known_inexact", None),
-            device=place,
-            source_sha256=source_hash(cls),
-        )
+        own = {
+            **facts,
+            "title": cls.title or entry.method,
+            "label": entry.label or cls.title or entry.method,
+            "parameters": {name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
+            "capturable": bool(method.capturable),
+            "known_inexact": getattr(method, "known_inexact", None),
+            "device": place,
+            "source_sha256": source_hash(cls),
+        }
+        require_storable(plain(own))
+        facts = checked(MethodFacts, plain(own))
     except UserError:
         raise
     except Exception as error:  # a package may fail in any way; this affects only its own points
-        facts["broken"] = f"cannot be constructed: {type(error).__name__}: {' '.join(str(error).split())}"
+        facts["broken"] = f"cannot be constructed: {type(error).__name__}: {one_line(error)}"
     return {**facts, "device_name": device_title(facts["device"])}
 
 

@@ -1,4 +1,4 @@
-"""The commands that a run sends to its workers: load a scene, prepare a point, score its answers.
+"""The commands that a run sends to its workers: load a scene, prepare a point, score its answers; and what they reply.
 
 Paths are named from the root: a method may change the folder that its process works in.
 """
@@ -6,16 +6,22 @@ Paths are named from the root: a method may change the folder that its process w
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
-from ..files import digest
+from ..files import digest, require_storable
+from ..results.events import Finished, Prepared, Sampled
 from ..results.folder import ResultsFolder
+from ..results.record import SceneFacts
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
+from ..typed_json import checked
 from .job import Job, Options
 
 LOAD_S = 300.0
 """Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""
+
+UNWRITABLE = "unwritable"
+"""A worker's reply, in place of the status of a record, where it could not write to the results folder."""
 
 
 def load_command(
@@ -73,3 +79,38 @@ def picture_of(folder: ResultsFolder, job: Job) -> Path:
     """The file of the picture of a job's scene with its lights, at its size."""
     preset = job.point.preset
     return folder.image(job.point.scene["name"], job.lighting.label, preset.width, preset.height)
+
+
+class _Loaded(TypedDict):
+    scene: SceneFacts
+    load_s: Annotated[float, 0.0]
+
+
+class _Room(TypedDict):
+    room: float
+
+
+class _Prepared(Prepared, _Room): ...
+
+
+class _Scored(Finished):
+    compile_s: Annotated[float, 0.0]
+
+
+REPLIES: dict[str, type] = {
+    "load": _Loaded,
+    "prepare": _Prepared,
+    "round": Sampled,
+    "grade": _Scored,
+    "free": _Room,
+}
+"""The schema of the reply to each command."""
+
+
+def check_reply(command: str, reply: dict[str, Any]) -> None:
+    """Raise ValueError, which names the field, if a reply has another shape, or holds what no record can hold."""
+    try:
+        checked(REPLIES[command], reply)
+        require_storable(reply)
+    except OverflowError as error:
+        raise ValueError(f"a number is too large ({error})") from error

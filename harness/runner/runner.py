@@ -15,9 +15,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..errors import one_line
 from ..results.disputes import charged_records
 from ..results.folder import ResultsFolder
-from ..results.record import SCORING_FAILED, Record, make_record
+from ..results.record import SCORING_FAILED, Record, as_read, make_record
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
 from .experiment import Entry
@@ -303,8 +304,12 @@ class Run:
         """Write the record of a job."""
         point = job.point
         described = {**point.configuration, "preset": self.options.preset_name}
-        made_of = (point.key, described, point.scene, point.method, self.environment, job.journal.events)
-        record = make_record(*made_of, status, reason)
+        made_of = (point.key, described, point.scene, point.method, self.environment)
+        try:
+            record = as_read(make_record(*made_of, job.journal.events, status, reason))
+        except ValueError as error:
+            why = f"its rounds make no record: {one_line(error)}"
+            record = make_record(*made_of, status="failed", reason=why)
         self.folder.keep_record(record, job.journal)
         job.record = record
         self.report.done(job.steps)

@@ -30,8 +30,11 @@ def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, A
     return {**called, "source": {"kind": "", "file": name}, "lighting": lighting.facts()}
 
 
-def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str]]) -> None:
-    """Remove failures to make a scene of points whose scene has been made: their keys, their methods' labels."""
+def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str | None]]) -> None:
+    """Remove the failures to make the scene of points whose scene has been made.
+
+    ``made``: the keys of these points, and the labels of their methods.
+    """
     with folder.writing():
         for key, label in made:
             # All but the hash of the configuration, which says whether there was a scene.

@@ -1,22 +1,20 @@
 """A worker process. It loads scenes and, on command, prepares and measures the points of one method, or scores answers.
 
-``python -m shadowbench.harness.runner.worker`` reads one JSON command per line and writes one JSON reply per line. It
-works only on command; the parent waits for each reply, so that only one worker runs at a time. Output of methods goes to
-standard error. The worker ends when its input ends.
+It reads one JSON command per line and writes one JSON reply per line. It works only on command; the parent waits for each
+reply, so that only one worker runs at a time. Output of methods goes to standard error. The worker ends when its input
+ends; :mod:`.runner.guard` starts it.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import json
 import os
-import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -24,8 +22,9 @@ from typing import IO, Any
 import numpy as np
 import psutil
 import warp as wp
+from numpy.typing import NDArray
 
-from ..errors import CapacityRejected, UserError
+from ..errors import CapacityRejected, UserError, one_line
 from ..files import plain
 from ..frame.method import Method
 from ..frame.registry import make_method
@@ -43,6 +42,7 @@ from .machine import clock_state
 from .machine_lock import MACHINE
 from .measure import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
 from .memory import give_back_memory, reset_peak_resident
+from .protocol import UNWRITABLE
 from .timing import CompileClock, Sampling
 
 
@@ -112,7 +112,8 @@ class Worker:
         if of not in self.base:
             base = prepare(described) if make else read_stored(Path(shared), described)
             if make:
-                store(Path(shared), base, spread_frames(base.frame_count, frames))
+                with into_results():
+                    store(Path(shared), base, spread_frames(base.frame_count, frames))
             self.base[of] = base, time.perf_counter() - start
             start = time.perf_counter()
         base, base_s = self.base[of]
@@ -146,9 +147,12 @@ class Worker:
         def answered(method: Method, frame: int, given: Answers) -> None:
             if not answers:
                 return
-            hand_over(handed_path(Path(folder), point["key"], frame), given)
-            if point.get("maps"):
-                keep_map(method, lit.moments[frame], map_path(Path(folder), point["key"], frame))
+            counted = tests_of(method) if point.get("maps") else None
+            with into_results():
+                hand_over(handed_path(Path(folder), point["key"], frame), given)
+                if counted is not None:
+                    moment, path = lit.moments[frame], map_path(Path(folder), point["key"], frame)
+                    write_map(path, counted.reshape(moment.height, moment.width))
 
         if not self.points:
             reset_peak_resident()
@@ -178,7 +182,7 @@ class Worker:
         assert lit is not None
         if self.grader is None:
             self.grader = Grader(lit.prepared, lit.moments, lit.scene_argument, Path(folder), device)
-        with CompileClock() as compiling:
+        with CompileClock() as compiling, into_results():
             frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
         return {"frames": frames, "compile_s": compiling.seconds}
 
@@ -220,68 +224,65 @@ def is_within(moment: Moment) -> bool:
     return len(corners) > 0 and bool((corners.min(axis=0) < eye).all() and (eye < corners.max(axis=0)).all())
 
 
-def keep_map(method: Any, moment: Moment, path: Path) -> None:
-    """Save the number of tests of each pixel of the last frame, if the method counts them (``tests_per_pixel``)."""
+def tests_of(method: Any) -> NDArray | None:
+    """The number of tests of each pixel of the last frame, if the method counts them (``tests_per_pixel``)."""
     counted = getattr(method, "tests_per_pixel", None)
-    if counted is not None:
-        write_map(path, counted()[0].reshape(moment.height, moment.width))
+    return None if counted is None else counted()[0]
 
 
-def answer_line(worker: Worker, line: str) -> dict[str, Any]:
-    """The reply to one command: what it returns, or the kind of error (a status of a record) with its reason."""
+class UnwritableError(Exception):
+    """The results folder cannot be written: it is full, or read-only."""
+
+
+@contextlib.contextmanager
+def into_results() -> Iterator[None]:
+    """Around what this program writes, not a method: an error of the folder ends the run, with all that is finished."""
     try:
-        return {"ok": True, **plain(worker.do(json.loads(line)))}
-    except CapacityRejected as error:
-        return {"error": "rejected", "reason": one_line(error)}
-    except SkippedError as error:
-        return {"error": "skipped", "reason": one_line(error)}
-    except (UserError, UnsteadyError) as error:
-        return {"error": "failed", "reason": one_line(error)}
-    except MemoryError as error:
-        return {"error": "failed", "reason": f"out of memory: {one_line(error)}"}
+        yield
     except OSError as error:
-        traceback.print_exc()
-        full = error.errno in FULL
-        return {"error": "unwritable" if full else "failed", "reason": one_line(error)}
+        if error.errno in FULL:
+            raise UnwritableError(one_line(error)) from error
+        raise
+
+
+def answer_line(worker: Worker, line: str) -> str:
+    """The reply to one command, as JSON: what it returns, or the kind of error (a status of a record) with its reason."""
+    try:
+        return json.dumps({"ok": True, **plain(worker.do(json.loads(line)))})
     except Exception as error:
-        traceback.print_exc()
-        return {"error": "failed", "reason": f"{type(error).__name__}: {one_line(error)}"}
+        status, reason = refusal(error)
+        return json.dumps({"error": status, "reason": reason})
 
 
-def one_line(error: BaseException) -> str:
-    """The text of an error on one line."""
-    return " ".join(str(error).split()) or type(error).__name__
+def refusal(error: Exception) -> tuple[str, str]:
+    """The status and the reason of a command that failed."""
+    known = {CapacityRejected: "rejected", SkippedError: "skipped", UnwritableError: UNWRITABLE}
+    expected = (*known, UserError, UnsteadyError, MemoryError)
+    if isinstance(error, expected):
+        reason = f"out of memory: {one_line(error)}" if isinstance(error, MemoryError) else one_line(error)
+        return next((status for kind, status in known.items() if isinstance(error, kind)), "failed"), reason
+    traceback.print_exception(error)
+    return "failed", f"{type(error).__name__}: {one_line(error)}"
 
 
 def serve(commands: IO[str], replies: IO[str]) -> None:
     """Answer commands until there are no more."""
 
-    def reply(content: dict[str, Any]) -> None:
-        replies.write(json.dumps(content) + "\n")
+    def reply(content: str) -> None:
+        replies.write(content + "\n")
         replies.flush()
 
     worker = Worker()
-    MACHINE.say = lambda text: reply({"waiting": text})
+    MACHINE.say = lambda text: reply(json.dumps({"waiting": text}))
     for line in commands:
         if line.strip():
             reply(answer_line(worker, line))
 
 
-def die_with_parent() -> None:
-    """On Linux, end this process when its parent ends, even during a launch."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-
-
 def main() -> None:
     """Reserve standard output for replies, redirect all other output to standard error, and serve."""
-    die_with_parent()
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     start_warp()
     gc.freeze()  # what is imported stays to the end: no search for garbage need visit it
     serve(sys.stdin, replies)
-
-
-if __name__ == "__main__":
-    main()

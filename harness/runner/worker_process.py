@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -13,10 +15,18 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
+from ..results.record import STATUSES
 from . import scratch
+from .protocol import UNWRITABLE, check_reply
 
 GRACE_S = 0.5
-"""Additional time for a reply to arrive after its time limit, seconds."""
+"""Additional time for a reply to arrive after its time limit, or after the end of its worker, seconds."""
+
+STOP_S = 5.0
+"""Time for a worker to end with all that it has started, seconds; then it is left to itself."""
+
+MOST = 1 << 26
+"""Characters of a reply. A method can get hold of the pipe, and what it writes is held in this process."""
 
 POLL_S = 60.0
 """Waiting without a time limit is done in intervals of this many seconds."""
@@ -48,7 +58,7 @@ class Remote:
         self.log = log
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
-        self._asked = 0.0
+        self._asked, self._command = 0.0, ""
         self._log_start = 0
         self.generation = 0
 
@@ -69,7 +79,7 @@ class Remote:
     def send(self, **command: Any) -> None:
         """Send a command without waiting; :meth:`receive` must follow."""
         process = self._process or self._start()
-        self._asked = time.monotonic()
+        self._asked, self._command = time.monotonic(), command["do"]
         try:
             assert process.stdin is not None
             process.stdin.write(json.dumps(command) + "\n")
@@ -84,7 +94,11 @@ class Remote:
             self._asked = math.inf if reply["waiting"] else time.monotonic()
             reply = self._reply(timeout)
         if "error" in reply:
-            raise WorkerError(reply["error"], reply["reason"])
+            raise WorkerError(*_said(reply))
+        try:
+            check_reply(self._command, reply)
+        except ValueError as error:
+            raise WorkerError("failed", f"no record can hold what the worker replied: {error}") from error
         return reply
 
     def _reply(self, timeout: float) -> dict[str, Any]:
@@ -92,11 +106,14 @@ class Remote:
         if line is None:
             raise WorkerLostError("failed", self._epitaph())
         try:
-            return json.loads(line)
-        except ValueError:
+            reply = json.loads(line)
+        except (ValueError, RecursionError):
+            reply = None
+        if not isinstance(reply, dict):
             self.stop()
             reason = f"the worker wrote something that is not a reply: {line.strip()[:80]}"
-            raise WorkerLostError("failed", reason) from None
+            raise WorkerLostError("failed", reason)
+        return reply
 
     def _line(self, timeout: float) -> str | None:
         """The next line that the worker wrote; None at the end of its output."""
@@ -114,20 +131,20 @@ class Remote:
         with open(self.log, "ab") as log:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
-                [sys.executable, "-m", f"{PACKAGE}.worker"],
+                [sys.executable, "-m", f"{PACKAGE}.guard", str(os.getpid())],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
                 encoding="utf-8",
+                errors="replace",
                 env=scratch.environment(),
                 # The parent handles Ctrl-C and stops its workers.
                 start_new_session=True,
             )
         self.generation += 1
         self._replies = queue.Queue()
-        assert self._process.stdout is not None
-        threading.Thread(target=_pump, args=(self._process.stdout, self._replies), daemon=True).start()
+        threading.Thread(target=_follow, args=(self._process, self._replies), daemon=True).start()
         return self._process
 
     def _epitaph(self) -> str:
@@ -139,24 +156,49 @@ class Remote:
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
         return f"the worker {how}" + (f": {last[:200]}" if last else "")
 
+    def end(self) -> None:
+        """Have the process end, and all that it has started, at once; :meth:`stop` must follow."""
+        if self._process is not None:
+            self._process.terminate()  # its guard ends what it guards
+
     def stop(self) -> None:
-        """End the process, at once."""
+        """End the process and all that it has started."""
+        self.end()
         process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            process.wait()
-            for pipe in (process.stdin, process.stdout):
-                try:
-                    if pipe:
-                        pipe.close()
-                except OSError:
-                    pass
+        if process is None:
+            return
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            _end_group(process.pid)
+        with contextlib.suppress(OSError):
+            assert process.stdin is not None
+            process.stdin.close()
 
 
-def _pump(stream: IO[str], replies: queue.Queue[str | None]) -> None:
-    try:
-        for line in stream:
-            replies.put(line)
-    except ValueError:
-        pass  # closed by stop()
+def _said(reply: dict[str, Any]) -> tuple[str, str]:
+    """The status and the reason of a command that failed."""
+    status = reply["error"] if reply["error"] in (*STATUSES, UNWRITABLE) else "failed"
+    return status, str(reply.get("reason", "")).encode(errors="replace").decode()
+
+
+def _follow(process: subprocess.Popen[str], replies: queue.Queue[str | None]) -> None:
+    """Pass on the lines of a process, then None when it has ended, though another process may hold its end of the pipe."""
+    reader = threading.Thread(target=_read, args=(process.stdout, replies), daemon=True)
+    reader.start()
+    with contextlib.suppress(ChildProcessError):  # its end was seen by :meth:`Remote.stop`
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        _end_group(process.pid)  # its guard may have been killed
+    reader.join(GRACE_S)
     replies.put(None)
+
+
+def _read(stream: IO[str], replies: queue.Queue[str | None]) -> None:
+    with stream:
+        while line := stream.readline(MOST):
+            replies.put(line)
+
+
+def _end_group(leader: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(leader, signal.SIGKILL)

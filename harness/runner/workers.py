@@ -12,7 +12,7 @@ from ..results.folder import ResultsFolder
 from ..scene.overrides import Lighting
 from .job import Job, Options
 from .machine_lock import MACHINE
-from .protocol import LOAD_S, load_command, prepare_command
+from .protocol import LOAD_S, UNWRITABLE, load_command, prepare_command
 from .worker_process import Remote, WorkerError, WorkerLostError
 
 GRADER = "grading"
@@ -61,7 +61,7 @@ class Workers:
         try:
             return worker.receive(timeout)
         except WorkerError as error:
-            if error.status == "unwritable":
+            if error.status == UNWRITABLE:
                 raise self.folder.unwritable(error.reason) from error
             raise
 
@@ -161,6 +161,8 @@ class Workers:
 
     def stop(self) -> None:
         """End all processes, and remove the scene that they shared."""
+        for worker in self._remotes.values():
+            worker.end()
         for worker in self._remotes.values():
             worker.stop()
         for path in (self.folder.path / "journal").glob("scene-*.npz"):

@@ -1,7 +1,11 @@
 """Methods of another package, each of which misbehaves in its own way. Copied into a folder of its own and found by entry
 points, as an installed package would be; see :func:`.tiny_runs.install_misbehaving`."""
 
+import dataclasses
+import errno
+import math
 import os
+import subprocess
 import time
 from dataclasses import dataclass
 from typing import ClassVar
@@ -130,6 +134,37 @@ class Exits(Steady):
         os._exit(3)
 
 
+@dataclass(frozen=True)
+class Fork(Pace):
+    """``how``: the other process is a "copy" of this one, an "orphan" in a session of its own, or a "program"; then this one
+    "ends", "hangs", or goes "on"."""
+
+    how: str = "copy"
+    then: str = "on"
+
+
+class Forks(Steady):
+    """Starts a process that holds all that its worker holds, and does not end."""
+
+    name: ClassVar[str] = "forks"
+    Trace = Fork
+
+    def build_structure(self, frame):
+        if self.trace.how == "program":
+            subprocess.Popen(["sleep", "100000"], close_fds=False)
+        elif os.fork() == 0:
+            if self.trace.how == "orphan":
+                os.setsid()
+                if os.fork():
+                    os._exit(0)
+            time.sleep(1e6)
+        print("started", flush=True)
+        if self.trace.then == "ends":
+            os._exit(3)
+        if self.trace.then == "hangs":
+            time.sleep(1e6)
+
+
 class Rejects(Steady):
     name: ClassVar[str] = "rejects"
 
@@ -170,6 +205,91 @@ class Hoards(Steady):
 
     def build_structure(self, frame):
         np.ones(40 << 20)
+
+
+class UnspeakableError(Exception):
+    def __str__(self):
+        raise ValueError("not even this")
+
+
+@dataclass(frozen=True)
+class Oddity(Pace):
+    """``what``: what is odd; ``later``: not before the second round."""
+
+    what: str = ""
+    later: bool = False
+
+
+class Odd(Steady):
+    """Says what no record can hold: of its counters, of what it built, of its passes, or as it fails."""
+
+    name: ClassVar[str] = "odd"
+    Trace = Oddity
+    COUNTERS: ClassVar = {
+        "counter nan": {"tests": math.nan},
+        "counter text": {"tests": "many"},
+        "counter list": [1],
+        "counter huge": {"tests": 10**400},
+        "counter negative": {"tests": -1},
+        "counter complex": {"tests": np.complex64(1)},
+    }
+    BUILT: ClassVar = {
+        "built nan": {"share": math.nan},
+        "built deep nan": {"levels": [{"share": -math.inf}]},
+        "built text": "a tree",
+        "built surrogate": {"kind": "\ud800"},
+        "built None": None,
+    }
+    asked = grown = 0
+
+    def plan(self, frame, effects, limits):
+        passes = super().plan(frame, effects, limits)
+        if self.trace.what == "pass named 5":
+            passes[0] = dataclasses.replace(passes[0], name=5)
+        if self.grown == 3:
+            more = dataclasses.replace(passes[0], name="one more", writes=("more",))
+            passes[:1] = [more, dataclasses.replace(passes[0], reads=("more",))]
+        return passes
+
+    def trace_primary(self, frame):
+        if self.trace.what == "error unspeakable":
+            raise UnspeakableError
+        if self.trace.what == "error read-only":
+            raise OSError(errno.EROFS, "Read-only file system", "/its/own/file")
+        super().trace_primary(frame)
+
+    def needs(self):
+        return wp.array([1], dtype=wp.int64, device="cpu") if self.trace.what == "pass more" else None
+
+    def grow(self, needed):
+        self.grown += 1
+        return self.grown == 3  # in the second round: after the preparation and the first
+
+    def counters(self):
+        return self.COUNTERS.get(self.trace.what, {})
+
+    def built(self):
+        self.asked += 1
+        odd = self.BUILT.get(self.trace.what, {})
+        if self.trace.what == "built itself":
+            odd = {}
+            odd["itself"] = odd
+        return {} if self.trace.later and self.asked < 3 else odd
+
+
+class OddTitle(Steady):
+    name: ClassVar[str] = "odd_title"
+    title: ClassVar[str] = "\udfff"
+
+
+@dataclass(frozen=True)
+class Limitless:
+    most: float = math.nan
+
+
+class OddParameter(Steady):
+    name: ClassVar[str] = "odd_parameter"
+    Build = Limitless
 
 
 class Skips(Steady):
@@ -217,6 +337,7 @@ CLASSES = (
     Fickle,
     Hangs,
     Exits,
+    Forks,
     Rejects,
     Skips,
     Grows,
@@ -224,4 +345,7 @@ CLASSES = (
     Greedy,
     Hoards,
     Broken,
+    Odd,
+    OddTitle,
+    OddParameter,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shadowbench.harness.runner.worker_process import Remote, WorkerLostError
+from shadowbench.harness.runner.worker_process import Remote, WorkerError, WorkerLostError
 
 
 @pytest.fixture
@@ -44,3 +44,34 @@ def test_the_wait_for_the_machine_does_not_count(worker) -> None:
     worker._asked -= 1000.0  # asked long ago: only a wait that was said makes up for it
     assert worker.receive(100.0)["ok"]
     assert worker.generation == 1
+
+
+@pytest.mark.parametrize("line", ["5", "[]", "null", "nonsense", "[" * 100_000, '{"ok": true'])
+def test_a_line_that_is_no_reply_ends_the_worker(worker, line: str) -> None:
+    """As a method may write that has got hold of the pipe."""
+    worker._replies.put(line + "\n")
+    worker.send(do="free")
+    with pytest.raises(WorkerLostError, match="the worker wrote something that is not a reply"):
+        worker.receive(120.0)
+    assert not worker.running
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ('{"ok": true}', "no record can hold what the worker replied: it has no room"),
+        (
+            '{"ok": true, "room": "much"}',
+            "no record can hold what the worker replied: room is 'much', not a number",
+        ),
+        ('{"error": "odd", "reason": "\\ud800"}', "?"),
+        ('{"error": 5}', ""),
+    ],
+)
+def test_a_reply_of_another_shape_fails_its_command(worker, line: str, reason: str) -> None:
+    worker._replies.put(line + "\n")
+    worker.send(do="free")
+    with pytest.raises(WorkerError) as failed:
+        worker.receive(120.0)
+    assert (failed.value.status, failed.value.reason) == ("failed", reason)
+    assert worker.running

@@ -77,9 +77,7 @@ class Delivery:
             for name, content in outcome.files.items():
                 if name.startswith("records/"):
                     new.append(self._keep(self.folder.path / name, content))
-        forget_unmade(
-            self.folder, [(one.key, one.method.get("label", "")) for one in new if not is_unmade(one)]
-        )
+        forget_unmade(self.folder, [(one.key, one.method.get("label")) for one in new if not is_unmade(one)])
         return new
 
     def _keep(self, path: Path, content: bytes) -> Record:

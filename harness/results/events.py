@@ -1,0 +1,101 @@
+"""The events of a point, from which its record is made: what a worker replies, as the journal keeps it.
+
+The classes are the schema. A reply is checked when it arrives, because a method is somebody else's code and gives some of
+its values; a journal is checked when it is opened.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypedDict
+
+from ..judge.counts import Count, Score
+from .record import Ms, PassTimes
+
+Seconds = Annotated[float, 0.0]
+Bytes = Annotated[float, 0.0]
+
+
+class _Step(TypedDict):
+    name: str
+    part: str
+    reads: list[str]
+    writes: list[str]
+    effect: str | None
+
+
+class _Planned(TypedDict):
+    """The method as it was planned. ``built``: the method's own facts about its structure."""
+
+    built: dict[str, Any]
+    replayed: bool
+    passes: list[_Step]
+
+
+class _Counted(TypedDict):
+    frame: Count
+    counters: dict[str, Annotated[float, 0.0]]
+
+
+class Prepared(TypedDict):
+    """A point was compiled and warmed up."""
+
+    compile_s: Seconds
+    first_frame_s: Seconds
+    baseline_rss_bytes: Bytes
+    frames: list[_Counted]
+    frames_left_out: list[int]
+    method: _Planned
+
+
+class _Sampled(TypedDict):
+    frame: Count
+    started: float
+    total_ms: list[Ms]
+    wall_ms: list[Ms]
+    passes: list[PassTimes]
+    stopped_by: str
+    regrown: Count
+    memory_bytes: Bytes
+    memory_source: str
+
+
+class _Built(TypedDict):
+    built: dict[str, Any]
+
+
+class Sampled(TypedDict):
+    """One round of samples of every frame."""
+
+    started: float
+    spent_s: Seconds
+    method: _Built
+    frames: list[_Sampled]
+    peak_rss_bytes: Bytes
+
+
+class Round(Sampled):
+    """The same, with its number."""
+
+    round: Count
+
+
+class _GradedOptions(TypedDict, total=False):
+    shadow_rays: Count
+    flip: Annotated[float, 0.0] | None
+    flip_missing: str | None
+
+
+class _Graded(_GradedOptions):
+    frame: Count
+    score: Score | None
+    unscored: str | None
+
+
+class Finished(TypedDict):
+    """The answers were scored."""
+
+    frames: list[_Graded]
+
+
+EVENTS: dict[str, type] = {"prepared": Prepared, "round": Round, "finished": Finished}
+"""The schema of each event, by name."""

@@ -1,0 +1,114 @@
+"""A method that starts processes: none of them holds a run up, and none is left, however the run ends."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from helpers.left_processes import MARK, alive, gone, marked_environment
+from helpers.tiny_runs import options
+from shadowbench.harness.results.schema import read_records
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.runner import Run
+
+PROMPT_S = 60.0
+"""Far more than the end of a run takes, and far less than what it would wait for (``timeout_s``)."""
+
+
+def entry(how: str, then: str) -> Entry:
+    return Entry("forks", {"how": how, "then": then}, f"{how} {then}")
+
+
+def test_a_worker_that_ends_or_hangs_takes_what_it_started_along(
+    package: Path, scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark, environment = marked_environment()
+    monkeypatch.setenv(MARK, environment[MARK])
+    entries = [entry(how, then) for how in ("copy", "orphan", "program") for then in ("ends", "on")]
+    began = time.monotonic()
+    chosen = options(tmp_path, [scene], [*entries, Entry("steady", {}, "steady")], timeout_s=10 * PROMPT_S)
+    records = {one.method["label"]: one for one in Run(chosen, Silent()).go()}
+    assert time.monotonic() - began < 10 * PROMPT_S, "nothing was waited for"
+    for one in entries:
+        wanted = (
+            ("ok", "")
+            if one.settings["then"] == "on"
+            else ("failed", "the worker exited with code 3: started")
+        )
+        assert (records[one.label].status, records[one.label].reason) == wanted
+    assert records["steady"].status == "ok"
+    assert not gone(mark)
+
+
+def started(out: Path, scene: str, environment: dict[str, str], how: str) -> subprocess.Popen[bytes]:
+    """A run whose method has started another process, and hangs."""
+    command = [
+        sys.executable,
+        "-m",
+        "shadowbench.harness.cli",
+        "run",
+        "table1",
+        "--preset",
+        "quick",
+        "--size",
+        "8x8",
+    ]
+    command += ["--no-score", "--out", str(out), "--scene", scene, "--method", "forks", "--timeout", "3600"]
+    command += ["--set", f"forks.how={how}", "--set", "forks.then=hangs"]
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    log, end = out / "logs" / "forks.log", time.monotonic() + 900.0
+    while not (log.exists() and "started" in log.read_text()):
+        assert process.poll() is None, "the run ended early"
+        assert time.monotonic() < end, "it did not come to the method"
+        time.sleep(0.05)
+    return process
+
+
+@pytest.mark.parametrize(
+    ("how", "number"),
+    [
+        ("orphan", signal.SIGINT),
+        ("orphan", signal.SIGKILL),
+        ("copy", signal.SIGTERM),
+        ("program", signal.SIGKILL),
+    ],
+)
+def test_a_run_that_is_ended_leaves_none(
+    package: Path, scene: str, tmp_path: Path, how: str, number: int
+) -> None:
+    mark, environment = marked_environment()
+    process = started(tmp_path / "out", scene, environment, how)
+    process.send_signal(number)
+    assert process.wait(PROMPT_S) == (130 if number == signal.SIGINT else -number)
+    assert not gone(mark)
+
+
+def test_a_run_goes_on_though_a_process_that_nobody_can_find_holds_the_pipe(
+    package: Path, scene: str, tmp_path: Path
+) -> None:
+    """The guard is killed, too, and so nobody knows of the one that is in a session of its own."""
+    mark, environment = marked_environment()
+    process = started(tmp_path / "out", scene, environment, "orphan")
+    (guard,) = (
+        one
+        for one in psutil.Process(process.pid).children()
+        if "guard" in " ".join(one.cmdline()) and forked(one)
+    )
+    guard.kill()
+    assert process.wait(PROMPT_S) == 1
+    (record,) = read_records(tmp_path / "out")
+    assert (record.status, record.reason) == ("failed", "the worker was killed by signal 9: started")
+    (left,) = alive(mark)
+    left.kill()
+    assert not gone(mark)
+
+
+def forked(guard: psutil.Process) -> bool:
+    """Whether the worker of a guard has another process beside it: an orphan is the guard's own child."""
+    return len(guard.children()) == 2
