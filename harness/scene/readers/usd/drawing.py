@@ -81,6 +81,7 @@ class Library:
         if key not in self._prototypes:
             roots = [prim] if prim and IN_PROTOTYPE(prim) else []
             self._prototypes[key] = Drawing(self, roots, IN_PROTOTYPE, purpose)
+            self.counts["empty"] += not self._prototypes[key].parts
         return self._prototypes[key]
 
 
@@ -156,7 +157,7 @@ class Drawing:
                 self._library.left_out[kind] += not silent
             return None
         if not node.drawn:
-            counts["invisible" if node.hidden else "guides"] += 1
+            counts["invisible" if node.hidden else "unseen"] += 1
             return None
         if not is_shape:
             return Part(index, index, instancer=self._library.instancer(prim, node.purpose))
