@@ -156,6 +156,11 @@ def DomeLight "Sky" {{
     )
 
 
+def test_a_mesh_without_faces_is_named(tmp_path):
+    none = mesh("None").replace("[3]", "[]").replace("[0, 1, 2]", "[]")
+    assert read(tmp_path, mesh("A") + none).notes == ("in no frame, empty or invisible: /None",)
+
+
 def test_a_plain_mesh_has_no_notes(tmp_path):
     assert read(tmp_path, mesh("A")).notes == ()
 

@@ -83,6 +83,16 @@ def test_what_instancers_draw(tmp_path, text, places):
     assert lefts(tmp_path, text) == places
 
 
+@pytest.mark.parametrize("prototype", ["</Nothing>", "</P>"])
+def test_prototypes_and_instancers_that_draw_nothing_are_named(tmp_path, prototype):
+    text = mesh("P", kind="class") + mesh("M") + instancer(prototype, "[0]", "[(9, 0, 0)]")
+    loaded = load(written(tmp_path, "a.usda", HEAD + text))
+    assert loaded.notes == (
+        "prototypes of instancers that draw nothing: 1",
+        "in no frame, empty or invisible: /Field",
+    )
+
+
 def test_orientations_and_scales(tmp_path):
     more = "    quath[] orientations = [(0.70710678, 0, 0, 0.70710678), (1, 0, 0, 0)]\n"
     more += "    float3[] scales = [(2, 1, 1), (1, 1, 3)]\n"

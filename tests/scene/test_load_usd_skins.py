@@ -60,6 +60,32 @@ def test_skinned_instances_and_prototypes(tmp_path):
             assert np.allclose(copy, own + [x, 0, 0], atol=1e-5)
 
 
+def test_instances_with_animations_of_their_own(tmp_path):
+    """A crowd: the animation is bound on each instance, outside what they share."""
+    skinned(tmp_path / "figure.usda", 2)
+    skinned(tmp_path / "other.usda", 5)
+    text = (tmp_path / "figure.usda").read_text()
+    bound = "rel skel:animationSource = </Root/Motion>"
+    assert bound in text
+    (tmp_path / "shared.usda").write_text(text.replace(bound, ""))
+    crowd = HEAD.replace(")\n", "    startTimeCode = 0\n    endTimeCode = 4\n)\n")
+    for name in ("figure", "other"):
+        crowd += f'def "{name}_motion" (references = @{name}.usda@</Root/Motion>) {{\n}}\n'
+        crowd += f"""def "{name}" (instanceable = true
+    prepend apiSchemas = ["SkelBindingAPI"]
+    references = @shared.usda@</Root>) {{
+    rel skel:animationSource = </{name}_motion>
+}}
+"""
+    (tmp_path / "crowd.usda").write_text(crowd)
+    baked(tmp_path / "figure.usda", tmp_path / "baked.usda")
+    loaded, alone = load(tmp_path / "crowd.usda"), load(tmp_path / "baked.usda")
+    halves = [np.split(frame, 2) for frame in loaded.frames]
+    for (first, second), own in zip(halves, alone.frames, strict=True):
+        assert np.allclose(first, own, atol=1e-5)
+        assert not np.allclose(first, second, atol=1e-2)
+
+
 def test_a_skin_that_contradicts_its_mesh_is_refused(tmp_path):
     skinned(tmp_path / "a.usda", 3)
     text = (tmp_path / "a.usda").read_text()

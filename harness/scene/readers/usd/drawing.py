@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,6 +80,7 @@ class Library:
         if key not in self._prototypes:
             roots = [prim] if prim and IN_PROTOTYPE(prim) else []
             self._prototypes[key] = Drawing(self, roots, IN_PROTOTYPE, purpose)
+            self.counts["empty"] += not self._prototypes[key].parts
         return self._prototypes[key]
 
 
@@ -114,8 +114,13 @@ class Drawing:
     def __init__(self, library: Library, roots: list[Any], predicate: Any, purpose: str = "") -> None:
         self._library = library
         self.prims = Prims(library.path, roots, predicate, purpose, library.counts)
-        self._skins: dict[str, tuple[Skin, int | None]] = {}
-        self._bind(predicate)
+        self._skins: dict[str, Skin] = {}
+        self._skeletons: dict[str, int] = {}
+        for i, node in enumerate(self.prims.nodes):
+            if node.prim.IsA(UsdSkel.Root):
+                self._skins |= bindings(node.prim, predicate)
+            elif node.prim.IsA(UsdSkel.Skeleton):
+                self._skeletons[str(node.prim.GetPath())] = i
         found = [self._part(i, node) for i, node in enumerate(self.prims.nodes)]
         self.parts = [part for part in found if part is not None]
         self.times = self.prims.times(i for part in self.parts for i in (part.node, part.place))
@@ -125,25 +130,6 @@ class Drawing:
             self.times |= source.times
         self.moves = any(part.moves for part in self.parts)
         self._placed: tuple[float, Placed] | None = None
-
-    def _bind(self, predicate: Any) -> None:
-        """Find what skeletons bend, and the node of the skeleton of each."""
-        nodes = self.prims.nodes
-        skeletons = [i for i, node in enumerate(nodes) if node.prim.IsA(UsdSkel.Skeleton)]
-        by_path = {str(nodes[i].prim.GetPath()): i for i in skeletons}
-        for root, node in enumerate(nodes):
-            if not node.prim.IsA(UsdSkel.Root):
-                continue
-            end = next((i for i in range(root + 1, len(nodes)) if nodes[i].parent < root), len(nodes))
-            # In an instance of the scene graph the library names the skeleton of the prototype.
-            own = {
-                str(nodes[i].prim.GetPrimInPrototype().GetPath()): i
-                for i in skeletons[bisect_left(skeletons, root) : bisect_left(skeletons, end)]
-                if nodes[i].prim.IsInstanceProxy()
-            }
-            for path, skin in bindings(node.prim, predicate).items():
-                name = str(skin.skeleton.GetPrim().GetPath())
-                self._skins[path] = skin, own.get(name, by_path.get(name))
 
     def _part(self, index: int, node: Node) -> Part | None:
         """What a prim draws; if that is nothing, it is counted where a reader would expect something."""
@@ -156,19 +142,17 @@ class Drawing:
                 self._library.left_out[kind] += not silent
             return None
         if not node.drawn:
-            counts["invisible" if node.hidden else "guides"] += 1
+            counts["invisible" if node.hidden else "unseen"] += 1
             return None
         if not is_shape:
             return Part(index, index, instancer=self._library.instancer(prim, node.purpose))
-        skin, skeleton = self._skins.get(str(prim.GetPath()), (None, None))
+        skin = self._skins.get(str(prim.GetPath()))
         part = Part(index, index, self._library.shape(prim, skin))
         if skin is not None and skin.jointed:
-            if skeleton is None:
-                problem = (
-                    f"{prim.GetPath()}: its skeleton {skin.skeleton.GetPrim().GetPath()} is not drawn with it"
-                )
+            if skin.path not in self._skeletons:
+                problem = f"{prim.GetPath()}: its skeleton {skin.path} is not drawn with it"
                 raise broken(self._library.path, problem)
-            part.place = skeleton
+            part.place = self._skeletons[skin.path]
         return part
 
     def pieces(self, time: float) -> list[Piece | None]:

@@ -69,7 +69,6 @@ class Prims:
         self, path: Path, roots: Sequence[Any], predicate: Any, purpose: str, counts: Counter[str]
     ) -> None:
         """``purpose``: what the roots inherit. ``counts``: how many prims there were is added to it."""
-        self.predicate = predicate
         self.nodes: list[Node] = []
         waiting = [(root, -1) for root in reversed(roots)]
         while waiting:
@@ -96,9 +95,8 @@ class Prims:
         shows = None
         if prim.IsA(UsdGeom.Imageable):
             imageable = UsdGeom.Imageable(prim)
-            shows = (
-                imageable.GetVisibilityAttr() if imageable.GetVisibilityAttr().HasAuthoredValue() else None
-            )
+            if imageable.GetVisibilityAttr().HasAuthoredValue():
+                shows = imageable.GetVisibilityAttr()
             if imageable.GetPurposeAttr().HasAuthoredValue():
                 purpose = str(imageable.GetPurposeAttr().Get())
         turns = transform is not None and transform.TransformMightBeTimeVarying()

@@ -16,10 +16,11 @@ from .shapes import Shape, samples
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The library's queries of a skeleton and of a prim that it bends."""
+    """The library's queries of a skeleton and of a prim that it bends, and the path of the skeleton."""
 
     skeleton: Any
     query: Any
+    path: str
 
     @property
     def jointed(self) -> bool:
@@ -32,7 +33,9 @@ def bindings(root: Any, predicate: Any) -> dict[str, Skin]:
     cache = UsdSkel.Cache()
     cache.Populate(UsdSkel.Root(root), predicate)
     return {
-        str(query.GetPrim().GetPath()): Skin(cache.GetSkelQuery(found.GetSkeleton()), query)
+        str(query.GetPrim().GetPath()): Skin(
+            cache.GetSkelQuery(found.GetSkeleton()), query, str(found.GetSkeleton().GetPath())
+        )
         for found in cache.ComputeSkelBindings(UsdSkel.Root(root), predicate)
         for query in found.GetSkinningTargets()
     }

@@ -1,0 +1,66 @@
+"""What a stage draws, over the time codes that are wanted, as one mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from ..checks import MAX_TRIANGLES, Mesh, Wanted, broken, checked
+from ..topology import Piece, fixed_topology
+from . import views
+from .drawing import Drawing, Library
+from .notes import approximations, changes, listed
+from .prims import DRAWN
+from .times import times
+
+MOST_POSITIONS = 1 << 27
+"""Largest number of vertices of all frames together: 3 GiB."""
+
+
+def over_time(path: Path, stage: Any, wanted: Wanted, notes: list[str]) -> Mesh:
+    """The mesh, its cameras and lights; what is approximated or left out is added to ``notes``."""
+    library = Library(path)
+    drawing = Drawing(library, stage.GetPseudoRoot().GetFilteredChildren(DRAWN), DRAWN)
+    at = times(path, stage, drawing.times, drawing.moves, wanted, notes)
+    drawing.prims.at(at.codes[0])
+    cameras = views.cameras(drawing.prims, at.codes[0], notes)
+    lights = views.lights(drawing.prims, at.codes[0], notes)
+    frames = _frames(path, drawing, at.codes)
+    there = [any(frame[i] is not None for frame in frames) for i in range(len(drawing.parts))]
+    if not any(there):
+        seen = f" ({listed(library.left_out)} left out)" if library.left_out.total() else ""
+        raise broken(path, f"holds no visible mesh{seen}", "give a stage with meshes")
+    fixed = fixed_topology(frames)
+    names = [str(drawing.prims.nodes[part.node].prim.GetPath()) for part in drawing.parts]
+    notes += approximations(stage, library)
+    notes += changes(
+        [names[i] for i in fixed.padded],
+        [names[i] for i in fixed.vanishing],
+        [name for name, shown in zip(names, there, strict=True) if not shown],
+    )
+    up = (0.0, 0.0, 1.0) if UsdGeom.GetStageUpAxis(stage) == "Z" else (0.0, 1.0, 0.0)
+    mesh = checked(path, fixed.frames[0], fixed.faces, up)
+    later, rate = fixed.frames[1:], at.rate
+    if later and all(np.array_equal(frame, mesh.points, equal_nan=True) for frame in later):
+        notes.append(f"{len(fixed.frames)} frames are alike: read as one")
+        later, rate = (), None
+    return replace(mesh, later=later, rate=rate, cameras=cameras, lights=lights)
+
+
+def _frames(path: Path, drawing: Drawing, codes: tuple[float, ...]) -> list[list[Piece | None]]:
+    """The parts at each time code. Raises :class:`UserError` as soon as they have too many vertices or triangles."""
+    frames, positions = [], 0
+    for code in codes:
+        frames.append(drawing.pieces(code))
+        there = [piece for piece in frames[-1] if piece is not None]
+        positions += sum(len(points) for points, _ in there)
+        triangles = sum(len(faces) for _, faces in there)
+        if positions > MOST_POSITIONS or triangles > MAX_TRIANGLES:
+            size = f"{positions} vertices in its first {len(frames)} frames, {triangles} triangles"
+            most = f"more than {MOST_POSITIONS} or {MAX_TRIANGLES}"
+            raise broken(path, f"has {size}, {most}", "choose --frames, or export a part of it")
+    return frames
