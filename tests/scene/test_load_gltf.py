@@ -171,10 +171,11 @@ def test_the_children_of_a_node_without_a_mesh_are_read(tmp_path):
 def test_materials_are_noted(tmp_path):
     made = square()
     made.head["materials"] = [{}, {"alphaMode": "MASK"}, {"name": "unused"}]
+    made.head["textures"] = [{"source": 0}]
     made.node(mesh=made.mesh(material=1), translation=[5, 0, 0])
     made.primitive()["material"] = 0
     assert load(made.write(tmp_path)).notes == (
-        "2 materials left out",
+        "2 materials and 1 texture left out",
         "1 material with transparency drawn opaque",
     )
 
@@ -374,6 +375,9 @@ def test_broken_files(tmp_path, change, word):
         (b"", "JSON part cannot be read"),
         (b"glTF\1\0\0\0" + bytes(12), "glTF version 1"),
         (b"[]", "not an object"),
+        (b'{"asset": {"version": "1.0"}, "scenes": {}}', "glTF version 1.0"),
+        (b'{"asset": {"version": "2.1", "minVersion": "2.1"}}', "glTF version 2.1"),
+        (b'{"asset": {"version": "2.1"}}', "no scene"),
         (b'{"a": 1', "JSON part cannot be read"),
         (b'{"scenes": [{"nodes": []}]}', "no triangles"),
         (square().text("data:application/octet-stream;base64,AAA"), "base64"),

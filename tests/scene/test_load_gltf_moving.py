@@ -376,4 +376,8 @@ def test_more_frames_than_memory_holds_are_refused(tmp_path):
     made.animate(translation=(0, [0, 60], [[0, 0, 0], [5, 0, 0]]))
     path = made.write(tmp_path)
     refused(path, "1441 frames of 100000 vertices", "--frames A:B:STEP")
+    refused(
+        moved(translation=([0, 1e5], [[0, 0, 0]] * 2)).write(tmp_path, "long.glb"),
+        "2400001 frames of 4 vertices",
+    )
     assert len(load(path, Wanted(frames=(0, None, 240))).frames) == 7

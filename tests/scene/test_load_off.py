@@ -1,24 +1,14 @@
 """OFF files: as they are, in the forms that collections have, and broken ones in one line."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 import trimesh
 from helpers import mesh_files as files
-from helpers.mesh_files import refused, written
+from helpers.mesh_files import off, refused, written
 from scene.test_load_gltf_limits import survives
 from shadowbench.harness.scene.readers.load import load
 
 POLYGONS = [(0, 1, 2, 3), (0, 1, 4), (4, 1, 2)]
-
-
-def off(points=files.QUAD, polygons=files.FACES, first="OFF\n", vertex="", face="", counts=None) -> bytes:
-    """An OFF; ``vertex`` and ``face``: what follows on the lines of each."""
-    counts = counts or f"{len(points)} {len(polygons)} 0"
-    lines = [" ".join(f"{x:.9g}" for x in row) + vertex for row in points]
-    lines += [" ".join(map(str, [len(p), *p])) + face for p in polygons]
-    return (f"{first}{counts}\n" + "\n".join(lines) + "\n").encode()
 
 
 @pytest.mark.parametrize(
@@ -105,20 +95,6 @@ def test_broken_files(tmp_path, content, word):
     refused(written(tmp_path, "a.off", content), word)
 
 
-def test_memory_stays_within_ten_times_the_file(tmp_path):
-    points = np.random.default_rng(0).random((4000, 3))
-    content = off(points, np.random.default_rng(1).integers(0, 4000, (8000, 3)).tolist())
-    path = written(tmp_path, "a.off", content)
-    load(path)
-    tracemalloc.start()
-    try:
-        load(path)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert peak <= 10 * len(content) + (1 << 19), f"{peak / len(content):.1f} times the file"
-
-
 def test_damaged_files_are_read_or_refused(tmp_path):
     rng, path = np.random.default_rng(2), tmp_path / "a.off"
     seeds = [off(), off(polygons=POLYGONS, first="# x\nCOFF\n", vertex=" 1 0 0 1", face=" 0.5")]
@@ -137,7 +113,7 @@ def test_damaged_files_are_read_or_refused(tmp_path):
         b"\0",
     ]
     outcomes = []
-    for k in range(1000):
+    for k in range(1500):
         for blob in seeds:
             at = int(rng.integers(len(blob)))
             if k % 3 == 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import IO, Any
 from xml.parsers import expat
 
@@ -23,6 +24,8 @@ _UNDERSTOOD = (
     _SCHEMAS + "trianglesets/2021/07",
 )
 """Extensions that a file may require: parts in several files, colours, and names of groups of triangles."""
+
+_COORDINATES, _CORNERS = itemgetter("x", "y", "z"), itemgetter("v1", "v2", "v3")
 
 _BLOCK = 3 << 14
 """Numbers that are converted at a time."""
@@ -189,20 +192,19 @@ class _Reader:
         self._texts, self._blocks = [], []
 
     def _vertex(self, attributes: dict[str, str]) -> None:
-        try:
-            self._texts += (attributes["x"], attributes["y"], attributes["z"])
-        except KeyError as error:
-            raise WrongError(f"a vertex has no {error}") from None
-        if len(self._texts) >= _BLOCK:
-            self._convert(np.float64)
+        self._gather(_COORDINATES, attributes, np.float64)
 
     def _triangle(self, attributes: dict[str, str]) -> None:
+        self._gather(_CORNERS, attributes, np.int64)
+
+    def _gather(self, three: itemgetter[tuple[str, str, str]], attributes: dict[str, str], dtype: type) -> None:
         try:
-            self._texts += (attributes["v1"], attributes["v2"], attributes["v3"])
+            self._texts += three(attributes)
         except KeyError as error:
-            raise WrongError(f"a triangle has no {error}") from None
+            what = "vertex" if dtype is np.float64 else "triangle"
+            raise WrongError(f"a {what} has no {error}") from None
         if len(self._texts) >= _BLOCK:
-            self._convert(np.int64)
+            self._convert(dtype)
 
     def _convert(self, dtype: type) -> None:
         """Convert the gathered texts."""
