@@ -51,6 +51,14 @@ def obj(points=QUAD, polygons=FACES):
     return ("\n".join(lines) + "\n").encode()
 
 
+def off(points=QUAD, polygons=FACES, first="OFF\n", vertex="", face="", counts=None) -> bytes:
+    """An OFF; ``vertex`` and ``face``: what follows on the lines of each."""
+    counts = counts or f"{len(points)} {len(polygons)} 0"
+    lines = [" ".join(f"{x:.9g}" for x in row) + vertex for row in points]
+    lines += [" ".join(map(str, [len(p), *p])) + face for p in polygons]
+    return (f"{first}{counts}\n" + "\n".join(lines) + "\n").encode()
+
+
 def stl_binary(points=QUAD, triangles=FACES, claimed=None):
     """A binary STL; ``claimed``: the count in its header."""
     corners = np.asarray(points, dtype="<f4")[np.asarray(triangles)].reshape(-1, 9)

@@ -274,7 +274,7 @@ def test_the_hash_of_a_source_is_that_of_its_bytes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "kind", ["ply", "ascii.ply", "mixed.ply", "mixed.ascii.ply", "obj", "stl", "ascii.stl", "glb"]
+    "kind", ["ply", "ascii.ply", "mixed.ply", "mixed.ascii.ply", "obj", "off", "stl", "ascii.stl", "glb"]
 )
 def test_memory_stays_within_ten_times_the_file(tmp_path, kind):
     n = 40
@@ -290,6 +290,7 @@ def test_memory_stays_within_ten_times_the_file(tmp_path, kind):
         "mixed.ply": lambda: files.ply_binary(points, mixed),
         "mixed.ascii.ply": lambda: files.ply_ascii(points, mixed),
         "obj": lambda: files.obj(points, mixed),
+        "off": lambda: files.off(points, mixed),
         "stl": lambda: files.stl_binary(points, triangles),
         "ascii.stl": lambda: files.stl_ascii(points, triangles),
         "glb": lambda: files.glb(points, triangles),

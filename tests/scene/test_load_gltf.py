@@ -11,8 +11,9 @@ from helpers.gltf_files import CORNERS, SQUARE, Gltf, square
 from helpers.mesh_files import refused, written
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.readers.checks import Wanted
-from shadowbench.harness.scene.readers.load import load
+from shadowbench.harness.scene.readers.load import load, source
 
 
 def bounds(loaded, frame=0):
@@ -170,10 +171,11 @@ def test_the_children_of_a_node_without_a_mesh_are_read(tmp_path):
 def test_materials_are_noted(tmp_path):
     made = square()
     made.head["materials"] = [{}, {"alphaMode": "MASK"}, {"name": "unused"}]
+    made.head["textures"] = [{"source": 0}]
     made.node(mesh=made.mesh(material=1), translation=[5, 0, 0])
     made.primitive()["material"] = 0
     assert load(made.write(tmp_path)).notes == (
-        "2 materials left out",
+        "2 materials and 1 texture left out",
         "1 material with transparency drawn opaque",
     )
 
@@ -214,6 +216,55 @@ def _with_embedded_buffer() -> bytes:
     text += b" " * (-len(text) % 4)
     chunk = len(text).to_bytes(4, "little") + b"JSON" + text
     return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunk)).to_bytes(4, "little") + chunk
+
+
+def test_every_byte_of_a_buffer_counts_in_the_record(tmp_path):
+    path = square().write(tmp_path, "a.gltf")
+    known = source(load(path).files).sha256
+    buffer = path.with_suffix(".bin")
+    blob = buffer.read_bytes()
+    for at in (0, 47):
+        buffer.write_bytes(blob[:at] + bytes([blob[at] ^ 1]) + blob[at + 1 :])
+        assert source(load(path).files).sha256 != known
+    buffer.write_bytes(blob)
+    assert source(load(path).files).sha256 == known
+
+
+def test_a_buffer_that_is_a_pointer_of_git_lfs_is_named(tmp_path):
+    path = square().write(tmp_path, "a.gltf")
+    path.with_suffix(".bin").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    with pytest.raises(UserError, match=r"a\.bin: is a Git LFS pointer"):
+        load(path)
+
+
+SHAPES = {
+    "box": trimesh.creation.box(),
+    "ball": trimesh.creation.icosphere(2),
+    "ring": trimesh.creation.annulus(1, 2, 0.5),
+    "capsule": trimesh.creation.capsule(),
+    "cone": trimesh.creation.cone(1, 2),
+}
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf", "draco.glb"])
+def test_files_of_trimesh_have_its_bounds_and_counts(tmp_path, suffix):
+    scene = trimesh.Scene()
+    for i, shape in enumerate(SHAPES.values()):
+        turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(i).random(3))
+        turn[:3, 3] = [3 * i, i, -i]
+        scene.add_geometry(
+            shape, node_name=f"n{i}", transform=turn, parent_node_name=f"n{i - 1}" if i else None
+        )
+    path = tmp_path / f"a.{suffix}"
+    if suffix == "gltf":
+        for name, blob in scene.export(file_type="gltf").items():
+            (tmp_path / name.replace("model.gltf", path.name)).write_bytes(blob)
+    else:
+        path.write_bytes(scene.export(file_type="glb", extension_draco="draco" in suffix))
+    ours, theirs = load(path), trimesh.load_scene(path, process=False)
+    assert len(ours.faces) == sum(len(shape.faces) for shape in SHAPES.values())
+    assert np.allclose(bounds(ours), theirs.bounds, atol=1e-6)
+    assert np.allclose(bounds(ours), scene.bounds, atol=1e-3 if "draco" in suffix else 1e-5)
 
 
 def test_large_embedded_data_are_no_json(tmp_path):
@@ -302,6 +353,7 @@ def edit(*path, value):
         (edit("nodes", 2, "translation", value=[0, 1, 1e999]), "Infinity"),
         (edit("nodes", 2, "translation", value=[0, 1, 10**400]), "not 3 finite numbers"),
         (edit("nodes", 2, "matrix", value=[1] * 15), "not 16 finite numbers"),
+        (edit("nodes", 2, "matrix", value=[1] * 16), "last row is not 0, 0, 0, 1"),
         (edit("meshes", 0, "primitives", 0, "mode", value=7), "mode 7"),
         (edit("meshes", 0, "primitives", 0, "mode", value=1), "no triangles"),
         (edit("meshes", 0, "primitives", 0, "indices", value=9), "names accessor 9"),
@@ -323,6 +375,9 @@ def test_broken_files(tmp_path, change, word):
         (b"", "JSON part cannot be read"),
         (b"glTF\1\0\0\0" + bytes(12), "glTF version 1"),
         (b"[]", "not an object"),
+        (b'{"asset": {"version": "1.0"}, "scenes": {}}', "glTF version 1.0"),
+        (b'{"asset": {"version": "2.1", "minVersion": "2.1"}}', "glTF version 2.1"),
+        (b'{"asset": {"version": "2.1"}}', "no scene"),
         (b'{"a": 1', "JSON part cannot be read"),
         (b'{"scenes": [{"nodes": []}]}', "no triangles"),
         (square().text("data:application/octet-stream;base64,AAA"), "base64"),

@@ -129,7 +129,6 @@ def skinned(points=SQUARE, influences=1) -> Gltf:
         rng.integers(0, 2, (influences, len(points), 4)),
         rng.random((influences, len(points), 4)),
     )
-    weights = (weights / weights.sum(axis=(0, 2))[:, None]).astype("f4")
     attributes = {}
     for i in range(influences):
         attributes[f"JOINTS_{i}"] = made.accessor(joints[i], "u1")
@@ -151,7 +150,8 @@ def skinned(points=SQUARE, influences=1) -> Gltf:
 
 
 def bent_by_hand(made, points, world):
-    """The skinned positions, vertex by vertex: the sum over joints of weight * world * inverse * position."""
+    """The skinned positions, vertex by vertex: the sum over joints of weight * world * inverse * position,
+    in homogeneous coordinates."""
 
     def values(index):
         entry = made.head["accessors"][index]
@@ -170,10 +170,11 @@ def bent_by_hand(made, points, world):
     inverse = values(skin["inverseBindMatrices"]).reshape(2, 4, 4).transpose(0, 2, 1)
     result = np.zeros((len(points), 3))
     for v, point in enumerate(points):
+        total = np.zeros(4)
         for joints, weights in sets:
             for joint, weight in zip(joints[v], weights[v], strict=True):
-                matrix = world[skin["joints"][joint]] @ inverse[joint]
-                result[v] += weight * (matrix @ [*point, 1])[:3]
+                total += weight * (world[skin["joints"][joint]] @ inverse[joint] @ [*point, 1])
+        result[v] = total[:3] / total[3]
     return result
 
 
@@ -228,11 +229,14 @@ def test_broken_skins(tmp_path):
     refused(made.write(tmp_path), "both a skin and instances")
 
 
-def test_weights_that_do_not_add_up_are_noted(tmp_path):
-    made = skinned()
-    weights = made.primitive()["attributes"]["WEIGHTS_0"]
-    made.head["accessors"][weights]["bufferView"] = made.view(np.full((4, 4), 0.3, "f4").tobytes())
-    assert load(made.write(tmp_path)).notes == ("4 vertices whose joint weights do not add up to 1",)
+def test_vertices_without_weights_follow_their_first_joint(tmp_path):
+    made, expected = skinned(), skinned()
+    for one, values in ((made, np.zeros((4, 4))), (expected, [[0.5, 0, 0, 0]] * 4)):
+        weights = one.head["accessors"][one.primitive()["attributes"]["WEIGHTS_0"]]
+        weights["bufferView"] = one.view(np.asarray(values, "f4").tobytes())
+    found, other = load(made.write(tmp_path)), load(expected.write(tmp_path, "b.glb"))
+    assert found.notes == ("4 vertices without joint weights follow their first joint",)
+    assert np.array_equal(found.frames[0], other.frames[0])
 
 
 def test_joints_of_a_static_mesh_mean_nothing(tmp_path):
@@ -372,4 +376,8 @@ def test_more_frames_than_memory_holds_are_refused(tmp_path):
     made.animate(translation=(0, [0, 60], [[0, 0, 0], [5, 0, 0]]))
     path = made.write(tmp_path)
     refused(path, "1441 frames of 100000 vertices", "--frames A:B:STEP")
+    refused(
+        moved(translation=([0, 1e5], [[0, 0, 0]] * 2)).write(tmp_path, "long.glb"),
+        "2400001 frames of 4 vertices",
+    )
     assert len(load(path, Wanted(frames=(0, None, 240))).frames) == 7

@@ -14,9 +14,11 @@ from ..scene import Source
 from .checks import ALL, Loaded, Mesh, Wanted
 from .gltf.read import read_gltf
 from .obj import read_obj
+from .off import read_off
 from .ply import read_ply
 from .sequences import load_frames, load_npz, numbered
 from .stl import read_stl
+from .threemf import read_3mf
 from .unread import refusal
 from .usd import read_usd
 
@@ -26,13 +28,15 @@ READERS: dict[str, Callable[[Path, Wanted], Mesh]] = {
     ".glb": read_gltf,
     ".gltf": read_gltf,
     ".stl": read_stl,
+    ".off": read_off,
+    ".3mf": read_3mf,
     ".usd": read_usd,
     ".usda": read_usd,
     ".usdc": read_usd,
     ".usdz": read_usd,
 }
 
-STILL = (".ply", ".obj", ".stl")
+STILL = (".ply", ".obj", ".stl", ".off", ".3mf")
 """Formats whose files hold one frame."""
 
 SUFFIXES = (".npz", *READERS)

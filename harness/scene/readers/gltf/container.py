@@ -42,6 +42,7 @@ class Container:
         self.document = Document(path, {})
         text = self._chunks(blob) if blob[:4] == b"glTF" else memoryview(blob)
         self.document.head = self._parsed(text)
+        self._require_version()
         self._size = len(blob)
 
     @property
@@ -97,6 +98,12 @@ class Container:
         if not isinstance(head, dict):
             raise self.document.error("its JSON part is not an object")
         return head
+
+    def _require_version(self) -> None:
+        asset = self.document.object(self.document.head, "asset", "the file")
+        least, version = asset.get("minVersion", "2.0"), str(asset.get("version", "2.0"))
+        if least != "2.0" or version.split(".")[0] != "2":
+            raise self.document.error(f"glTF version {version}", "export as glTF 2.0")
 
     def buffer(self, index: Any, where: str) -> memoryview | None:
         """The bytes of a buffer; None where it has none, since an extension holds them."""

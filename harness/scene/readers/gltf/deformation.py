@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 from .accessors import Accessors
 from .document import Document, Floats
 from .extensions import refuse_unknown
-from .nodes import Matrices, Tree
+from .nodes import Matrices, Tree, affine
 from .primitives import Vertices
 
 _BLOCK = 1 << 16
 """Vertices that are bent at a time."""
-
-_SUM = 1e-2
-"""Weights of joints that differ by more from 1 in sum are noted: such vertices are drawn towards the origin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +44,7 @@ class Skin:
             if len(stored) < len(joints):
                 raise document.error(f"{name} has {len(joints)} joints, but {len(stored)} matrices")
             columns = stored[: len(joints)].astype(np.float64).reshape(-1, 4, 4)
-            inverse = columns.transpose(0, 2, 1)
+            inverse = affine(document, columns.transpose(0, 2, 1), name)
         return Skin(joints, inverse)
 
     def matrices(self, world: Matrices) -> Matrices:
@@ -57,15 +54,13 @@ class Skin:
 
 
 def check_influences(document: Document, skin: Skin, vertices: Vertices, name: str) -> int:
-    """The number of vertices whose weights do not add up to 1. Raises :class:`UserError` for a joint that is not there."""
+    """The number of vertices without any weight. Raises :class:`UserError` for a joint that is not there."""
     joints, weights = vertices.joints, vertices.weights
     wrong = (joints >= len(skin.joints)) & (weights != 0)
     if wrong.any():
         problem = f"{name} names joint {joints[wrong].max()}, but its skin has {len(skin.joints)}"
         raise document.error(problem)
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = weights.sum(axis=1, dtype=np.float64)
-    return int(np.count_nonzero(~(np.abs(total - 1.0) <= _SUM)))
+    return int(np.count_nonzero(~weights.any(axis=1)))
 
 
 def displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats:
@@ -94,14 +89,20 @@ def transformed(points: Floats, matrices: Matrices, result: NDArray[np.floating]
 
 
 def bent(points: Floats, vertices: Vertices, joints: Matrices, result: NDArray[np.floating]) -> None:
-    """Write the points, each moved by the weighted sum of its joints' transforms, into ``result`` [count, 3]."""
-    with np.errstate(over="ignore", invalid="ignore"):
+    """Write the points, each moved by the weighted mean of its joints' transforms, into ``result`` [count, 3].
+
+    Weights need not add up to 1: in homogeneous coordinates, as renderers have them, their sum divides out. A point
+    without any weight follows its first joint.
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for k in range(0, len(points), _BLOCK):
             some = slice(k, k + _BLOCK)
             weights = vertices.weights[some].astype(np.float64)
+            weights[~weights.any(axis=1), :1] = 1.0
             places = np.where(weights != 0.0, vertices.joints[some], 0)
             sums = np.zeros((len(weights), 3, 4))
             for i in range(weights.shape[1]):
                 sums += weights[:, i, None, None] * joints[places[:, i], :3]
             own = points[some].astype(np.float64)
-            result[some] = np.einsum("vij,vj->vi", sums[:, :, :3], own) + sums[:, :, 3]
+            moved = np.einsum("vij,vj->vi", sums[:, :, :3], own) + sums[:, :, 3]
+            result[some] = moved / weights.sum(axis=1, keepdims=True)

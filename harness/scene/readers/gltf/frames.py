@@ -16,6 +16,8 @@ from .nodes import Matrices, Tree
 MOST_POSITIONS = 1 << 27
 """Largest number of vertices of all frames together: 3 GiB."""
 
+MOST_FRAMES = 1 << 16
+
 
 class Frames:
     """Positions at any time. What no animation moves is computed once.

@@ -171,7 +171,7 @@ class Model:
             found.append(f"{counted(self._missing, 'node')} left out, whose data are in a missing file")
         if self._doubtful:
             vertices = counted(self._doubtful, "vertex", "vertices")
-            found.append(f"{vertices} whose joint weights do not add up to 1")
+            found.append(f"{vertices} without joint weights follow their first joint")
         return found
 
     def carrying(self) -> set[int]:

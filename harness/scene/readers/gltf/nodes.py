@@ -18,6 +18,9 @@ TRANSLATION, ROTATION, SCALE = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0,
 """The transform of a node that says nothing."""
 
 
+_AFFINE = 1e-4
+"""Largest part of the last row of a matrix that counts as rounding."""
+
 ONCE = np.eye(4)[None]
 """The transform of a node that is there once."""
 
@@ -38,6 +41,13 @@ def composed(translation: NDArray, rotation: NDArray, scale: NDArray) -> Matrice
     result[..., :3, 3] = translation
     result[..., 3, 3] = 1.0
     return result
+
+
+def affine(document: Document, matrices: Matrices, where: str) -> Matrices:
+    """The transforms, which must keep parallel lines parallel."""
+    if not (np.abs(matrices[..., 3, :] - (0.0, 0.0, 0.0, 1.0)) <= _AFFINE).all():
+        raise document.error(f"{where} has a matrix whose last row is not 0, 0, 0, 1")
+    return matrices
 
 
 def mirrored(matrices: Matrices) -> NDArray[np.bool_]:
@@ -136,7 +146,8 @@ class Tree:
         for i, node in enumerate(self.nodes):
             if "matrix" in self.entry(i):
                 numbers = self.document.numbers(self.entry(i), "matrix", f"node {node}", (0.0,) * 16)
-                result[i] = np.array(numbers).reshape(4, 4).T  # stored column by column
+                columns = np.array(numbers).reshape(4, 4)
+                result[i] = affine(self.document, columns.T, f"node {node}")
         return result
 
 

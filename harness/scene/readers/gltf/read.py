@@ -11,7 +11,7 @@ from .animation import Animation, first_animation
 from .container import Container, MissingError
 from .document import Document, counted, titled
 from .extensions import refuse_required
-from .frames import MOST_POSITIONS, Frames
+from .frames import MOST_FRAMES, MOST_POSITIONS, Frames
 from .model import Model
 from .nodes import Tree
 from .viewpoints import cameras, lights
@@ -40,7 +40,7 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Mesh:
             animation = None
             notes.append("animation left out, whose data are in a missing file")
         chosen = wanted.chosen(path, animation.count if animation else 1)
-        if len(chosen) * model.vertex_count > MOST_POSITIONS:
+        if len(chosen) > MOST_FRAMES or len(chosen) * model.vertex_count > MOST_POSITIONS:
             problem = f"has {len(chosen)} frames of {model.vertex_count} vertices, more than memory may hold"
             raise document.error(problem, "choose some of them: --frames A:B:STEP")
         times = [animation.time(k) if animation else 0.0 for k in chosen]
@@ -71,7 +71,9 @@ def _notes(document: Document, model: Model, animation: Animation | None) -> lis
     materials = document.all("materials")
     used = [materials[i] for i in model.materials if 0 <= i < len(materials)]
     if used:
-        found.append(f"{counted(len(used), 'material')} left out")
+        textures = document.items(document.head, "textures", "the file")
+        more = f" and {counted(len(textures), 'texture')}" if textures else ""
+        found.append(f"{counted(len(used), 'material')}{more} left out")
     holes = sum(entry.get("alphaMode") in ("MASK", "BLEND") for entry in used)
     if holes:
         found.append(f"{counted(holes, 'material')} with transparency drawn opaque")

@@ -1,0 +1,115 @@
+"""OFF, the text format of Geomview and of mesh collections: positions and faces, in the order of the file.
+
+trimesh 5.2 is not used because it sorts faces by their number of corners, fans concave ones, and reads as many lines as
+there are where the header claims more.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
+from .polygons import polygon_sizes, triangulate
+from .text import decoded, first_wrong, numbers, plain_lines, without_comments
+
+_HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4?n?)OFF[ \t]*(BINARY)?")
+"""The first word: whether texture coordinates, colours and normals follow each position, and how many dimensions it has."""
+
+_BLOCK = 1 << 15
+"""Lines that are parsed at a time."""
+
+_INDEX_LIMIT = 1 << 31
+
+
+def read_off(path: Path, wanted: Wanted = ALL) -> Mesh:
+    """Positions float64 and triangulated faces. A vertex and a face have a line each; what follows in it is left out.
+
+    Raises :class:`UserError` for binary files and other than three dimensions, and if the header's counts are not those of
+    the lines.
+    """
+    text = without_comments(plain_lines(decoded(read_bytes(path))))
+    header = _HEADER.match(text)
+    if header is None:
+        raise broken(path, "does not begin with OFF", "this is not an OFF file")
+    textured, colored, normals, dimensions, binary = header.groups()
+    if binary or dimensions:
+        problem = "holds binary data" if binary else "has positions of other than three dimensions"
+        raise broken(path, problem, "export it as plain OFF")
+    lines = [line for line in text[header.end() :].split(b"\n") if line.strip()]
+    vertex_count = _vertex_count(path, lines)
+    points, more = zip(*_parsed(path, "vertex", lines[1 : 1 + vertex_count], _positions), strict=True)
+    faces = _parsed(path, "face", lines[1 + vertex_count :], _corners)
+    counts, corners, colors = (np.concatenate(parts) for parts in zip(*faces, strict=True))
+    polygon_sizes(path, counts)
+    positions = np.concatenate(points)
+    mesh = checked(path, positions, triangulate(positions, counts, corners))
+    colored = colored or colors.any() or (max(more) and not (normals or textured))
+    names = (("colours", colored), ("normals", normals), ("texture coordinates", textured))
+    left = " and ".join(name for name, there in names if there)
+    return dataclasses.replace(mesh, notes=(f"{left} left out",) if left else ())
+
+
+def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:
+    """The number of vertices that the header claims. Each of them has a line, and each face."""
+    try:
+        values, _ = numbers(lines[:1])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) < 2 or not ((values >= 0) & (values % 1 == 0)).all():
+        raise broken(path, "has no numbers of vertices and faces after OFF")
+    vertex_count, face_count = (int(min(value, 1 << 53)) for value in values[:2])
+    if vertex_count + face_count != len(lines) - 1:
+        problem = (
+            f"the header claims {vertex_count} vertices and {face_count} faces, but {len(lines) - 1} lines"
+        )
+        raise broken(path, f"{problem} follow", "the file is truncated or its header wrong")
+    return vertex_count
+
+
+def _parsed(
+    path: Path, what: str, lines: Sequence[bytes], parse: Callable[[Sequence[bytes]], Any]
+) -> list[Any]:
+    """What ``parse`` makes of the lines, block by block; at least one. Raises :class:`UserError` with the wrong one."""
+    made = []
+    for first in range(0, max(1, len(lines)), _BLOCK):
+        block = lines[first : first + _BLOCK]
+        try:
+            made.append(parse(block))
+        except ValueError:
+            wrong, error = first_wrong(block, parse)
+            raise broken(path, f"{what} {first + wrong}: {error}", "correct that line") from None
+    return made
+
+
+def _positions(lines: Sequence[bytes]) -> tuple[NDArray[np.float64], bool]:
+    """The first three numbers of each line, [len(lines), 3], and whether any line has more."""
+    values, each = numbers(lines)
+    if len(each) and each.min() < 3:
+        raise ValueError(f"it has {each.min()} coordinates instead of 3")
+    starts = np.cumsum(each) - each
+    return values[starts[:, None] + np.arange(3)], bool((each > 3).any())
+
+
+def _corners(lines: Sequence[bytes]) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
+    """The number of corners of each face, their vertex indices, and which faces have a colour."""
+    values, each = numbers(lines)
+    starts = np.cumsum(each) - each
+    claimed = values[starts]
+    wrong = ~((claimed >= 0) & (claimed % 1 == 0) & (claimed < each))
+    if wrong.any():
+        at = int(wrong.argmax())
+        raise ValueError(f"it has {each[at] - 1} numbers after its number of corners, {claimed[at]:g}")
+    counts = claimed.astype(np.int64)
+    places = np.repeat(starts + 1 - (np.cumsum(counts) - counts), counts) + np.arange(counts.sum())
+    corners = values[places]
+    bad = corners[~((corners >= 0) & (corners < _INDEX_LIMIT) & (corners % 1 == 0))]
+    if len(bad):
+        raise ValueError(f"it names vertex {bad[0]:g}")
+    return counts, corners.astype(np.int32), each > counts + 1

@@ -1,0 +1,132 @@
+"""3MF, the format of 3D printing: the objects that a package builds, in the order of its items and their components.
+
+trimesh 5.2 is not used because it takes all meshes of another part of the package for each object in it, and unpacks without
+a limit; it also reads files that require what it cannot read.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+from xml.parsers.expat import ExpatError
+
+import numpy as np
+
+from .checks import ALL, Mesh, Wanted, broken, checked, guarded, read_bytes
+from .threemf_model import AffineRows, ModelPart, Solid, Use, WrongError, model_of, relationships
+
+_GROWTH, _FLOOR = 100, 1 << 26
+"""A package may unpack to this many times its size, or to this many bytes, whichever is more; this stops zip bombs."""
+
+_DRAWN, _PLACED = 1 << 25, 1 << 20
+"""Largest number of triangles and of placed objects: through components a small file could have any number."""
+
+_UP = (0.0, 0.0, 1.0)
+
+
+def read_3mf(path: Path, wanted: Wanted = ALL) -> Mesh:
+    """All triangles of the build, float64, in the unit of the file. Each placed object has vertices of its own.
+
+    Raises :class:`UserError` for extensions that the file requires and cannot be read, for objects of other shapes than
+    triangles, and for a package that unpacks to far more than its size.
+    """
+    blob = read_bytes(path)
+    with guarded(path, "3MF"), zipfile.ZipFile(io.BytesIO(blob)) as archive:
+        package = _Package(path, archive, max(_FLOOR, _GROWTH * len(blob)))
+        placed = list(package.placed())
+    points = np.empty((sum(len(solid.points) for solid, _ in placed), 3))
+    faces = np.empty((sum(len(solid.faces) for solid, _ in placed), 3), dtype=np.int32)
+    vertex = triangle = 0
+    for solid, matrix in placed:
+        count, more = len(solid.points), len(solid.faces)
+        with np.errstate(over="ignore", invalid="ignore"):
+            points[vertex : vertex + count] = solid.points @ matrix[:3] + matrix[3]
+            mirrored = np.cross(matrix[0], matrix[1]) @ matrix[2] < 0.0
+        corners = solid.faces[:, [0, 2, 1]] if mirrored else solid.faces
+        np.add(corners, vertex, out=faces[triangle : triangle + more], casting="unsafe")
+        vertex, triangle = vertex + count, triangle + more
+    notes = tuple(f"{what} left out" for what in sorted(package.left_out))
+    return dataclasses.replace(checked(path, points, faces, _UP), notes=notes)
+
+
+class _Package:
+    """The parts of a 3MF file, each read once. ``left_out``: what they hold that is not read."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile, limit: int) -> None:
+        self._path, self._archive, self._left = path, archive, limit
+        self._models: dict[str, ModelPart] = {}
+        self._sizes: dict[tuple[str, str], tuple[int, int]] = {}
+        self.left_out: set[str] = set()
+
+    def placed(self) -> Iterator[tuple[Solid, AffineRows]]:
+        """The objects with triangles that are built, and their transforms."""
+        build = self._model(self._root()).build
+        sizes = [self._size(use, "the build") for use in build]
+        triangles, places = (sum(column) for column in zip((0, 0), *sizes, strict=True))
+        if triangles > _DRAWN or places > _PLACED:
+            problem = f"builds {places} objects of {triangles} triangles, more than {_PLACED} or {_DRAWN}"
+            raise broken(self._path, problem, "export a part of it")
+        waiting = [(use, use.matrix) for use in reversed(build)]
+        while waiting:
+            use, matrix = waiting.pop()
+            solid = self._models[use.part].solids[use.identity]
+            if len(solid.faces):
+                yield solid, matrix
+            for component in reversed(solid.components):
+                with np.errstate(over="ignore", invalid="ignore"):
+                    below = component.matrix @ matrix[:3]
+                    below[3] += matrix[3]
+                waiting.append((component, below))
+
+    def _size(self, use: Use, where: str) -> tuple[int, int]:
+        """Triangles and objects that an object stands for, with its components."""
+        self._model(use.part)
+        size = self._sizes.get((use.part, use.identity))
+        if size is None:
+            problem = f"{where} names object {use.identity!r}, which does not come before it"
+            raise broken(self._path, problem)
+        return size
+
+    def _model(self, name: str) -> ModelPart:
+        """A part and the sizes of its objects, each of which uses those before it."""
+        if name in self._models:
+            return self._models[name]
+        try:
+            with self._opened(name) as stream:
+                model = self._models[name] = model_of(stream, name)
+        except WrongError as error:
+            raise broken(self._path, f"{name}: {error}") from error
+        except ExpatError as error:
+            raise broken(self._path, f"{name} is not XML ({error})", "the file is damaged") from error
+        self.left_out |= model.left_out
+        for solid in model.solids.values():
+            parts = [self._size(use, f"object {solid.identity}") for use in solid.components]
+            triangles, places = (sum(column) for column in zip((len(solid.faces), 1), *parts, strict=True))
+            self._sizes[name, solid.identity] = triangles, places
+        return model
+
+    def _root(self) -> str:
+        """The name of the part that the package begins with."""
+        try:
+            with self._opened("_rels/.rels") as stream:
+                targets = [target for kind, target in relationships(stream) if kind.endswith("/3dmodel")]
+        except (ExpatError, WrongError) as error:
+            raise broken(self._path, f"_rels/.rels is not XML ({error})", "the file is damaged") from error
+        if not targets:
+            raise broken(self._path, "its package names no 3D model")
+        return targets[0].lstrip("/")
+
+    def _opened(self, name: str) -> IO[bytes]:
+        """A part of the package, by its name in any case of letters."""
+        names = {entry.filename.lower(): entry for entry in self._archive.infolist()}
+        entry = names.get(name.lower())
+        if entry is None:
+            raise broken(self._path, f"its package has no part {name[:100]!r}")
+        self._left -= entry.file_size
+        if self._left < 0:
+            raise broken(self._path, f"{name} unpacks to far more than its size", "the file is damaged")
+        return self._archive.open(entry)

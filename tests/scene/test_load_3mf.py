@@ -1,0 +1,244 @@
+"""3MF files: objects, components and parts of a package; broken and boundless ones are one line."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+from helpers import mesh_files as files
+from helpers.mesh_files import refused, written
+from scene.test_load_gltf_limits import survives
+from shadowbench.harness.scene.readers.load import load
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
+RELATIONSHIPS = (
+    '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+    '<Relationship Target="/3D/model.model" Id="a" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>'
+    "</Relationships>"
+)
+
+
+def mesh(number, points=files.QUAD, triangles=files.FACES) -> str:
+    """An object of triangles."""
+    vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in points.tolist())
+    corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles)
+    inside = f"<vertices>{vertices}</vertices><triangles>{corners}</triangles>"
+    return f'<object id="{number}"><mesh>{inside}</mesh></object>'
+
+
+def group(number, *uses) -> str:
+    """An object of components."""
+    return f'<object id="{number}"><components>{"".join(uses)}</components></object>'
+
+
+def use(number, move=None, tag="component", path=None) -> str:
+    """A component or an item; ``move``: the last row of its transform, or all twelve numbers."""
+    numbers = [1, 0, 0, 0, 1, 0, 0, 0, 1, *move] if move is not None and len(move) == 3 else move
+    transform = f' transform="{" ".join(map(str, numbers))}"' if numbers is not None else ""
+    return f'<{tag} objectid="{number}"{transform}{f" p:path={path!r}" if path else ""}/>'
+
+
+def item(number, move=None, path=None) -> str:
+    return use(number, move, "item", path)
+
+
+def model(objects, *build, more="") -> str:
+    head = f'<?xml version="1.0"?>\n<model unit="millimeter" xmlns="{CORE}" xmlns:p="{PRODUCTION}" {more}>'
+    return f"{head}<resources>{''.join(objects)}</resources><build>{''.join(build)}</build></model>"
+
+
+def package(text, stored=zipfile.ZIP_DEFLATED, **parts) -> bytes:
+    """A package with a model, and other parts by their names in 3D/."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", stored) as archive:
+        archive.writestr("_rels/.rels", RELATIONSHIPS)
+        archive.writestr("3D/model.model", text)
+        for name, content in parts.items():
+            archive.writestr(f"3D/{name}.model", content)
+    return stream.getvalue()
+
+
+def test_objects_are_built_in_the_order_of_the_items(tmp_path):
+    one = np.array([(0, 1, 2)])
+    text = model([mesh(1), mesh(7, files.QUAD * 2, one)], item(7, (10, 0, 0)), item(1), item(7))
+    loaded = load(written(tmp_path, "a.3mf", package(text)))
+    assert loaded.faces.tolist() == [
+        [0, 1, 2],
+        *[[5 + i for i in face] for face in files.FACES],
+        [10, 11, 12],
+    ]
+    assert np.array_equal(
+        loaded.frames[0], np.concatenate([files.QUAD * 2 + [10, 0, 0], files.QUAD, files.QUAD * 2])
+    )
+    assert loaded.up == (0, 0, 1)
+    assert loaded.notes == ()
+
+
+def test_components_are_moved_by_all_above_them(tmp_path):
+    """A transform multiplies rows: 12 numbers are three rows of axes and one of the place."""
+    turned = (0, 2, 0, -2, 0, 0, 0, 0, 2, 1, 2, 3)
+    objects = [mesh(1), group(2, use(1, (1, 0, 0)), use(1)), group(3, use(2, turned), use(1))]
+    loaded = load(written(tmp_path, "a.3mf", package(model(objects, item(3, (100, 0, 0))))))
+    axes = np.array(turned[:9]).reshape(3, 3)
+    expected = [
+        (files.QUAD + [1, 0, 0]) @ axes + [101, 2, 3],
+        files.QUAD @ axes + [101, 2, 3],
+        files.QUAD + [100, 0, 0],
+    ]
+    assert np.allclose(loaded.frames[0], np.concatenate(expected))
+    assert len(loaded.faces) == 12
+
+
+def test_a_mirrored_object_is_turned_round(tmp_path):
+    mirror = (-1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
+    loaded = load(written(tmp_path, "a.3mf", package(model([mesh(1)], item(1, mirror)))))
+    assert loaded.faces.tolist() == [[a, c, b] for a, b, c in files.FACES]
+
+
+def test_parts_of_a_package_have_their_own_objects(tmp_path):
+    """As slicers write them; trimesh takes all meshes of the part for each of its objects."""
+    other = model([mesh(1), mesh(2, files.QUAD * 3, [(0, 1, 2)])])
+    parts = group(1, use(2, path="/3D/other.model"), use(1, (5, 0, 0), path="/3D/OTHER.model"))
+    text = model([parts], item(1), item(2, path="/3D/other.model"), more='requiredextensions="p"')
+    loaded = load(written(tmp_path, "a.3mf", package(text, other=other)))
+    expected = [files.QUAD * 3, files.QUAD + [5, 0, 0], files.QUAD * 3]
+    assert np.array_equal(loaded.frames[0], np.concatenate(expected))
+    assert len(loaded.faces) == 6
+
+
+def test_it_is_what_trimesh_reads(tmp_path):
+    path = tmp_path / "a.3mf"
+    scene = trimesh.Scene()
+    ball = trimesh.creation.icosphere(2)
+    scene.add_geometry(ball, transform=trimesh.transformations.random_rotation_matrix())
+    scene.add_geometry(
+        trimesh.creation.box(), transform=trimesh.transformations.translation_matrix([3, 0, 0])
+    )
+    path.write_bytes(scene.export(file_type="3mf"))
+    theirs, ours = trimesh.load_scene(path, process=False).to_mesh(), load(path)
+    assert len(ours.faces) == len(theirs.faces)
+    mine, other = (
+        corners[np.lexsort(corners.mean(axis=1).round(6).T)]
+        for corners in (ours.frames[0][ours.faces], theirs.triangles)
+    )
+    assert np.allclose(mine, other)
+
+
+def test_what_is_left_out_is_noted(tmp_path):
+    lattice = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
+    beams = mesh(1).replace("</mesh>", f'<b:beamlattice xmlns:b="{lattice}"/></mesh>')
+    loaded = load(written(tmp_path, "a.3mf", package(model(['<basematerials id="9"/>', beams], item(1)))))
+    assert loaded.notes == ("beam lattices left out", "materials left out")
+
+
+def test_elements_of_other_namespaces_are_not_those_of_the_core(tmp_path):
+    slices = '<s:stack xmlns:s="http://other"><s:vertices><s:vertex x="1" y="2"/></s:vertices></s:stack>'
+    loaded = load(written(tmp_path, "a.3mf", package(model([slices, mesh(1)], item(1)))))
+    assert np.array_equal(loaded.frames[0], files.QUAD)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", ["3MF"]),
+        (b"no archive", ["3MF"]),
+        (package("no XML"), ["3D/model.model is not XML"]),
+        (package(model([])), ["no triangles"]),
+        (package(model([mesh(1)])), ["no triangles"]),
+        (package(model([mesh(1)], item(2))), ["the build names object '2'"]),
+        (package(model([group(2, use(1)), mesh(1)], item(2))), ["object 2 names object '1'", "before it"]),
+        (package(model([group(2, use(2))], item(2))), ["object 2 names object '2'"]),
+        (package(model([mesh(1), mesh(1)], item(1))), ["object 1 is there twice"]),
+        (package(model([mesh(1)], item(1, path="/3D/absent.model"))), ["no part '3D/absent.model'"]),
+        (package(model([mesh(1)], item(1, (1, 2)))), ["a transform is not 12 numbers"]),
+        (package(model([mesh(1)], item(1, ("a", 2, 3)))), ["a transform is not 12 numbers"]),
+        (package(model([mesh(1)], item(1, ("nan", 2, 3)))), ["a transform is not 12 numbers"]),
+        (
+            package(model([mesh(1, triangles=[(0, 1, 5)])], item(1))),
+            ["object 1 names vertex 5, but there are 5"],
+        ),
+        (package(model([mesh(1, triangles=[(0, 1, -1)])], item(1))), ["object 1 names vertex -1"]),
+        (package(model([mesh(1, triangles=[(0, 1, 1.5)])], item(1))), ["a vertex index is not a number"]),
+        (package(model([mesh(1).replace('x="1"', 'x="one"')], item(1))), ["a coordinate is not a number"]),
+        (package(model([mesh(1).replace('x="1"', 'x="1 2"')], item(1))), ["a coordinate is not a number"]),
+        (package(model([mesh(1).replace('x="1"', 'u="1"')], item(1))), ["a vertex has no 'x'"]),
+        (package(model([mesh(1).replace('v2="1"', "")], item(1))), ["a triangle has no 'v2'"]),
+        (
+            package(model(['<object id="1"><d:dots xmlns:d="http://dots"/></object>'], item(1))),
+            ["another shape"],
+        ),
+        (
+            package(model([mesh(1)], item(1), more='xmlns:x="http://secret" requiredextensions="p x"')),
+            ["needs the extension http://secret"],
+        ),
+        (
+            package(model([mesh(1)], item(1)).replace("?>", '?><!DOCTYPE a [<!ENTITY b "c">]>')),
+            ["document type"],
+        ),
+    ],
+)
+def test_broken_files(tmp_path, content, words):
+    refused(written(tmp_path, "a.3mf", content), *words)
+
+
+def test_a_package_without_a_model(tmp_path):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("other.txt", "")
+    refused(written(tmp_path, "a.3mf", stream.getvalue()), "no part '_rels/.rels'")
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("_rels/.rels", "<Relationships/>")
+    refused(written(tmp_path, "a.3mf", stream.getvalue()), "names no 3D model")
+
+
+def test_a_package_that_unpacks_to_far_more_than_its_size(tmp_path):
+    blob = package(model([" " * (70 << 20), mesh(1)], item(1)))
+    assert len(blob) < 1 << 20
+    refused(written(tmp_path, "a.3mf", blob), "unpacks to far more than its size")
+
+
+def test_components_of_components_do_not_multiply_without_end(tmp_path):
+    for first in (mesh(0), group(0)):
+        objects = [first, *(group(k + 1, use(k), use(k)) for k in range(64))]
+        refused(
+            written(tmp_path, "a.3mf", package(model(objects, item(64)))),
+            "builds 36893488147419103231 objects",
+        )
+
+
+def test_damaged_files_are_read_or_refused(tmp_path):
+    rng, path = np.random.default_rng(2), tmp_path / "a.3mf"
+    text = model([mesh(1), group(2, use(1, (1, 0, 0)), use(1, path="/3D/other.model"))], item(2), item(1))
+    other = model([mesh(1)])
+    whole = package(text, zipfile.ZIP_STORED, other=other)
+    words = [
+        "nan",
+        "-1",
+        "1e400",
+        "99999999999999999999",
+        "",
+        " ",
+        "<",
+        ">",
+        '"',
+        "&amp;",
+        "<mesh>",
+        "</object>",
+        "\0",
+        "2",
+    ]
+    outcomes = []
+    for k in range(1000):
+        at = int(rng.integers(len(text)))
+        damaged = text[:at] + words[k % len(words)] + text[at + int(rng.integers(4)) :]
+        path.write_bytes(package(damaged, zipfile.ZIP_STORED, other=other))
+        outcomes.append(survives(path))
+        blob = bytearray(whole)
+        blob[rng.integers(len(blob))] = rng.integers(256)
+        path.write_bytes(blob)
+        outcomes.append(survives(path))
+        path.write_bytes(whole[: int(rng.integers(len(whole)))])
+        outcomes.append(survives(path))
+    assert set(outcomes) == {True, False}
