@@ -31,6 +31,12 @@ def warn(text: str) -> None:
     say(f"shadowbench: warning: {text}")
 
 
+@functools.cache
+def note(text: str) -> None:
+    """Print what is worth knowing and no mistake on standard error, each text once per process."""
+    say(f"shadowbench: note: {text}")
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``'; did you mean X?'`` with the most similar known word; if none is similar, the list of known words."""
     names = sorted(known)
