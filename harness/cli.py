@@ -19,12 +19,14 @@ from .commands.keep import keep
 from .commands.new_method import new_method
 from .commands.options import (
     AllowMissing,
+    CameraOf,
     CameraPlace,
     Device,
     Fov,
     FrameRate,
     Json,
     Lights,
+    LightsOf,
     MemoryLimit,
     SceneDir,
     Settings,
@@ -95,6 +97,8 @@ def run_(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
     rate: FrameRate = None,
     allow_missing: AllowMissing = False,
     frames: Annotated[
@@ -197,7 +201,7 @@ def run_(
                 "budget_s": budget,
                 "timeout_s": timeout,
             },
-            view_of(camera, fov, light, of_file, rate, allow_missing),
+            view_of(camera, fov, light, of_file, rate, allow_missing, camera_of, light_of),
             elsewhere,
             seed=seed,
             save_answers=save_answers,
@@ -249,12 +253,22 @@ def show_(
 @command("list", "shadowbench list methods --json")
 def list_(
     kind: Annotated[str, typer.Argument(help="What to list: methods, scenes or experiments.")],
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FILE", help="Scenes or mesh files: what they hold, their cameras and lights."
+        ),
+    ] = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
+    scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """List the methods, scenes or experiments."""
-    from .commands.listing import as_text, listing
+    """List the methods, scenes or experiments; of a file its triangles and frames, its cameras and its lights."""
+    from .commands.listing import as_text, contents, listing
 
-    rows = listing(kind)
+    seen = view_of(None, None, None, None, rate, allow_missing)
+    rows = contents(kind, files, seen, scene_dir) if files else listing(kind)
     print(json.dumps(rows, indent=1) if as_json else as_text(rows))
     return 0
 
@@ -303,6 +317,8 @@ def render_(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
     rate: FrameRate = None,
     allow_missing: AllowMissing = False,
     setting: Settings = None,
@@ -320,7 +336,7 @@ def render_(
     (entry,) = parse_settings(setting or [], (Entry(method),))
     settings = dict(entry.settings)
     count, of_file = number_or_frames(frames)
-    seen = view_of(camera, fov, light, of_file, rate, allow_missing)
+    seen = view_of(camera, fov, light, of_file, rate, allow_missing, camera_of, light_of)
     if (out is None) == (animation is None):
         raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
     if animation is not None:

@@ -40,6 +40,12 @@ def one_line(error: BaseException) -> str:
     return text.encode(errors="replace").decode() or type(error).__name__
 
 
+@functools.cache
+def note(text: str) -> None:
+    """Print what is worth knowing and no mistake on standard error, each text once per process."""
+    say(f"shadowbench: note: {text}")
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``'; did you mean X?'`` with the most similar known word; if none is similar, the list of known words."""
     names = sorted(known)

@@ -14,6 +14,7 @@ from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine_lock import MACHINE
 from .options import (
     AllowMissing,
+    CameraOf,
     CameraPlace,
     Device,
     FileFrames,
@@ -22,6 +23,7 @@ from .options import (
     FrameRate,
     Json,
     Lights,
+    LightsOf,
     Methods,
     SceneDir,
     Settings,
@@ -51,6 +53,8 @@ def explain(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
     frames: FileFrames = None,
     rate: FrameRate = None,
     allow_missing: AllowMissing = False,
@@ -80,7 +84,7 @@ def explain(
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
-    view = view_of(camera, fov, light, frames, rate, allow_missing)
+    view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     described = view.resolved(scene, scene_dir)
     MACHINE.share()
     prepared = prepare(described)

@@ -5,12 +5,17 @@ from __future__ import annotations
 import dataclasses
 import shutil
 import textwrap
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from ..errors import UserError, did_you_mean
+from ..files import plain
 from ..frame.registry import method_class, method_names, parameters
 from ..runner.experiment import Preset, experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
+from ..scene.chosen_view import ChosenView
+from ..scene.facts import triangles
 from ..scene.standins import balls
 from ..texts import visible
 
@@ -52,6 +57,55 @@ def scenes() -> list[dict[str, Any]]:
         except UserError as error:  # one broken original or a missing package must not hide the others
             rows.append({"name": name, "title": f"{TITLES[name]}: {error}", "stand_in": None, "about": ""})
     return [*rows, {"name": "balls-N", "title": "Balls over ground", "stand_in": None, "about": BALLS}]
+
+
+def contents(kind: str, files: list[str], seen: ChosenView, scene_dir: Path | None) -> list[dict[str, Any]]:
+    """A row for each scene or file: its triangles and frames, and the cameras and lights that it offers.
+
+    Raises :class:`UserError` unless ``kind`` is "scenes".
+    """
+    if kind != "scenes":
+        raise UserError(f"list {kind} {files[0]}: only scenes are files; write list scenes {files[0]}")
+    rows = []
+    for name in files:
+        found = seen.resolved(name, scene_dir)
+        geometry = found.geometry()
+        frames, rate = geometry.frame_count, f" at {found.rate:g} a second" if found.rate else ""
+        moves = f", {frames} frames{rate}" if frames > 1 else ""
+        rows.append(
+            {
+                "name": found.name,
+                "title": f"{found.title}: {triangles(len(geometry.faces))}{moves}",
+                "stand_in": found.stand_in,
+                "about": found.stand_in or found.notes or found.source.left_out,
+                "triangles": len(geometry.faces),
+                "frames": frames,
+                "rate": found.rate,
+                "cameras": {key: plain(dataclasses.asdict(one)) for key, one in found.cameras.items()},
+                "lights": {key: plain(dataclasses.asdict(one)) for key, one in found.lamps.items()},
+            }
+        )
+    return rows
+
+
+def camera_text(camera: dict[str, Any]) -> str:
+    """A camera in words."""
+    shows = (
+        f"{camera['fov']:g} degrees"
+        if camera["height"] is None
+        else f"orthographic, {camera['height']:g} high"
+    )
+    return f"from {place_text(camera['eye'])} to {place_text(camera['target'])}, {shows}"
+
+
+def light_text(light: dict[str, Any]) -> str:
+    """A light in words."""
+    kind = "directional, from" if light["directional"] else "spot at" if light["spot"] else "at"
+    return f"{kind} {place_text(light['position'])}"
+
+
+def place_text(place: Sequence[float]) -> str:
+    return ",".join(f"{x:.6g}" for x in place)
 
 
 BALLS = (
@@ -100,6 +154,10 @@ def as_text(rows: list[dict[str, Any]], columns: int | None = None) -> str:
             add(row["about"], " " * width)
         if row.get("presets"):
             add(", ".join(f"{key}: {value}" for key, value in row["presets"].items()), " " * width)
+        for name, one in row.get("cameras", {}).items():
+            add(f"camera {name!r}: {camera_text(one)}", "  ", " " * 8)
+        for name, one in row.get("lights", {}).items():
+            add(f"light {name!r}: {light_text(one)}", "  ", " " * 8)
         for known in row.get("parameters", {}).values():
             rule = f" ({known['allowed']})" if known["allowed"] else ""
             add(f"{known['name']} = {known['default']}{rule}", "  ", " " * 8)

@@ -11,7 +11,7 @@ import typer
 
 from ..errors import UserError
 from ..scene.chosen_view import ChosenView
-from ..scene.declaration import FARTHEST
+from ..scene.declared_views import FARTHEST
 from ..scene.readers.checks import Wanted, frames_of
 from ..scene.scene import Vector
 
@@ -105,6 +105,22 @@ Lights = Annotated[
 ]
 
 
+CameraOf = Annotated[
+    str | None,
+    typer.Option(
+        "--camera-of",
+        metavar="NAME",
+        help="Name of a camera that the scene's file has; shadowbench list scenes FILE names them.",
+    ),
+]
+LightsOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--light-of",
+        metavar="NAME",
+        help="Name of a light that the scene's file has, in place of the scene's lights. Repeatable.",
+    ),
+]
 FileFrames = Annotated[
     str | None,
     typer.Option(
@@ -137,16 +153,20 @@ def view_of(
     frames: str | None = None,
     rate: float | None = None,
     allow_missing: bool = False,
+    camera_of: str | None = None,
+    lights_of: list[str] | None = None,
 ) -> ChosenView:
-    """What ``--camera``, ``--fov``, ``--light``, ``--frames``, ``--rate`` and ``--allow-missing`` ask of a scene.
-
-    Raises :class:`UserError` for a malformed value.
+    """What ``--camera``, ``--fov``, ``--light``, ``--frames``, ``--rate``, ``--allow-missing``, ``--camera-of`` and
+    ``--light-of`` ask of a scene. Raises :class:`UserError` for a malformed value.
     """
+    if camera is not None and camera_of is not None:
+        raise UserError("--camera and --camera-of: give one of them")
     ends = None if camera is None else (_place("--camera", camera[0]), _place("--camera", camera[1]))
     if rate is not None and not 0.0 < rate <= FASTEST:
         raise UserError(f"--rate {rate:g}: must lie between 0 and {FASTEST:g} frames a second")
     wanted = Wanted(frames_of(frames), allow_missing, rate)
-    return ChosenView(ends, fov, tuple(_place("--light", text) for text in lights or ()), wanted)
+    places = tuple(_place("--light", text) for text in lights or ())
+    return ChosenView(ends, fov, places, wanted, camera_of, tuple(lights_of or ()))
 
 
 def number_or_frames(text: str | None) -> tuple[int | None, str | None]:

@@ -20,6 +20,7 @@ from .answering import answer
 from .explain import explain
 from .options import (
     AllowMissing,
+    CameraOf,
     CameraPlace,
     Device,
     FileFrames,
@@ -28,6 +29,7 @@ from .options import (
     FrameRate,
     Json,
     Lights,
+    LightsOf,
     MemoryLimit,
     Methods,
     SceneDir,
@@ -62,6 +64,8 @@ def verify(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
     frames: FileFrames = None,
     rate: FrameRate = None,
     allow_missing: AllowMissing = False,
@@ -84,7 +88,7 @@ def verify(
     width, height = parse_size(size)
     names = list(dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
-    view = view_of(camera, fov, light, frames, rate, allow_missing)
+    view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     scenes = [view.resolved(name, scene_dir) for name in scene]
     limit = checked_limit(memory_limit)
     MACHINE.share()

@@ -13,12 +13,14 @@ from ..runner.experiment import PACKAGE, parse_size
 from ..runner.machine_lock import MACHINE
 from .options import (
     AllowMissing,
+    CameraOf,
     CameraPlace,
     Device,
     FileFrames,
     Fov,
     FrameRate,
     Lights,
+    LightsOf,
     SceneDir,
     Size,
     view_of,
@@ -48,6 +50,8 @@ def view(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
     frames: FileFrames = None,
     rate: FrameRate = None,
     allow_missing: AllowMissing = False,
@@ -74,7 +78,9 @@ def view(
     place = find_device(device)
     listening = listen(port)
     try:
-        described = view_of(camera, fov, light, frames, rate, allow_missing).resolved(scene, scene_dir)
+        described = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of).resolved(
+            scene, scene_dir
+        )
         MACHINE.share()
         prepared = prepare(described)
         if not 0 <= frame < prepared.frame_count:

@@ -217,7 +217,9 @@ def write(
     shown = {heading: body for heading, body in tables.items() if len(body)}
     cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
     about = [ABOUT_NOISE] * any(NOISY in text for text in (finding, *cells))
-    about += filter(None, [*notes, *views(table), *runs_apart(table), effort(table), errors(table)])
+    about += filter(
+        None, [*notes, *views(table), *left_out(table), *runs_apart(table), effort(table), errors(table)]
+    )
     lost = not_measured(table, apart)
     measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
     text = [f"# {experiment.title}", "", for_markdown(finding), "", for_markdown(f"{measured_on}."), ""]
@@ -245,6 +247,12 @@ def views(table: DataFrame) -> list[str]:
     """One line per scene with a camera or lights other than the declared ones."""
     known = table[table["view"] != ""].groupby("title", sort=False)["view"].unique()
     return [f"{title}: {' | '.join(found)}." for title, found in known.items()]
+
+
+def left_out(table: DataFrame) -> list[str]:
+    """One line per scene of whose file something was left out or approximated."""
+    known = table[table["left_out"] != ""].groupby("title", sort=False)["left_out"].unique()
+    return [f"{title}, as read: {' | '.join(found)}." for title, found in known.items()]
 
 
 def where(table: DataFrame) -> str:

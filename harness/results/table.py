@@ -49,7 +49,7 @@ NUMBERS = (
 """Columns of numbers: ``float64``, ``NaN`` where not known."""
 
 TEXTS = (
-    "key folder run experiment scene scene_title stand_in scene_sha256 source source_file source_sha256 "
+    "key folder run experiment scene scene_title stand_in scene_sha256 source source_file source_sha256 left_out "
     "method method_title label settings built known_inexact method_sha256 device device_name preset status reason "
     "view light_label moved environment unscored check flip_missing stopped_by"
 ).split()
@@ -74,6 +74,7 @@ def tidy(folder: Path | str) -> DataFrame:
     stand_in            text      what the scene stands in for; "": it is the original
     scene_sha256        text      hash of its arrays
     source, source_file, source_sha256  text  procedural or file, and the file
+    left_out            text      what of the file was left out or approximated
     triangles, vertices, invalid_triangles, frame_count  Int64  of the scene
     method, method_title, label  text  its name, its title, and the name of its column in the experiment
     settings, built     text      what was set, "-" for nothing; what was really built
@@ -243,6 +244,7 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "source": source.get("kind"),
         "source_file": source.get("file"),
         "source_sha256": source.get("sha256"),
+        "left_out": source.get("left_out"),
         "triangles": scene.get("triangles"),
         "vertices": scene.get("vertices"),
         "invalid_triangles": scene.get("invalid_triangles") or 0,

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import UserError, did_you_mean, install, warn
+from ..errors import UserError, did_you_mean, install, note, warn
 from ..texts import visible
 from .declaration import SUFFIX, declared_scene
 from .facts import triangles
@@ -87,7 +87,9 @@ def resolve(
             raise UserError(f"{path}: cannot read ({' '.join(str(error).split())})") from error
         if here in within:
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
-        scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, wanted, (*within, here)))
+        scene = declared_scene(
+            path, lambda mesh, asked: resolve(mesh, scene_dir, asked, (*within, here)), wanted
+        )
         return replace(scene, name=name_in(path))
     if is_pattern(text):
         return _from_files(matching(text, READERS), _plain(plain_name(text)), visible(path.name), wanted)
@@ -155,20 +157,22 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
     """A scene loaded from files, with a view chosen from its shape. Raises :class:`UserError` for a broken file."""
     loaded: Loaded = load_sequence(files, wanted) if isinstance(files, list) else load(files, wanted)
     within_range(loaded)
-    shape = shape_of(loaded)
+    shape = shape_of(loaded.geometry(), loaded.up)
     camera, lights = VIEWS.get(name, view)(shape)
-    notes = [
-        *loaded.notes,
-        *([f"{triangles(shape.far)} too far from the others for the automatic view"] if shape.far else []),
-    ]
+    far = [f"{triangles(shape.far)} too far from the others for the automatic view"] if shape.far else []
+    left_out = visible("; ".join([*loaded.notes, *far]))
+    if left_out:
+        note(f"{title}: {left_out}")
     return Scene(
         name,
         title,
         loaded.geometry,
         camera,
         lights,
-        source=source(loaded.files, wanted),
-        notes=visible("; ".join(notes)),
+        source=replace(source(loaded.files, wanted), left_out=left_out),
+        cameras=loaded.cameras,
+        lamps=loaded.lights,
+        rate=loaded.rate,
     )
 
 

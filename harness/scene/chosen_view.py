@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from .catalogue import resolve
 from .moment import ray_tables
+from .offered import offered
 from .readers.checks import ALL, Wanted
 from .scene import Light, Scene, Vector
 
@@ -20,16 +21,21 @@ from .scene import Light, Scene, Vector
 class ChosenView:
     """The given camera and lights; the default changes nothing.
 
-    camera  eye and target, in scene coordinates
-    fov     vertical field of view, degrees
-    lights  positions of point lights, in scene coordinates; they replace the scene's lights and do not move
-    wanted  what is asked of the scene's file
+    camera     eye and target, in scene coordinates
+    fov        vertical field of view, degrees
+    lights     positions of point lights, in scene coordinates; with ``lights_of`` they replace the scene's lights and do
+               not move
+    wanted     what is asked of the scene's file
+    camera_of  name of a camera that the scene's file offers
+    lights_of  names of lights that it offers
     """
 
     camera: tuple[Vector, Vector] | None = None
     fov: float | None = None
     lights: tuple[Vector, ...] = ()
     wanted: Wanted = ALL
+    camera_of: str | None = None
+    lights_of: tuple[str, ...] = ()
 
     @property
     def changes(self) -> bool:
@@ -41,9 +47,15 @@ class ChosenView:
         return self.applied(resolve(name, scene_dir, self.wanted))
 
     def applied(self, scene: Scene) -> Scene:
-        """The scene with this camera and these lights. Raises :class:`UserError` for a degenerate camera."""
-        if self.lights:
-            scene = replace(scene, lights=tuple(Light(place) for place in self.lights), light_path=None)
+        """The scene with this camera and these lights. Raises :class:`UserError` for a degenerate camera, and for a name
+        that the scene does not offer.
+        """
+        if self.lights or self.lights_of:
+            lamps = tuple(offered(scene.title, "light", scene.lamps, name) for name in self.lights_of)
+            scene = replace(scene, lights=(*lamps, *map(Light, self.lights)), light_path=None)
+        if self.camera_of is not None:
+            chosen = offered(scene.title, "camera", scene.cameras, self.camera_of)
+            scene = replace(scene, camera=chosen, camera_moves=False)
         if self.camera is None and self.fov is None:
             return scene
         if self.fov is not None and scene.camera.height is not None:
@@ -64,6 +76,8 @@ class ChosenView:
             "fov": self.fov,
             "lights": [list(place) for place in self.lights],
             "wanted": self.wanted.facts(),
+            "camera_of": self.camera_of,
+            "lights_of": list(self.lights_of),
         }
         return {name: value for name, value in given.items() if value}
 
@@ -75,8 +89,10 @@ class ChosenView:
 
         return "; ".join(
             [
+                *([f"camera {self.camera_of!r} of the file"] if self.camera_of is not None else []),
                 *([f"camera {place(self.camera[0])} to {place(self.camera[1])}"] if self.camera else []),
                 *([f"field of view {self.fov:g} degrees"] if self.fov is not None else []),
+                *(f"light {name!r} of the file" for name in self.lights_of),
                 *(f"light {place(one)}" for one in self.lights),
             ]
         )
@@ -91,6 +107,8 @@ class ChosenView:
             known.get("fov"),
             tuple(_vector(place) for place in known.get("lights", ())),
             Wanted.read(known.get("wanted", {})),
+            known.get("camera_of"),
+            tuple(known.get("lights_of", ())),
         )
 
 

@@ -37,6 +37,7 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
         "invalid_triangles": int(sum((m.valid == 0).sum() for m in list(moments.values())[:1])),
         "vertices": prepared.vertex_count,
         "frame_count": prepared.frame_count,
+        "rate": scene.rate,
         "frames": list(moments),
         "arrays_sha256": arrays.hexdigest(),
         "moments_sha256": views.hexdigest(),

@@ -148,13 +148,15 @@ class Source:
 
     ``kind`` is ``procedural`` or ``file``. ``sha256`` is the hash of all files that were read (empty for procedural
     geometry; the hash of the arrays is taken apart from this, in :mod:`.scene.prepared`). ``asked``: what was asked of the
-    files beyond their triangles (:meth:`.readers.checks.Wanted.facts`).
+    files beyond their triangles (:meth:`.readers.checks.Wanted.facts`). ``left_out``: what of them was left out or
+    approximated, in one line.
     """
 
     kind: str = "procedural"
     file: str = ""
     sha256: str = ""
     asked: Mapping[str, Any] = field(default_factory=dict)
+    left_out: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +175,9 @@ class Scene:
     mirror     makes the mirrors of the geometry, uint8 [triangle_count], or None: nothing reflects
     bounces    how many times a ray is mirrored; 0: mirrors are seen as plain surfaces
     outputs    the outputs of a frame, of :data:`OUTPUTS`
+    cameras    cameras that its file offers, by name (``--camera-of``)
+    lamps      lights that its file offers, by name (``--light-of``)
+    rate       frames a second of its animation, where the file says so
     """
 
     name: str
@@ -191,3 +196,6 @@ class Scene:
     mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None
     bounces: int = 0
     outputs: tuple[str, ...] = ("depth", "ids", "shadows")
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    lamps: Mapping[str, Light] = field(default_factory=dict)
+    rate: float | None = None

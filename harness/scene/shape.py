@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .prepared import finite_bounds
-from .readers.checks import Loaded
+from .scene import Geometry, Vector
 
 _FLAT = 1e-14
 """Area over the product of two edges up to which a triangle has none."""
@@ -71,22 +71,26 @@ class Shape:
         return right, up, front
 
 
-def shape_of(loaded: Loaded) -> Shape:
-    """Measures a loaded file, using at most 8 of its frames. What cannot be hit, and a far small part, do not count."""
-    chosen = np.unique(np.linspace(0, len(loaded.frames) - 1, 8).round().astype(int))
+def shape_of(geometry: Geometry, up: Vector | None = None) -> Shape:
+    """Measures a mesh, using at most 8 of its frames. What cannot be hit, and a far small part, do not count.
+
+    ``up``: its upward direction, where that is known.
+    """
+    chosen = np.unique(np.linspace(0, geometry.frame_count - 1, 8).round().astype(int))
     points, corners, far = [np.zeros((0, 3))], np.zeros((0, 3, 3)), 0
     for k in chosen:
-        shown, others = _shown(loaded.frames[k], loaded.faces)
+        positions = geometry.positions(int(k))
+        shown, others = _shown(positions, geometry.faces)
         far = max(far, others)
-        used = np.zeros(len(loaded.frames[k]), dtype=bool)
-        used[loaded.faces[shown]] = True
-        points.append(loaded.frames[k][used].astype(np.float64))
+        used = np.zeros(len(positions), dtype=bool)
+        used[geometry.faces[shown]] = True
+        points.append(positions[used].astype(np.float64))
         if not len(corners):
-            corners = loaded.frames[k].astype(np.float64)[loaded.faces[shown]]
+            corners = positions.astype(np.float64)[geometry.faces[shown]]
     seen = np.concatenate(points) if any(map(len, points)) else np.zeros((1, 3))
     low, high = seen.min(axis=0), seen.max(axis=0)
-    up = _upward(low, high) if loaded.up is None else int(np.argmax(loaded.up))
-    return Shape(seen, _covered(corners, low, high), up, corners, far)
+    axis = _upward(low, high) if up is None else int(np.argmax(np.abs(up)))
+    return Shape(seen, _covered(corners, low, high), axis, corners, far)
 
 
 def _shown(points: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[NDArray[np.int64], int]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers.loaded_shapes import shape_of
 from helpers.real_scenes import REAL, needs_real
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue
@@ -15,7 +16,7 @@ from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.checks import Loaded
 from shadowbench.harness.scene.readers.load import load
 from shadowbench.harness.scene.scene import Geometry, Light, Scene
-from shadowbench.harness.scene.shape import Shape, shape_of
+from shadowbench.harness.scene.shape import Shape
 from shadowbench.harness.scene.views import FOV, view
 
 needs_usd = pytest.mark.skipif(not usd.available(), reason="usd-core is not installed")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from helpers.loaded_shapes import shape_of
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers.checks import Loaded
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
-from shadowbench.harness.scene.shape import shape_of
 from shadowbench.harness.scene.views import WITHIN_FOV, view
 
 ROOM, THICK = (4.0, 2.6, 3.0), (4.3, 2.75, 3.3)

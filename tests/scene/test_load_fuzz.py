@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers.loaded_shapes import shape_of
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
@@ -15,7 +16,6 @@ from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.load import Loaded, load
 from shadowbench.harness.scene.scene import Scene
-from shadowbench.harness.scene.shape import shape_of
 from shadowbench.harness.scene.views import view
 
 MIXED = [(0, 1, 2, 3), (0, 1, 4), (0, 1, 2, 3, 4)]

@@ -191,10 +191,10 @@ def test_a_pattern_in_the_current_folder_and_one_of_several_formats(frames, monk
 
 
 def test_numbers_that_are_missing_are_noted(frames):
-    assert resolve(frames / "%04d.ply").notes == ""
+    assert resolve(frames / "%04d.ply").source.left_out == ""
     (frames / "0009.ply").unlink()
-    notes = resolve(frames / "%04d.ply").notes
-    assert notes == "the numbers of its files are not evenly spaced: 8 is followed by 10"
+    noted = resolve(frames / "%04d.ply").source.left_out
+    assert noted == "the numbers of its files are not evenly spaced: 8 is followed by 10"
 
 
 def test_two_files_of_one_number_are_refused(tmp_path):

@@ -46,7 +46,7 @@ def test_a_far_marker_leaves_a_picture(tmp_path, marker):
     )
     path = written(tmp_path, "far.obj", text)
     assert hits(path) > 0.1
-    assert resolve(path).notes == "1 triangle too far from the others for the automatic view"
+    assert resolve(path).source.left_out == "1 triangle too far from the others for the automatic view"
 
 
 def test_a_far_marker_beside_a_mesh_of_many_small_triangles(tmp_path):

@@ -148,6 +148,7 @@ def described(place: Path, table: DataFrame, points: DataFrame) -> dict[str, Any
     experiments = list(dict.fromkeys(points["experiment"]))
     title, finding = written(place, experiments)
     notices = [*compare.apart(points), *document.not_measured(points)[:12]] if len(points) else []
+    notices += document.left_out(points)
     older = table.attrs.get("older", 0)
     if older:
         notices.insert(0, f"{older} older records of the same entries are in the folder and are not shown.")

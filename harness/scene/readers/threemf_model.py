@@ -197,7 +197,9 @@ class _Reader:
     def _triangle(self, attributes: dict[str, str]) -> None:
         self._gather(_CORNERS, attributes, np.int64)
 
-    def _gather(self, three: itemgetter[tuple[str, str, str]], attributes: dict[str, str], dtype: type) -> None:
+    def _gather(
+        self, three: itemgetter[tuple[str, str, str]], attributes: dict[str, str], dtype: type
+    ) -> None:
         try:
             self._texts += three(attributes)
         except KeyError as error:

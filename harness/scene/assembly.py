@@ -1,0 +1,222 @@
+"""Several meshes as one scene: ``[[meshes]]`` of a declaration, each a file or a scene in its place, at rest or moving.
+
+    [[meshes]]
+    file = "room.glb"                 # a file, a folder or a pattern of frames beside the declaration, or a scene
+
+    [[meshes]]
+    file = "dancer/%04d.ply"
+    frames = "0:90:10"
+    transform = {scale = 0.01, rotate = [90, 0, 0], translate = [0, 0, 2]}
+
+A transform is a scale (one number, or one for each axis), then rotations about x, y and z in degrees, in this order, then
+a translation; or a ``matrix`` of four rows that column vectors are multiplied by. A mesh with fewer frames than the
+longest stays as in its last one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from .declared_values import known, listed, number, typed, vector
+from .light_paths import vector as to_vector
+from .readers.checks import LARGEST, MAX_TRIANGLES, Wanted, frames_of
+from .scene import Camera, Geometry, Moves, Scene, Source
+from .shape import shape_of
+from .views import view
+
+MATRIX = NDArray[np.float64]
+"""float64 [4, 4]: what column vectors are multiplied by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A mesh in its place. ``name``: as the declaration names it."""
+
+    name: str
+    scene: Scene
+    matrix: MATRIX
+
+
+def declared_parts(
+    path: Path, tables: Any, resolve: Callable[[str, Wanted], Scene], wanted: Wanted
+) -> list[Part]:
+    """The meshes of ``[[meshes]]``. ``resolve`` finds each; ``wanted``: what is asked of all. Raises :class:`UserError`."""
+    parts = []
+    for i, table in enumerate(listed(path, "meshes", tables)):
+        where = f"meshes[{i}]"
+        known(path, where, table, ("file", "transform", "frames"))
+        if not isinstance(table.get("file"), str) or not table["file"]:
+            raise UserError(f'{path}: {where}: add its file: file = "FILE or name of a scene"')
+        own = replace(wanted, frames=None)
+        if "frames" in table:
+            try:
+                own = replace(own, frames=frames_of(typed(path, f"{where}.frames", table["frames"], str)))
+            except UserError as error:
+                raise UserError(f"{path}: {where}.frames: {str(error).removeprefix('--frames ')}") from error
+        try:
+            scene = resolve(table["file"], own)
+        except UserError as error:
+            raise UserError(f"{path}: {where}: {error}") from error
+        if scene.alpha is not None or scene.mirror is not None:
+            raise UserError(
+                f"{path}: {where}: has holes or mirrors of its own; declare [alpha] and [mirror] here instead"
+            )
+        parts.append(
+            Part(table["file"], scene, matrix_of(path, f"{where}.transform", table.get("transform", {})))
+        )
+    if not parts:
+        raise UserError(f"{path}: meshes: give at least one")
+    return parts
+
+
+def matrix_of(path: Path, where: str, table: Any) -> MATRIX:
+    """The matrix of a transform."""
+    known(path, where, table, ("scale", "rotate", "translate", "matrix"))
+    matrix = np.eye(4)
+    if "matrix" in table:
+        if len(table) > 1:
+            raise UserError(f"{path}: {where}: give either a matrix, or scale, rotate and translate")
+        rows = typed(path, f"{where}.matrix", table["matrix"], list)
+        if len(rows) != 4 or any(not isinstance(row, list) or len(row) != 4 for row in rows):
+            raise UserError(f"{path}: {where}.matrix must be four rows of four numbers")
+        matrix = np.array([[number(path, f"{where}.matrix", value) for value in row] for row in rows])
+        if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            raise UserError(f"{path}: {where}.matrix: its last row must be 0, 0, 0, 1")
+        return matrix
+    scale = table.get("scale", 1.0)
+    scale = (
+        vector(path, f"{where}.scale", scale)
+        if isinstance(scale, list)
+        else number(path, f"{where}.scale", scale)
+    )
+    matrix[:3, :3] = np.diag(np.broadcast_to(scale, 3))
+    for axis, degrees in enumerate(vector(path, f"{where}.rotate", table.get("rotate", (0.0, 0.0, 0.0)))):
+        matrix[:3, :3] = _turn(axis, degrees) @ matrix[:3, :3]
+    matrix[:3, 3] = vector(path, f"{where}.translate", table.get("translate", (0.0, 0.0, 0.0)))
+    return matrix
+
+
+def _turn(axis: int, degrees: float) -> NDArray[np.float64]:
+    """The rotation about a coordinate axis, counterclockwise seen from its tip; exact for multiples of 90 degrees."""
+    quarters, rest = divmod(degrees, 90.0)
+    angle = np.radians(rest)
+    c, s = np.cos(angle), np.sin(angle)
+    for _ in range(int(quarters) % 4):
+        c, s = -s, c
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[one, one], turn[one, other], turn[other, one], turn[other, other] = c, -s, s, c
+    return turn
+
+
+def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
+    """The scene of several meshes, with a view chosen from its shape; of its frames those ``wanted``.
+
+    Its cameras and lights are those of all meshes; the second of one name is "NAME 2".
+    """
+    geometry = joined(path, parts, wanted)
+    scenes = [part.scene for part in parts]
+    shape = shape_of(geometry, scenes[0].camera.up)
+    if max(-shape.low.min(), shape.high.max()) > LARGEST:
+        raise UserError(
+            f"{path}: meshes: have coordinates too large for float32 rays; choose other transforms"
+        )
+    camera, lights = view(shape)
+    sources = [scene.source for scene in scenes]
+    named = [one.file or scene.name for one, scene in zip(sources, scenes, strict=True)]
+    hashes = [f"{name} {one.sha256}" for name, one in zip(named, sources, strict=True)]
+    source = Source(
+        "file",
+        " + ".join(named),
+        hashlib.sha256("\n".join(hashes).encode()).hexdigest(),
+        wanted.facts(),
+        "; ".join(
+            f"{name}: {one.left_out}" for name, one in zip(named, sources, strict=True) if one.left_out
+        ),
+    )
+    return Scene(
+        path.stem,
+        path.name,
+        lambda: geometry,
+        camera,
+        lights,
+        stand_in="; ".join(dict.fromkeys(scene.stand_in for scene in scenes if scene.stand_in)) or None,
+        closed=all(scene.closed for scene in scenes),
+        source=source,
+        cameras=_offers(parts, "cameras"),
+        lamps=_offers(parts, "lamps"),
+        rate=next((scene.rate for scene in scenes if scene.rate), None),
+    )
+
+
+def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
+    """The meshes as one, in their order; of its frames those ``wanted``. Positions are float64."""
+    meshes = [part.scene.geometry() for part in parts]
+    matrices = [part.matrix for part in parts]
+    starts = np.cumsum([0, *(len(mesh.positions(0)) for mesh in meshes)])
+    triangles = sum(len(mesh.faces) for mesh in meshes)
+    if triangles > MAX_TRIANGLES or starts[-1] >= 2**31:
+        raise UserError(
+            f"{path}: meshes: {triangles:,} triangles together are more than can be indexed; leave out some"
+        )
+    faces = np.concatenate(
+        [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=False)]
+    )
+    chosen = wanted.chosen(path, max(mesh.frame_count for mesh in meshes))
+
+    def positions(frame: int) -> NDArray[np.float64]:
+        return np.concatenate(
+            [
+                _placed(mesh.positions(min(chosen[frame], mesh.frame_count - 1)), matrix)
+                for mesh, matrix in zip(meshes, matrices, strict=True)
+            ]
+        )
+
+    moving = [i for i, mesh in enumerate(meshes) if mesh.frame_count > 1]
+    motion = None
+    if len(chosen) > 1 and len(moving) == 1 and len(meshes) > 1:
+        own = meshes[moving[0]].motion
+        first, end = (int(start) for start in starts[moving[0] : moving[0] + 2])
+        motion = Moves(own.kind if own else "deforming", (first, end))
+    return Geometry(faces, positions, len(chosen), motion)
+
+
+def _placed(points: NDArray[np.floating], matrix: MATRIX) -> NDArray[np.float64]:
+    placed: NDArray[np.float64] = points.astype(np.float64)
+    if not np.array_equal(matrix, np.eye(4)):
+        with np.errstate(over="ignore", invalid="ignore"):
+            placed = placed @ matrix[:3, :3].T + matrix[:3, 3]
+    return placed
+
+
+def _offers(parts: Sequence[Part], kind: str) -> dict[str, Any]:
+    """The cameras or lights of all meshes, in their places."""
+    offers: dict[str, Any] = {}
+    for part in parts:
+        for name, one in getattr(part.scene, kind).items():
+            names = itertools.chain([name], (f"{name} {n}" for n in itertools.count(2)))
+            offers[next(free for free in names if free not in offers)] = _moved(one, part.matrix)
+    return offers
+
+
+def _moved(one: Any, matrix: MATRIX) -> Any:
+    """A camera or a light in the place of its mesh."""
+    turn, size = matrix[:3, :3], float(np.abs(np.linalg.det(matrix[:3, :3]))) ** (1 / 3)
+    if isinstance(one, Camera):
+        eye, target = (to_vector(turn @ place + matrix[:3, 3]) for place in (one.eye, one.target))
+        height = one.height and one.height * size
+        return replace(one, eye=eye, target=target, up=to_vector(turn @ one.up), height=height)
+    place = turn @ one.position + (0.0 if one.directional else matrix[:3, 3])
+    spot = one.spot and replace(
+        one.spot, direction=to_vector(turn @ one.spot.direction), up=to_vector(turn @ one.spot.up)
+    )
+    return replace(one, position=to_vector(place), spot=spot)
