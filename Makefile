@@ -7,11 +7,12 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 # Tests run side by side: processes, one for each of the two cores that are asked for.
 JOBS ?= 2
+TEST_STAMP := $(VENV)/.test-installed
 LINT_STAMP := $(VENV)/.lint-installed
 DOCS_STAMP := $(VENV)/.docs-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help table1 test fuzz lint docs format clean
+.PHONY: help table1 test fuzz lint docs format lock clean
 .DEFAULT_GOAL := help
 
 help:
@@ -21,21 +22,23 @@ help:
 	@echo "make lint     ruff and mypy"
 	@echo "make docs     the documentation as a site: build/site/index.html"
 	@echo "make format   let ruff put the code in shape"
+	@echo "make lock     write the lists of packages with their hashes anew, after a change of pyproject.toml or constraints.txt"
 	@echo "make clean    remove .venv and caches (results stay)"
 
 table1: $(STAMP)
 	$(BIN)/shadowbench run table1 $(ARGS)
 
-test: $(STAMP)
+test: $(TEST_STAMP)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
-fuzz: $(STAMP)
+fuzz: $(TEST_STAMP)
 	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py tests/properties/test_map_clamp_sweep.py \
 		tests/hardcases/test_hard_cases.py tests/emulated
 	$(BIN)/python tests/tools/second_opinion.py --rays 100000
 	$(BIN)/python tests/tools/play.py --frames 10000
 	$(BIN)/python tests/tools/play.py --frames 5000 --effects
 	$(BIN)/python tests/tools/fuzz.py --examples 100000 $(ARGS)
+	$(BIN)/python tests/tools/fuzz_inputs.py --cases 40000
 
 lint: $(LINT_STAMP) build/lint/shadowbench
 	$(BIN)/ruff check .
@@ -58,20 +61,28 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it with make PYTHON=/path/to/python3" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-# Installed anew only where the declared packages change.
-$(STAMP): pyproject.toml constraints.txt | $(BIN)/python
+# Versions and hashes of all packages are in requirements.txt and .ci/requirements-*.txt, which `make lock` makes; what is
+# installed is what was tested, byte for byte. Installed anew only where the lists change.
+define install
+$(PIP) install --no-deps --require-hashes -r $(1) || { $(PIP) index versions pip >/dev/null 2>&1 || \
+	echo "make: the package index cannot be reached from here, so that nothing could be installed; the same command continues" >&2; exit 1; }
+endef
+
+$(STAMP): pyproject.toml setup.py requirements.txt | $(BIN)/python
 	@echo "Installing into $(VENV) (once, about half a minute)"
 	@$(PIP) uninstall --yes shadowbench >/dev/null 2>&1 || true  # the former name of the distribution
-	$(PIP) install -c constraints.txt -e '.[test]'
+	@$(call install,requirements.txt)
+	$(PIP) install --no-deps --no-build-isolation -e .
 	@touch $@
 
-$(LINT_STAMP): $(STAMP)
-	$(PIP) install -c constraints.txt -e '.[lint]'
+$(TEST_STAMP) $(LINT_STAMP) $(DOCS_STAMP): $(VENV)/.%-installed: .ci/requirements-%.txt $(STAMP)
+	@$(call install,$<)
 	@touch $@
 
-$(DOCS_STAMP): $(STAMP)
-	$(PIP) install -c constraints.txt -e '.[docs]'
-	@touch $@
+lock:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9'
+	PATH="$(CURDIR)/build/lock/bin:$$PATH" $(PYTHON) .ci/lock.py
 
 # mypy does not follow setuptools' package-dir, so it is shown the folders under their import names.
 build/lint/shadowbench: Makefile

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypedDict
 
-from ..judge.counts import Count, Score
 from ..files import require_storable
+from ..judge.counts import Count, Score
 from ..texts import FILE_NAME
 from ..typed_json import OMITTED, checked, to_json
 
