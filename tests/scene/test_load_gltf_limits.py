@@ -187,8 +187,7 @@ def test_flipped_bytes(tmp_path, name):
 @pytest.mark.parametrize("name", seeds())
 def test_cut_anywhere(tmp_path, name):
     blob, path = seeds()[name].rstrip(), tmp_path / name
-    step = max(1, len(blob) // (CASES // len(seeds())))
-    for length in range(0, len(blob), step):
+    for length in range(len(blob)):
         path.write_bytes(blob[:length])
         assert not survives(path)
 
