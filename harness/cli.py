@@ -312,8 +312,13 @@ def render_(
         ),
     ] = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="SECONDS", help="Length of the animation.")
-    ] = 4.0,
+        float | None,
+        typer.Option(
+            "--seconds",
+            metavar="SECONDS",
+            help="Length of the animation. Default: as the file says, else 4.",
+        ),
+    ] = None,
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,

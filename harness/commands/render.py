@@ -20,6 +20,9 @@ from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
 
+SECONDS, MOST_SECONDS = 4.0, 3600.0
+"""Length of an animation whose file does not say its rate, and of any at most."""
+
 PLACES = 48
 """Number of places of the light around a scene that does not move, without ``--frames``."""
 
@@ -131,7 +134,7 @@ def animate(
     out: Path,
     size: str = "512x512",
     frames: int | None = None,
-    seconds: float = 4.0,
+    seconds: float | None = None,
     device: str | None = None,
     scene_dir: Path | None = None,
     settings: dict[str, str] | None = None,
@@ -149,7 +152,7 @@ def animate(
         raise UserError(f"--animate {out}: animations are WebP files; give a name ending in .webp")
     if frames is not None and frames < 2:
         raise UserError(f"--frames {frames}: an animation has at least 2")
-    if not 0.0 < seconds < 3600.0:
+    if seconds is not None and not 0.0 < seconds < MOST_SECONDS:
         raise UserError(f"--seconds {seconds:g}: give a number between 0 and 3600")
     out = out.absolute()
     width, height = parse_size(size)
@@ -165,9 +168,15 @@ def animate(
         for places in zip(*(spread(one.prepared.frame_count, count) for one in shown), strict=True)
     ]
     try:
-        return save_webp(pictures, out, seconds)
+        return save_webp(pictures, out, seconds or playing_time(shown[0].prepared))
     except OSError as error:
         raise UserError(f"{out}: cannot write ({error.strerror}); choose another --animate") from error
+
+
+def playing_time(prepared: Prepared) -> float:
+    """Seconds of an animation: as its file says, else :data:`SECONDS`."""
+    rate = prepared.scene.rate
+    return min(prepared.frame_count / rate, MOST_SECONDS) if rate and prepared.frame_count > 1 else SECONDS
 
 
 def spread(available: int, wanted: int) -> list[int]:

@@ -145,7 +145,7 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
     )
     return Scene(
         path.stem,
-        path.name,
+        " + ".join(scene.title for scene in scenes),
         lambda: geometry,
         camera,
         lights,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers import mesh_files as files
 from PIL import Image
 
 
@@ -48,6 +49,30 @@ def test_render_animates_scenes_side_by_side(call, scene, tmp_path):
         moved = np.abs(shown[first] - shown[second]).max(axis=2) > 24
         assert moved[:32, :48].any(), "the light of the still scene turned"
         assert moved[:32, 48:96].any(), "the cloth moved"
+
+
+def test_an_animation_takes_as_long_as_its_file_says(call, tmp_path):
+    for number in range(5):
+        points = files.QUAD + (0.2 * number, 0, 0)
+        files.written(tmp_path, f"w_{number}.ply", files.ply_binary(points.astype(np.float32)))
+    durations = {}
+    for rate in (None, "10", "5"):
+        out = tmp_path / f"{rate}.webp"
+        code, _, _ = call(
+            "render", tmp_path / "w_%d.ply", "--method", "embree", "--animate", out, "--size", "16x16",
+            *(["--rate", rate] if rate else []), "--frames", "0:4:2",
+        )  # fmt: skip
+        assert code == 0
+        with Image.open(out) as image:
+            assert image.n_frames == 3
+            durations[rate] = sum(_duration(image, number) for number in range(3))
+    assert durations == {None: 3999, "10": 600, "5": 1200}
+
+
+def _duration(image, number) -> int:
+    image.seek(number)
+    image.load()
+    return round(image.info["duration"])
 
 
 @pytest.mark.parametrize(

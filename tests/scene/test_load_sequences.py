@@ -136,6 +136,7 @@ def test_an_animated_file_of_a_sequence_gives_its_first_frame(tmp_path, monkeypa
         written(tmp_path, f"w_{number}.glb", b"")
     loaded = load_sequence(sorted(tmp_path.glob("*.glb")), Wanted((0, None, 2)))
     assert len(loaded.frames) == 2
+    assert load_sequence(sorted(tmp_path.glob("*.glb")), Wanted((0, None, 2), rate=12.0)).rate == 6.0
     assert [path.name for path in loaded.files] == ["w_0.glb", "w_2.glb", "w_0.bin", "shared.bin", "w_2.bin"]
     assert loaded.notes == ("a skin left out",)
 

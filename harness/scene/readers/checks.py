@@ -42,7 +42,7 @@ class Mesh:
     faces    int32 [triangle_count, 3], in the order of the file
     up       the up direction that the file declares, or None
     later    positions [vertex_count, 3] of each further frame of the file's own animation; ``points`` are the first
-    rate     frames a second of that animation, or None
+    rate     how many of these frames a second has, or None
     files    every file that was read beside the one that was named: layers, buffers, images
     notes    what was left out or approximated, a clause each: "2 skins read in their rest pose"
     cameras  the cameras that the file holds, by name
@@ -84,6 +84,10 @@ class Wanted:
             has = f"frames 0 to {count - 1}" if count > 1 else "one frame, 0"
             raise UserError(f"{path}: has {has}; --frames {self.text()} asks for others")
         return range(first, last + 1, step)
+
+    def rate_of(self, chosen: range) -> float | None:
+        """The rate of :meth:`chosen` frames of an animation whose file does not say its rate."""
+        return self.rate and self.rate / chosen.step
 
     def text(self) -> str:
         """The wanted frames as on the command line; "" for all."""

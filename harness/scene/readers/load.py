@@ -84,7 +84,7 @@ def load_sequence(paths: list[Path], wanted: Wanted = ALL) -> Loaded:
     """Numbered frames, all of one format, in the order given; of these the ``wanted`` ones. Each file gives one frame."""
     chosen = wanted.chosen(paths[0].parent, len(paths))
     read, first = READERS[paths[0].suffix.lower()], replace(wanted, frames=(0, 0, 1))
-    return load_frames([paths[k] for k in chosen], lambda path: read(path, first), wanted.rate)
+    return load_frames([paths[k] for k in chosen], lambda path: read(path, first), wanted.rate_of(chosen))
 
 
 def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:

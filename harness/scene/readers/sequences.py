@@ -158,7 +158,7 @@ def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
     mesh = checked(path, stack[0], faces)
     frames = np.ascontiguousarray(stack, dtype=mesh.points.dtype)
     chosen = wanted.chosen(path, len(frames))
-    return Loaded(mesh.faces, tuple(frames[k] for k in chosen), (path,), rate=wanted.rate)
+    return Loaded(mesh.faces, tuple(frames[k] for k in chosen), (path,), rate=wanted.rate_of(chosen))
 
 
 def _check_archive(path: Path) -> None:

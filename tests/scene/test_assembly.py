@@ -1,0 +1,169 @@
+"""Several meshes as one scene: where they stand, how they move together, and what makes them another scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers import mesh_files as files
+from helpers.mesh_files import written
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.scene.assembly import matrix_of
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.prepared import prepare
+from shadowbench.harness.scene.readers.checks import Wanted
+
+ROOM = np.array([[0, 0, 0], [8, 0, 0], [8, 0, 8], [0, 0, 8]], dtype=np.float32)
+FLOOR = [(0, 2, 1), (0, 3, 2)]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A floor, a mesh at rest, and five frames that rise; a folder for declarations."""
+    written(tmp_path, "room.obj", files.obj(ROOM, FLOOR))
+    written(tmp_path, "quad.ply", files.ply_binary())
+    (tmp_path / "wave").mkdir()
+    for number in range(5):
+        written(tmp_path / "wave", f"{number:02}.ply", files.ply_binary(files.QUAD + (0, number, 0)))
+    return tmp_path
+
+
+def declared(folder, *meshes: str, more: str = "", name: str = "scene.toml"):
+    text = more + "\n" + "\n".join(f"[[meshes]]\n{mesh}" for mesh in meshes)
+    return written(folder, name, text.encode())
+
+
+def test_meshes_stand_in_their_places_in_order(folder):
+    path = declared(
+        folder,
+        'file = "room.obj"',
+        'file = "quad.ply"\ntransform = {scale = 2, rotate = [0, 90, 0], translate = [1, 2, 3]}',
+        'file = "quad.ply"\ntransform = {matrix = [[0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}',
+    )
+    scene = resolve(path)
+    geometry = scene.geometry()
+    x, y, z = files.QUAD.astype(float).T
+    expected = np.concatenate([ROOM, np.c_[2 * z + 1, 2 * y + 2, -2 * x + 3], np.c_[-y + 5, x, z]])
+    assert np.array_equal(geometry.positions(0), expected)
+    own = [np.array(FLOOR), np.array(files.FACES) + 4, np.array(files.FACES) + 9]
+    assert geometry.faces.tolist() == np.concatenate(own).tolist()
+    assert (scene.name, scene.title) == ("scene", "room.obj + quad.ply + quad.ply (scene.toml)")
+    assert scene.source.file == "scene.toml: room.obj + quad.ply + quad.ply"
+    assert np.isfinite(prepare(scene).moment(0, 4, 4).eye).all()
+
+
+@pytest.mark.parametrize("pattern", ["wave", "wave/%02d.ply", "wave/*.ply"])
+def test_what_rests_and_what_moves_stand_together(folder, pattern):
+    scene = resolve(declared(folder, 'file = "room.obj"', f'file = "{pattern}"', 'file = "quad.ply"'))
+    geometry = scene.geometry()
+    assert geometry.frame_count == 5
+    assert geometry.motion.vertices == (4, 9)
+    for k in range(5):
+        points = geometry.positions(k)
+        assert np.array_equal(points[:4], ROOM)
+        assert np.array_equal(points[4:9], files.QUAD + (0, k, 0))
+        assert np.array_equal(points[9:], files.QUAD)
+    few = resolve(declared(folder, 'file = "room.obj"', f'file = "{pattern}"'), None, Wanted((1, None, 2)))
+    assert [few.geometry().positions(k)[4, 1] for k in range(few.geometry().frame_count)] == [1, 3]
+    assert few.source.asked == {"frames": "1::2"}
+
+
+def test_the_shorter_of_two_stays_as_in_its_last_frame(folder):
+    scene = resolve(declared(folder, 'file = "wave"\nframes = "0:4:4"', 'file = "wave"\nframes = "1:3"'))
+    geometry = scene.geometry()
+    assert [geometry.positions(k)[[0, 5], 1].tolist() for k in range(3)] == [[0, 1], [4, 2], [4, 3]]
+    assert geometry.motion is None
+
+
+def test_a_scene_of_the_catalogue_and_a_declaration_are_meshes_too(folder):
+    written(folder, "inner.toml", b'mesh = "quad.ply"\n[camera]\neye = [0, 0, 9]\n')
+    scene = resolve(declared(folder, 'file = "cloth"', 'file = "inner.toml"'))
+    assert scene.geometry().frame_count > 1
+    assert scene.stand_in
+    loop = declared(folder, 'file = "scene.toml"')
+    with pytest.raises(UserError, match="refers back to this file"):
+        resolve(loop)
+
+
+def test_every_mesh_and_every_frame_makes_another_source(folder):
+    path = declared(folder, 'file = "room.obj"', 'file = "wave"', 'file = "quad.ply"')
+    hashes = [resolve(path).source.sha256]
+    for name in ("room.obj", "quad.ply", *(f"wave/{number:02}.ply" for number in range(5))):
+        file = folder / name
+        old, new = (b"f 1 3", b"f  1 3") if name == "room.obj" else (b"by hand", b"by mine")
+        assert old in file.read_bytes()
+        file.write_bytes(file.read_bytes().replace(old, new))
+        hashes.append(resolve(path).source.sha256)
+    declared(folder, 'file = "room.obj"', 'file = "wave"', 'file = "quad.ply"', more="# another")
+    hashes.append(resolve(path).source.sha256)
+    assert len(set(hashes)) == 9
+
+
+def test_what_was_left_out_of_each_is_named(folder):
+    written(folder, "red.obj", b"usemtl red\n" + files.obj().replace(b"\nf", b"\nusemtl red\nf", 1))
+    (folder / "wave" / "02.ply").unlink()
+    noted = resolve(declared(folder, 'file = "red.obj"', 'file = "wave"')).source.left_out
+    assert noted == (
+        "red.obj: materials left out; 00.ply..04.ply (4 files): the numbers of its files are not evenly spaced: "
+        "1 is followed by 3"
+    )
+
+
+@pytest.mark.parametrize(
+    ("mesh", "words"),
+    [
+        ("", r"meshes\[0\]: add its file"),
+        ("file = 3", r"meshes\[0\]: add its file"),
+        ('file = "absent.ply"', r"meshes\[0\]: absent\.ply: no such file"),
+        ('file = "quad.ply"\nname = "x"', r"meshes\[0\]: unknown key 'name'"),
+        ('file = "quad.ply"\nframes = "0:3"', r"quad\.ply: has one frame, 0"),
+        ('file = "wave"\nframes = "3"', r"meshes\[0\]\.frames: '3': write A:B:STEP"),
+        ('file = "quad.ply"\ntransform = 2', r"transform must be a table"),
+        ('file = "quad.ply"\ntransform = {turn = 2}', r"transform: unknown key 'turn'"),
+        ('file = "quad.ply"\ntransform = {scale = "2"}', r"transform\.scale must be a number"),
+        ('file = "quad.ply"\ntransform = {rotate = 90}', r"transform\.rotate must be three numbers"),
+        (
+            'file = "quad.ply"\ntransform = {scale = 1e37, translate = [1e37, 0, 0]}',
+            "too large for float32 rays",
+        ),
+        ('file = "quad.ply"\ntransform = {matrix = [[1, 0, 0, 0]]}', "four rows of four numbers"),
+        (
+            'file = "quad.ply"\ntransform = {scale = 1, matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}',
+            "give either a matrix",
+        ),
+        (
+            'file = "quad.ply"\ntransform = {matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,1,1]]}',
+            "its last row must be 0, 0, 0, 1",
+        ),
+    ],
+)
+def test_mistakes_name_the_mesh(folder, mesh, words):
+    with pytest.raises(UserError, match=words) as caught:
+        resolve(declared(folder, mesh))
+    assert "scene.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_mesh_or_several(folder):
+    with pytest.raises(UserError, match=r"give either mesh or \[\[meshes\]\]"):
+        resolve(declared(folder, 'file = "quad.ply"', more='mesh = "quad.ply"'))
+    with pytest.raises(UserError, match=r"write \[\[meshes\]\] before each of the meshes"):
+        resolve(written(folder, "a.toml", b'meshes = "quad.ply"'))
+    with pytest.raises(UserError, match="meshes: give at least one"):
+        resolve(written(folder, "a.toml", b"meshes = []"))
+    holed = written(folder, "holed.toml", b'mesh = "quad.ply"\n[alpha]\nevery = 2\n')
+    with pytest.raises(UserError, match="has holes or mirrors of its own"):
+        resolve(declared(folder, f'file = "{holed.name}"'))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("degrees", [90, 180, -90, 270, 360, 30])
+def test_rotations_are_counterclockwise_and_exact_at_right_angles(tmp_path, axis, degrees):
+    rotate = [0.0, 0.0, 0.0]
+    rotate[axis] = degrees
+    matrix = matrix_of(tmp_path, "", {"rotate": rotate})[:3, :3]
+    one, other = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
+    angle = np.radians(degrees)
+    assert np.allclose(matrix @ one, np.cos(angle) * one + np.sin(angle) * other)
+    assert np.allclose(matrix @ matrix.T, np.eye(3))
+    if degrees % 90 == 0:
+        assert set(np.abs(matrix).ravel()) == {0.0, 1.0}

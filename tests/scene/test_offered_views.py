@@ -1,0 +1,165 @@
+"""Cameras and lights of files and declarations: they are listed, and used by name; the automatic view stays the default."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import mesh_files as files
+from helpers.mesh_files import written
+from shadowbench.harness.cli import list_
+from shadowbench.harness.commands.listing import as_text, contents
+from shadowbench.harness.commands.options import view_of
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.scene import catalogue
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.chosen_view import ChosenView
+from shadowbench.harness.scene.readers.load import load
+from shadowbench.harness.scene.scene import Camera, Light, Spot
+
+DOOR, ABOVE = Camera((1, 2, 3), (0, 0, 0), fov=30.0), Camera((0, 9, 0), (0, 0, 0), (0, 0, 1), height=4.0)
+LAMP, SUN = Light((0, 3, 0), spot=Spot((0, -1, 0), 40.0)), Light((1, 1, 0), directional=True, intensity=2.0)
+
+
+@pytest.fixture
+def path(tmp_path, monkeypatch):
+    """A file that offers two cameras and two lights."""
+
+    def with_views(path, *more):
+        return replace(
+            load(path, *more),
+            cameras={"door": DOOR, "above": ABOVE},
+            lights={"lamp": LAMP, "sun": SUN},
+            rate=24.0,
+        )
+
+    monkeypatch.setattr(catalogue, "load", with_views)
+    return written(tmp_path, "room.ply", files.ply_binary())
+
+
+def seen(path, **options):
+    return view_of(None, None, None, **options).resolved(path)
+
+
+def test_the_automatic_view_is_the_default(path):
+    scene = resolve(path)
+    assert scene.camera not in (DOOR, ABOVE)
+    assert scene.lights[0] not in (LAMP, SUN)
+    assert (scene.cameras, scene.lamps) == ({"door": DOOR, "above": ABOVE}, {"lamp": LAMP, "sun": SUN})
+
+
+def test_a_camera_and_lights_are_used_by_name(path):
+    scene = seen(path, camera_of="door", lights_of=["sun", "lamp"])
+    assert (scene.camera, scene.lights) == (DOOR, (SUN, LAMP))
+    assert seen(path, camera_of="above").camera == ABOVE
+    assert seen(path, camera_of="door").lights == resolve(path).lights
+    wide = view_of(None, 70.0, ["1,2,3"], camera_of="door", lights_of=["sun"]).resolved(path)
+    assert wide.camera == replace(DOOR, fov=70.0)
+    assert wide.lights == (SUN, Light((1, 2, 3)))
+
+
+def test_what_is_named_travels_as_json_and_stands_in_tables():
+    view = ChosenView(camera_of="door", lights_of=("sun", "lamp"))
+    assert ChosenView.read(json.loads(json.dumps(view.facts()))) == view
+    assert view.text() == "camera 'door' of the file; light 'sun' of the file; light 'lamp' of the file"
+
+
+def test_other_names_are_refused(path, tmp_path):
+    with pytest.raises(UserError, match=r"room\.ply: has no camera 'dor'; did you mean door\?"):
+        seen(path, camera_of="dor")
+    with pytest.raises(UserError, match="has no light 'moon'; known: lamp, sun"):
+        seen(path, lights_of=["moon"])
+    with pytest.raises(UserError, match="--camera and --camera-of: give one of them"):
+        view_of(("0,0,1", "0,0,0"), None, None, camera_of="door")
+    with pytest.raises(UserError, match=r"Cloth.*: has no camera 'door'; its file offers none"):
+        seen("cloth", camera_of="door")
+
+
+def test_a_file_is_listed_with_its_cameras_and_lights(path, capsys):
+    list_("scenes", [str(path)], as_json=True)
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["triangles"], row["frames"], row["rate"]) == (4, 1, 24.0)
+    assert row["cameras"]["door"]["eye"] == [1, 2, 3]
+    assert row["lights"]["sun"]["directional"] is True
+    text = as_text(contents("scenes", [str(path)], ChosenView(), None), 100)
+    assert "room.ply: 4 triangles" in text
+    assert "camera 'door': from 1,2,3 to 0,0,0, 30 degrees" in text
+    assert "camera 'above': from 0,9,0 to 0,0,0, orthographic, 4 high" in text
+    assert "light 'lamp': spot at 0,3,0" in text
+    assert "light 'sun': directional, from 1,1,0" in text
+    with pytest.raises(UserError, match=r"only scenes are files; write list scenes"):
+        list_("methods", [str(path)])
+
+
+def test_frames_and_what_was_left_out_are_listed(tmp_path, capsys):
+    for number in (1, 2, 4):
+        written(tmp_path, f"w_{number}.obj", files.obj())
+    list_("scenes", [str(tmp_path / "w_%d.obj")], rate=12.0)
+    text = " ".join(capsys.readouterr().out.split())
+    assert "4 triangles, 3 frames at 12 a second" in text
+    assert "not evenly spaced: 2 is followed by 4" in text
+
+
+DECLARED = """
+mesh = "room.ply"
+[camera]
+of = "door"
+fov = 50
+[[cameras]]
+name = "far"
+of = "above"
+eye = [0, 90, 0]
+[[cameras]]
+name = "own"
+eye = [5, 5, 5]
+[[lights]]
+of = "sun"
+shadows = false
+[[lights]]
+name = "candle"
+position = [0, 1, 0]
+"""
+
+
+def test_a_declaration_uses_and_offers_them(path):
+    scene = resolve(written(path.parent, "a.toml", DECLARED.encode()))
+    assert scene.camera == replace(DOOR, fov=50.0)
+    assert scene.lights == (replace(SUN, shadows=False), Light((0, 1, 0)))
+    assert scene.cameras["far"] == replace(ABOVE, eye=(0, 90, 0))
+    assert scene.cameras["own"].eye == (5, 5, 5)
+    assert set(scene.cameras) == {"door", "above", "far", "own"}
+    assert scene.lamps == {"lamp": LAMP, "sun": SUN, "candle": Light((0, 1, 0))}
+    assert seen(path.parent / "a.toml", camera_of="far", lights_of=["candle"]).camera.height == 4.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[camera]\nof = "dor"', r"camera\.of: room\.ply: has no camera 'dor'; did you mean door\?"),
+        ("[camera]\nof = 1", r"camera\.of must have type str"),
+        ('[[lights]]\nof = "moon"', r"lights\[0\]\.of: .*has no light 'moon'"),
+        ("[[cameras]]\neye = [0, 0, 1]", r"cameras\[0\]: add its name"),
+        ('[[cameras]]\nname = "a"\n[[cameras]]\nname = "a"', r"cameras\[1\]: the name 'a' is taken"),
+        ('[[cameras]]\nname = "a"\nmoves = true', r"cameras\[0\]: unknown key 'moves'"),
+        ('[camera]\nof = "above"\nfov = 40', r"camera\.fov does not apply to a camera of kind orthographic"),
+        ("[[lights]]\nspot = 3\nposition = [0, 0, 0]", r"lights\[0\]\.spot must be a table"),
+    ],
+)
+def test_mistakes_in_a_declaration(path, text, words):
+    with pytest.raises(UserError, match=words):
+        resolve(written(path.parent, "a.toml", f'mesh = "room.ply"\n{text}\n'.encode()))
+
+
+def test_views_of_several_meshes_stand_in_their_places(path):
+    turned = "transform = {scale = 2, rotate = [0, 90, 0], translate = [10, 0, 0]}"
+    text = f'[[meshes]]\nfile = "room.ply"\n[[meshes]]\nfile = "room.ply"\n{turned}\n'
+    scene = resolve(written(path.parent, "b.toml", text.encode()))
+    assert list(scene.cameras) == ["door", "above", "door 2", "above 2"]
+    assert np.allclose(scene.cameras["door 2"].eye, (16, 4, -2))
+    assert np.allclose(scene.cameras["above 2"].up, (2, 0, 0))
+    assert scene.cameras["above 2"].height == pytest.approx(8.0)
+    assert np.allclose(scene.lamps["lamp 2"].position, (10, 6, 0))
+    assert np.allclose(scene.lamps["sun 2"].position, (0, 2, -2))
+    assert scene.rate == 24.0
