@@ -156,6 +156,16 @@ def test_a_missing_part_is_refused_or_named(tmp_path, capfd, what):
     assert "".join(capfd.readouterr()) == ""
 
 
+def test_a_missing_part_behind_a_link_is_named_without_its_folder(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    written(tmp_path / "there", "a.usda", HEAD + MISSING["reference"][0] + mesh("M"))
+    with pytest.raises(
+        UserError, match=r"a\.usda: Could not open asset gone\.usda for reference introduced by a\.usda"
+    ):
+        load(tmp_path / "link" / "a.usda")
+
+
 def test_a_missing_clip_is_refused_or_its_times_are_empty(tmp_path, capfd):
     path = composed(tmp_path)
     (tmp_path / "clip2.usda").unlink()

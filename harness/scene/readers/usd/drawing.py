@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -155,10 +156,11 @@ class Drawing:
             part.place = self._skeletons[skin.path]
         return part
 
-    def pieces(self, time: float) -> list[Piece | None]:
+    def pieces(self, time: float) -> Iterator[Piece | None]:
         """Each part at a time code; None where it is invisible or has no triangles."""
         self.prims.at(time)
-        return [self._piece(part, time) for part in self.parts]
+        for part in self.parts:
+            yield self._piece(part, time)
 
     def _piece(self, part: Part, time: float) -> Piece | None:
         if not self.prims.visible(part.node):

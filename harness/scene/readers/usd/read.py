@@ -53,14 +53,17 @@ def over_time(path: Path, stage: Any, wanted: Wanted, notes: list[str]) -> Mesh:
 
 def _frames(path: Path, drawing: Drawing, codes: tuple[float, ...]) -> list[list[Piece | None]]:
     """The parts at each time code. Raises :class:`UserError` as soon as they have too many vertices or triangles."""
-    frames, positions = [], 0
+    frames: list[list[Piece | None]] = []
+    positions = 0
     for code in codes:
-        frames.append(drawing.pieces(code))
-        there = [piece for piece in frames[-1] if piece is not None]
-        positions += sum(len(points) for points, _ in there)
-        triangles = sum(len(faces) for _, faces in there)
-        if positions > MOST_POSITIONS or triangles > MAX_TRIANGLES:
-            size = f"{positions} vertices in its first {len(frames)} frames, {triangles} triangles"
-            most = f"more than {MOST_POSITIONS} or {MAX_TRIANGLES}"
-            raise broken(path, f"has {size}, {most}", "choose --frames, or export a part of it")
+        frames.append([])
+        triangles = 0
+        for piece in drawing.pieces(code):
+            frames[-1].append(piece)
+            positions += len(piece[0]) if piece else 0
+            triangles += len(piece[1]) if piece else 0
+            if positions > MOST_POSITIONS or triangles > MAX_TRIANGLES:
+                size = f"{positions} vertices in {len(frames)} frames, {triangles} triangles"
+                most = f"more than {MOST_POSITIONS} or {MAX_TRIANGLES}"
+                raise broken(path, f"has {size}, {most}", "choose --frames, or export a part of it")
     return frames

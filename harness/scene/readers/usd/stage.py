@@ -29,9 +29,9 @@ def listening(path: Path, notes: list[str]) -> Iterator[None]:
     except UnicodeDecodeError:
         raise broken(path, "USD cannot read it: it holds text that is not UTF-8") from None
     finally:
-        said = [_plain(found.commentary, path) for found in delegate.TakeUncoalescedDiagnostics()]
-    # What could not be composed is noted apart.
-    said = list(dict.fromkeys(text for text in said if "instantiating stage" not in text))
+        heard = {_plain(found.commentary, path) for found in delegate.TakeUncoalescedDiagnostics()}
+    # What could not be composed is noted apart. Several threads warn in any order.
+    said = sorted(text for text in heard if "instantiating stage" not in text)
     if said:
         more = f" ({len(said) - 1} more)" if len(said) > 1 else ""
         notes.append(f"USD warns: {said[0][:160]}{more}")
@@ -84,4 +84,6 @@ def _plain(text: str, path: Path) -> str:
     text = " ".join(text.split())
     text = re.sub(r" \(instantiating stage on stage .*\)$", " (instantiating stage)", text)
     text = re.sub(r",?@?anon:0x[^@]*@|<0x[0-9a-f]+>|( matching)? pxrInternal\S*", "", text)
-    return text.replace(f"{path.resolve().parent}/", "").replace("@", "").rstrip(".; ")
+    for folder in (path.absolute().parent, path.resolve().parent):
+        text = text.replace(f"{folder}/", "")
+    return text.replace("@", "").rstrip(".; ")

@@ -40,8 +40,10 @@ def times(
         wanted.chosen(path, 1)
         return Times((start,), None)
     second = stage.GetTimeCodesPerSecond()
-    rate = wanted.rate or (_authored(stage, "framesPerSecond", second))
-    step = second / rate if rate > 0.0 else 0.0
+    second = second if 0.0 < second < math.inf else 24.0
+    said = _authored(stage, "framesPerSecond", second)
+    rate = wanted.rate or (said if said > 0.0 else second)
+    step = second / rate
     count = (end - start) / step if step > 0.0 else math.inf
     if not count < MOST_FRAMES:
         problem = f"its animation from {start:g} to {end:g} at {rate:g} frames a second has too many frames"
