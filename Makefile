@@ -64,8 +64,8 @@ $(BIN)/python:
 # Versions and hashes of all packages are in requirements.txt and .ci/requirements-*.txt, which `make lock` makes; what is
 # installed is what was tested, byte for byte. Installed anew only where the lists change.
 define install
-$(PIP) install --no-deps --require-hashes -r $(1) || { $(PIP) index versions pip >/dev/null 2>&1 || \
-	echo "make: the package index cannot be reached from here, so that nothing could be installed; the same command continues" >&2; exit 1; }
+$(PIP) install --no-deps --require-hashes -r $(1) || { echo "make: the packages of $(1) could not be installed, as is said above; \
+	where it says Retrying or No matching distribution, the package index cannot be reached. The same command goes on." >&2; exit 1; }
 endef
 
 $(STAMP): pyproject.toml setup.py requirements.txt | $(BIN)/python
