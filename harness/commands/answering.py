@@ -47,7 +47,7 @@ def answer(
     from ..frame.devices import device_for
     from ..frame.registry import make_method
     from ..frame.session import Session
-    from ..runner.measure import differing, frame_bytes, hashes, own_bytes, within
+    from ..runner.measure import differing, hashes, own_bytes, within
     from ..runner.memory import Memory, bounded, give_back_memory, peak_resident_bytes, reset_peak_resident
     from ..scene.effects import Limits
 
@@ -68,14 +68,14 @@ def answer(
                 method, prepared, moment.width, moment.height, place, len(moment.lights), limits=limits
             )
             answers = session.answers(moment)
-            within(limits, tracker, frame_bytes(session))
+            within(limits, tracker, session)
             reset_peak_resident()
             known, deadline, repeats = hashes(answers), time.monotonic() + REPEATS_S, 0
             wrong: list[str] = []
             while not wrong and repeats < REPEATS and (not repeats or time.monotonic() < deadline):
                 wrong = differing(session, known)
                 repeats += 1
-            within(limits, tracker, frame_bytes(session), peak_resident_bytes())
+            within(limits, tracker, session, peak_resident_bytes())
             if wrong:
                 outcome.status, outcome.reason = (
                     "failed",

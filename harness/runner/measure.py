@@ -93,12 +93,12 @@ class MeasuredPoint:
         start = time.perf_counter()
         with CompileClock() as compiling:
             self.session = session = Session(method, prepared, *size, self.device, limits=limits)
-            own, frames = frame_bytes(session), list(moments)
+            frames = list(moments)
             while len(held) < len(frames):
                 frame = frames[len(held)]
                 answers = session.answers(moments[frame])
                 first = first or time.perf_counter() - start
-                held[frame] = within(limits, tracker, own)
+                held[frame] = within(limits, tracker, session)
                 self.hashes[frame] = hashes(answers)
                 answered(method, frame, answers)
                 counted.append({"frame": frame, "counters": method.counters()})
@@ -123,7 +123,8 @@ class MeasuredPoint:
             outside = max(held.values()) < growth / 2
             _require(limits, growth)
         self.memory = dict.fromkeys(held, growth) if outside else held
-        self.memory_source = PROCESS if outside else "warp allocations"
+        besides = " and what the method holds besides" if session.method.held_bytes() else ""
+        self.memory_source = PROCESS if outside else f"warp allocations{besides}"
         passes = [
             {"name": p.name, "part": p.part, "reads": p.reads, "writes": p.writes, "effect": p.effect}
             for p in session.passes
@@ -217,14 +218,17 @@ def own_bytes(prepared: Prepared, width: int, height: int) -> int:
     return pixel * width * height * (1 + Effects.of(prepared.scene).bounces) + 128 * prepared.triangle_count
 
 
-def within(limits: Limits, tracker: Memory, own: int, peak: int = 0) -> int:
-    """The bytes that a method has held in arrays of Warp, on any device; ``own``: :func:`frame_bytes`; ``peak``: as in
-    :meth:`.Memory.growth`.
+def within(limits: Limits, tracker: Memory, session: Session, peak: int = 0) -> int:
+    """The bytes that a method has held in arrays of Warp, on any device, and that it says it holds besides
+    (:meth:`.Method.held_bytes`). ``peak``: as in :meth:`.Memory.growth`.
 
     Raises :class:`~.errors.CapacityRejected` if these exceed the limit, or if the process has grown by more than the limit
     and :data:`ALLOWED_GROWTH`, as it does when a method or its library allocates memory on the host by other means.
     """
-    held = max(0, tracker.peak() - own)
+    besides = session.method.held_bytes()
+    if besides < 0:
+        raise ValueError(f"held_bytes() is {besides}: less than 0")
+    held = max(0, tracker.peak() - frame_bytes(session)) + besides
     _require(limits, held, tracker.growth(peak) - ALLOWED_GROWTH)
     return held
 

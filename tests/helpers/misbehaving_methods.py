@@ -190,6 +190,23 @@ class Wanders(Steady):
         super().trace_primary(frame)
 
 
+@dataclass(frozen=True)
+class Library(Pace):
+    """``holds``: bytes."""
+
+    holds: int = 5 << 20
+
+
+class OfALibrary(Steady):
+    """Holds memory of which neither Warp nor the system knows, as a library does on a GPU."""
+
+    name: ClassVar[str] = "of_a_library"
+    Trace = Library
+
+    def held_bytes(self):
+        return self.trace.holds
+
+
 class Greedy(Steady):
     """Holds 320 MiB of numpy arrays, which no allocator of Warp's knows of."""
 
@@ -381,6 +398,7 @@ CLASSES = (
     Skips,
     Grows,
     Wanders,
+    OfALibrary,
     Greedy,
     Gulps,
     Hoards,
