@@ -47,8 +47,8 @@ def answer(
     from ..frame.devices import device_for
     from ..frame.registry import make_method
     from ..frame.session import Session
-    from ..runner.measure import differing, frame_bytes, hashes, within
-    from ..runner.memory import Memory, give_back_memory, peak_resident_bytes, reset_peak_resident
+    from ..runner.measure import differing, hashes, own_bytes, within
+    from ..runner.memory import Memory, bounded, give_back_memory, peak_resident_bytes, reset_peak_resident
     from ..scene.effects import Limits
 
     method = make_method(name, settings)
@@ -63,25 +63,26 @@ def answer(
     tracker = Memory()
     tracker.start()
     try:
-        session = Session(
-            method, prepared, moment.width, moment.height, place, len(moment.lights), limits=limits
-        )
-        answers = session.answers(moment)
-        within(limits, tracker, frame_bytes(session))
-        reset_peak_resident()
-        known, deadline, repeats = hashes(answers), time.monotonic() + REPEATS_S, 0
-        wrong: list[str] = []
-        while not wrong and repeats < REPEATS and (not repeats or time.monotonic() < deadline):
-            wrong = differing(session, known)
-            repeats += 1
-        within(limits, tracker, frame_bytes(session), peak_resident_bytes())
-        if wrong:
-            outcome.status, outcome.reason = (
-                "failed",
-                f"repeat {repeats} of the same frame gave different answers: {', '.join(wrong)}",
+        with bounded(limits.memory, own_bytes(prepared, moment.width, moment.height)):
+            session = Session(
+                method, prepared, moment.width, moment.height, place, len(moment.lights), limits=limits
             )
-        else:
-            outcome.answers = answers
+            answers = session.answers(moment)
+            within(limits, tracker, session)
+            reset_peak_resident()
+            known, deadline, repeats = hashes(answers), time.monotonic() + REPEATS_S, 0
+            wrong: list[str] = []
+            while not wrong and repeats < REPEATS and (not repeats or time.monotonic() < deadline):
+                wrong = differing(session, known)
+                repeats += 1
+            within(limits, tracker, session, peak_resident_bytes())
+            if wrong:
+                outcome.status, outcome.reason = (
+                    "failed",
+                    f"repeat {repeats} of the same frame gave different answers: {', '.join(wrong)}",
+                )
+            else:
+                outcome.answers = answers
     except CapacityRejected as error:
         outcome.status, outcome.reason = "rejected", str(error)
     except Exception as error:  # the failure of one method must not hide the answers of the others

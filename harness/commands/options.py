@@ -79,7 +79,8 @@ MemoryLimit = Annotated[
         "--memory-limit",
         metavar="BYTES",
         help="Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process on the "
-        "host (plus 256 MiB for compilers). A method that needs more is rejected. Default: 8 GiB.",
+        "host (plus 256 MiB for compilers). A method that needs more is rejected. What exceeds it by gigabytes on the host, "
+        "or at all on a GPU, is not taken in the first place. Default: 8 GiB.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

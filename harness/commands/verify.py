@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import UserError, say
+from ..errors import UserError, say, warn
 from ..runner.machine_lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
@@ -82,6 +82,7 @@ def verify(
     from ..frame.devices import find_device
     from ..frame.registry import method_names
     from ..runner.experiment import Entry, parse_size
+    from ..runner.memory import NOT_STOPPED, stops_allocations
     from ..runner.points import parse_settings
 
     place = find_device(device)
@@ -91,6 +92,8 @@ def verify(
     view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     scenes = [view.resolved(name, scene_dir) for name in scene]
     limit = checked_limit(memory_limit)
+    if limit is not None and not stops_allocations():
+        warn(NOT_STOPPED)
     MACHINE.share()
     reports = []
     for name, described in zip(scene, scenes, strict=True):

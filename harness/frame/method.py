@@ -63,6 +63,11 @@ class Method(Protocol):
     def counters(self) -> dict[str, int]:
         """Deterministic counters of the work of the last frame. May read from the device; never called while timing."""
 
+    def held_bytes(self) -> int:
+        """Bytes on any device that it holds after the last frame and that Warp did not allocate, such as a structure of
+        OptiX. They count as its memory, with Warp's arrays. Never called while timing.
+        """
+
     def built(self) -> dict[str, Any]:
         """Facts about the acceleration structure (constructor, threads, ...), for the record and the table."""
 
@@ -106,6 +111,9 @@ class BaseMethod:
 
     def counters(self) -> dict[str, int]:
         return {}
+
+    def held_bytes(self) -> int:
+        return 0
 
     def built(self) -> dict[str, Any]:
         return {}

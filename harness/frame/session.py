@@ -18,6 +18,7 @@ from .effects.mirrors import mirror_passes
 from .effects.receivers import receiver_passes, skippable
 from .effects.shading import shading_passes
 from .frame import Frame
+from .limited_allocator import LimitedAllocator
 from .method import Method
 from .schedule.needed import arranged, inputs_of, live, stale, wanted_of
 from .schedule.passes import Pass
@@ -56,6 +57,7 @@ class Session(PassRunner):
         self.limits = limits or Limits()
         count = len(scene.lights) if light_count is None else light_count
         self.frame = Frame(prepared, width, height, count, device, self.effects)
+        self._memory = LimitedAllocator(device, self.limits.memory)
         self.made: Moment | None = None
         self._outdated: set[Pass] = set()
         self.regrown = 0
@@ -66,7 +68,7 @@ class Session(PassRunner):
     def _plan(self) -> None:
         self.made = None
         self._outdated = set()
-        with wp.ScopedDevice(self.device):
+        with wp.ScopedDevice(self.device), self._memory.within():
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
         self.capturable = self.method.capturable
@@ -143,7 +145,8 @@ class Session(PassRunner):
         Raises :class:`~..errors.CapacityRejected` if a need exceeds the limits.
         """
         for _ in range(GROWTH_LIMIT):
-            self.run()
+            with self._memory.within():  # a method may allocate in its first frame
+                self.run()
             if not self._grow():
                 self._note_skipped()
                 if self.passes is self.all_passes:
@@ -162,8 +165,9 @@ class Session(PassRunner):
         if needs is None:
             return False
         needed: NDArray[np.int64] = np.array(needs.numpy(), dtype=np.int64)
-        if not self.method.grow(needed):
-            return False
+        with self._memory.within():
+            if not self.method.grow(needed):
+                return False
         self.regrown += 1
         self._plan()
         return True

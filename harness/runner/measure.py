@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from ..errors import CapacityRejected, UserError
 from ..frame.method import Method
 from ..frame.session import Session
-from ..scene.effects import Limits
+from ..scene.effects import Effects, Limits
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .memory import (
+    ALLOWED_GROWTH,
     Memory,
     array_bytes,
+    bounded,
     give_back_memory,
     peak_resident_bytes,
     reset_peak_resident,
@@ -65,14 +67,24 @@ class MeasuredPoint:
         all frames would exceed the point's budget (``spec["budget_s"]``), some frames are left out. Raises
         :class:`~.errors.CapacityRejected` if the method uses more than ``spec["memory_limit"]`` bytes (:func:`within`).
         """
-        method = make()
-        reason = method.applies(prepared.scene, spec["device"])
+        self.moments, self.device, self.changed = moments, spec["device"], changed
+        self.limits = Limits(**({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {}))
+        self._own = own_bytes(prepared, *size)
+        with bounded(self.limits.memory, self._own):
+            self._prepare(make, prepared, size, spec, answered)
+
+    def _prepare(
+        self,
+        make: Callable[[], Method],
+        prepared: Prepared,
+        size: tuple[int, int],
+        spec: Mapping[str, Any],
+        answered: Callable[[Method, int, Answers], None],
+    ) -> None:
+        method, moments, limits = make(), self.moments, self.limits
+        reason = method.applies(prepared.scene, self.device)
         if reason:
             raise SkippedError(reason)
-        self.moments, self.device, self.changed = moments, spec["device"], changed
-        self.limits = limits = Limits(
-            **({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {})
-        )
         self.hashes: dict[int, dict[str, str]] = {}
         held: dict[int, int] = {}
         counted, first, baseline = [], None, resident_bytes()
@@ -81,12 +93,12 @@ class MeasuredPoint:
         start = time.perf_counter()
         with CompileClock() as compiling:
             self.session = session = Session(method, prepared, *size, self.device, limits=limits)
-            own, frames = frame_bytes(session), list(moments)
+            frames = list(moments)
             while len(held) < len(frames):
                 frame = frames[len(held)]
                 answers = session.answers(moments[frame])
                 first = first or time.perf_counter() - start
-                held[frame] = within(limits, tracker, own)
+                held[frame] = within(limits, tracker, session)
                 self.hashes[frame] = hashes(answers)
                 answered(method, frame, answers)
                 counted.append({"frame": frame, "counters": method.counters()})
@@ -111,7 +123,8 @@ class MeasuredPoint:
             outside = max(held.values()) < growth / 2
             _require(limits, growth)
         self.memory = dict.fromkeys(held, growth) if outside else held
-        self.memory_source = PROCESS if outside else "warp allocations"
+        besides = " and what the method holds besides" if session.method.held_bytes() else ""
+        self.memory_source = PROCESS if outside else f"warp allocations{besides}"
         passes = [
             {"name": p.name, "part": p.part, "reads": p.reads, "writes": p.writes, "effect": p.effect}
             for p in session.passes
@@ -127,6 +140,10 @@ class MeasuredPoint:
 
     def round(self, sampling: Sampling) -> dict[str, Any]:
         """One round of samples of every frame. Raises :class:`UnsteadyError` if a timed frame gives other answers."""
+        with bounded(self.limits.memory, self._own):
+            return self._round(sampling)
+
+    def _round(self, sampling: Sampling) -> dict[str, Any]:
         started = time.time()
         frames: list[dict[str, Any]] = []
         before, resident = peak_resident_bytes(), resident_bytes()
@@ -188,9 +205,6 @@ class MeasuredPoint:
 PROCESS = "process growth"
 """The source of a number of bytes that holds more than the arrays that Warp allocated."""
 
-ALLOWED_GROWTH = 256 << 20
-"""Bytes that a process may grow in addition to the memory of its method, for compilers and compiled code."""
-
 
 def frame_bytes(session: Session) -> int:
     """Bytes of the arrays that the harness gives a method, which do not count as the method's memory."""
@@ -198,14 +212,23 @@ def frame_bytes(session: Session) -> int:
     return array_bytes(given, given.answers, given.answers.bounces, given.alpha)
 
 
-def within(limits: Limits, tracker: Memory, own: int, peak: int = 0) -> int:
-    """The bytes that a method has held in arrays of Warp, on any device; ``own``: :func:`frame_bytes`; ``peak``: as in
-    :meth:`.Memory.growth`.
+def own_bytes(prepared: Prepared, width: int, height: int) -> int:
+    """Most bytes that the harness takes for a frame: arrays of pixels and triangles, their copies on the host, hashes."""
+    pixel = 128 + 4 * len(prepared.scene.lights)
+    return pixel * width * height * (1 + Effects.of(prepared.scene).bounces) + 128 * prepared.triangle_count
+
+
+def within(limits: Limits, tracker: Memory, session: Session, peak: int = 0) -> int:
+    """The bytes that a method has held in arrays of Warp, on any device, and that it says it holds besides
+    (:meth:`.Method.held_bytes`). ``peak``: as in :meth:`.Memory.growth`.
 
     Raises :class:`~.errors.CapacityRejected` if these exceed the limit, or if the process has grown by more than the limit
     and :data:`ALLOWED_GROWTH`, as it does when a method or its library allocates memory on the host by other means.
     """
-    held = max(0, tracker.peak() - own)
+    besides = session.method.held_bytes()
+    if besides < 0:
+        raise ValueError(f"held_bytes() is {besides}: less than 0")
+    held = max(0, tracker.peak() - frame_bytes(session)) + besides
     _require(limits, held, tracker.growth(peak) - ALLOWED_GROWTH)
     return held
 

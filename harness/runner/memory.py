@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import gc
+import mmap
+import os
 import re
 import resource
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 import warp as wp
+
+from ..errors import CapacityRejected, one_line
 
 
 class Memory:
@@ -77,12 +83,80 @@ def peak_resident_bytes() -> int:
 
     On Linux it is read from /proc, which can be reset, unlike the value of getrusage; psutil gives no peak on Linux.
     """
-    with contextlib.suppress(OSError):
-        match = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
-        if match:
-            return int(match.group(1)) << 10
+    peak = _status("VmHWM")
+    if peak is not None:
+        return peak
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak << 10
+
+
+ALLOWED_GROWTH = 256 << 20
+"""Bytes that a process may grow in addition to the memory of its method, for compilers and compiled code."""
+
+UNTOUCHED = (2 << 30) + (os.cpu_count() or 1) * (16 << 20)
+"""Bytes that a process may map in addition without using them: stacks of threads, what allocators keep in reserve."""
+
+
+@contextlib.contextmanager
+def bounded(limit: int, own: int) -> Iterator[None]:
+    """Inside, this process cannot take much more than so many further bytes: beyond them an allocation fails.
+
+    That is ``limit`` with ``own`` bytes of the harness, :data:`ALLOWED_GROWTH` and :data:`UNTOUCHED`; less is noticed
+    afterwards, by counting. It keeps a method from taking the memory of the machine. Raises :class:`CapacityRejected`
+    where an allocation fails. Without effect where the system does not limit what a process maps
+    (:func:`stops_allocations`).
+    """
+    try:
+        with _data_limited(limit + own + ALLOWED_GROWTH + UNTOUCHED):
+            yield
+    except (MemoryError, RuntimeError) as error:
+        # Warp has no class for a failed allocation. On a GPU it is the card that is full.
+        if not isinstance(error, MemoryError) and not str(error).endswith("bytes on device 'cpu'"):
+            raise
+        raise CapacityRejected(
+            f"an allocation failed beyond the limit of {limit:,} bytes ({one_line(error)})"
+        ) from error
+
+
+@contextlib.contextmanager
+def _data_limited(more: int) -> Iterator[None]:
+    """Limit the writable private memory of this process (RLIMIT_DATA) to what it has mapped and ``more`` bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = (_status("VmData") or 0) + more
+    resource.setrlimit(
+        resource.RLIMIT_DATA, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard)
+    )
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
+NOT_STOPPED = (
+    "this system does not stop allocations on the host: a method that needs more than --memory-limit is rejected after "
+    "it has taken the memory"
+)
+
+
+@functools.cache
+def stops_allocations() -> bool:
+    """Whether :func:`bounded` has an effect on this system: tried once."""
+    tried = 256 << 20
+    try:
+        with _data_limited(tried // 2):
+            mmap.mmap(-1, tried, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS).close()
+    except OSError:
+        return True
+    return False
+
+
+def _status(field: str) -> int | None:
+    """Bytes that Linux states of this process; None on other systems."""
+    with contextlib.suppress(OSError):
+        match = re.search(rf"{field}:\s+(\d+) kB", Path("/proc/self/status").read_text())
+        if match:
+            return int(match.group(1)) << 10
+    return None
 
 
 def array_bytes(*holders: object) -> int:

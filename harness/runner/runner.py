@@ -25,6 +25,7 @@ from .experiment import Entry
 from .job import Job, Options
 from .machine import environment, keep
 from .machine_lock import MACHINE
+from .memory import NOT_STOPPED, stops_allocations
 from .points import describe_method, make_point, orders, seed_of
 from .progress import Silent
 from .protocol import grade_command, load_command
@@ -74,6 +75,8 @@ class Run:
         MACHINE.say = self.report.note
         with self.folder.locked(), MACHINE.shared():
             self.report.note(announcement(options, survey(options)))
+            if options.preset.memory is not None and not stops_allocations():
+                self.report.note(NOT_STOPPED)
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()

@@ -1,6 +1,7 @@
 """Methods of another package, each of which misbehaves in its own way. Copied into a folder of its own and found by entry
 points, as an installed package would be; see :func:`.tiny_runs.install_misbehaving`."""
 
+import ctypes
 import dataclasses
 import errno
 import math
@@ -189,6 +190,23 @@ class Wanders(Steady):
         super().trace_primary(frame)
 
 
+@dataclass(frozen=True)
+class Library(Pace):
+    """``holds``: bytes."""
+
+    holds: int = 5 << 20
+
+
+class OfALibrary(Steady):
+    """Holds memory of which neither Warp nor the system knows, as a library does on a GPU."""
+
+    name: ClassVar[str] = "of_a_library"
+    Trace = Library
+
+    def held_bytes(self):
+        return self.trace.holds
+
+
 class Greedy(Steady):
     """Holds 320 MiB of numpy arrays, which no allocator of Warp's knows of."""
 
@@ -292,6 +310,44 @@ class OddParameter(Steady):
     Build = Limitless
 
 
+@dataclass(frozen=True)
+class Gulp(Pace):
+    """``how``: of Warp, of "numpy", or by the "library" of C; ``where``: "prepare", or the "first" or the "tenth" frame;
+    ``gib``: bytes, in units of 2^30."""
+
+    how: str = "warp"
+    where: str = "prepare"
+    gib: float = 6.0
+
+
+class Gulps(Steady):
+    """Takes much more memory than it may, in one gulp, and says when it has."""
+
+    name: ClassVar[str] = "gulps"
+    Trace = Gulp
+    runs = 0
+
+    def prepare(self, frame):
+        self._gulp("prepare", frame.device)
+
+    def build_structure(self, frame):
+        self.runs += 1
+        if self.runs in (1, 10):
+            self._gulp({1: "first", 10: "tenth"}[self.runs], frame.device)
+
+    def _gulp(self, where, device):
+        if where != self.trace.where:
+            return
+        size = int(self.trace.gib * 2**30)
+        if self.trace.how == "warp":
+            self.taken = wp.empty(size // 8, dtype=wp.uint64, device=device)
+        elif self.trace.how == "numpy":
+            self.taken = np.empty(size, dtype=np.uint8)
+        elif not ctypes.CDLL(None).calloc(ctypes.c_size_t(size), ctypes.c_size_t(1)):
+            raise MemoryError("the library got none")
+        print("taken")
+
+
 class Skips(Steady):
     name: ClassVar[str] = "skips"
 
@@ -342,7 +398,9 @@ CLASSES = (
     Skips,
     Grows,
     Wanders,
+    OfALibrary,
     Greedy,
+    Gulps,
     Hoards,
     Broken,
     Odd,

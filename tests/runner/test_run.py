@@ -132,6 +132,18 @@ def test_memory_that_numpy_allocates_is_counted(troubled):
     assert min(held["greedy"], held["hoards"]) > 300 << 20
 
 
+def test_memory_that_a_method_says_it_holds_is_counted(package, scene, tmp_path):
+    """As a structure of a library on a GPU: no allocator of Warp's and no growth of the process knows of it."""
+    of_a_library, wrong = Entry("of_a_library", {}, "right"), Entry("of_a_library", {"holds": "-1"}, "wrong")
+    records = go(options(tmp_path / "out", [scene], [of_a_library, wrong]))
+    frame = records["right"].frames[0]
+    assert 5 << 20 <= frame.memory_bytes < 6 << 20
+    assert frame.memory_source == "warp allocations and what the method holds besides"
+    assert records["wrong"].reason == "ValueError: held_bytes() is -1: less than 0"
+    (less,) = go(options(tmp_path / "less", [scene], [of_a_library], memory=1 << 20)).values()
+    assert (less.status, less.reason) == ("rejected", "needs 5,242,880 bytes; the limit is 1,048,576")
+
+
 def test_a_method_that_holds_more_than_it_may_is_rejected(package, scene, tmp_path):
     entries = [Entry(name, {}, name) for name in ("steady", "greedy", "hoards", "warp_bvh")]
     records = go(options(tmp_path, [scene], entries, memory=1 << 20, rounds=1))
