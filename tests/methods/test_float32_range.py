@@ -23,11 +23,11 @@ from shadowbench.methods.perspective_spherical.light.segment_tests import (
     segment_bounded,
     segment_exact,
 )
-from shadowbench.methods.ray_grids.aim import Cube
-from shadowbench.methods.ray_grids.camera.pixels import edge_planes, least_edge, sign_bound
-from shadowbench.methods.ray_grids.light import rays
-from shadowbench.methods.ray_grids.light.cells import sides_of_planes
-from shadowbench.methods.ray_grids.light.spacing import BINS
+from shadowbench.methods.streams.camera.pixels import edge_planes, least_edge, sign_bound
+from shadowbench.methods.streams.cube.aim import Cube
+from shadowbench.methods.streams.cube.footprint import sides_of_planes
+from shadowbench.methods.streams.cube.spacing import BINS
+from shadowbench.methods.streams.occlusion import planes as rays
 
 COUNT = 6000
 MISS, UNDECIDED, HIT = -1, 0, 1

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers import threemf_files
 from helpers.mesh_files import written
 from shadowbench.harness.commands.options import number_or_frames, view_of
 from shadowbench.harness.errors import UserError
@@ -76,7 +77,13 @@ def test_the_frames_of_a_folder_and_of_an_archive(tmp_path):
             load(path, Wanted((5, 9, 1)))
 
 
-STILL = {".ply": files.ply_binary, ".obj": files.obj, ".stl": files.stl_binary}
+STILL = {
+    ".ply": files.ply_binary,
+    ".obj": files.obj,
+    ".stl": files.stl_binary,
+    ".off": files.off,
+    ".3mf": threemf_files.quad,
+}
 
 
 @pytest.mark.parametrize("suffix", loading.STILL)
