@@ -21,14 +21,10 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
-from ..trees.build.rebuild import Rebuilt
-from ..trees.build.refit import Refitted
-from ..trees.parameters import FLOAT32_INEXACT, Build, Trace
-from ..trees.trace.shadow_passes import threads_built
-from ..trees.trace.tracing import Rays
-
-MOST_TRIANGLES = 2**24
-"""A hit packs into 64 bits with 24 for the triangle."""
+from ..trees import constants
+from ..trees.builders import built, tree_of
+from ..trees.trace.rays import TreeRays
+from .parameters import FLOAT32_INEXACT, Build, Trace
 
 
 class BinaryTree(BaseMethod):
@@ -45,45 +41,53 @@ class BinaryTree(BaseMethod):
         self.known_inexact = FLOAT32_INEXACT if self.trace.precision == "float32" else None
         self._capacity = 0
         self._memory = 0
-        self._rays: Rays | None = None
+        self._rays: TreeRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
-        if frame.triangle_count >= MOST_TRIANGLES:
-            raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
+        if frame.triangle_count >= constants.MOST_TRIANGLES:
+            raise CapacityRejected(f"holds at most {constants.MOST_TRIANGLES - 1:,} triangles")
         self._memory = limits.memory
-        if not self._capacity:
-            self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
-        tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
+        self._capacity = self._capacity or constants.first_capacity(frame.pixels)
+        tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
-        rays = Rays(frame, self.build, self.trace, effects, tree.tree, tree.extent, self._capacity)
-        self._rays = rays
-        passes = [grows.hinted(parallel=(0,)), *(p.hinted(parallel=(1,)) for p in rays.records_passes())]
-        return [*first, *passes, *rays.passes()]
+        trace = self.trace
+        self._rays = rays = TreeRays(
+            frame,
+            tree.tree,
+            effects,
+            trace.precision,
+            trace.primary == "packet",
+            trace.threads,
+            constants.SHARES,
+            self._capacity,
+        )
+        records = [*rays.eye_passes(), *rays.record_passes(), *rays.clear_passes()]
+        passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
+        return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
 
     def needs(self) -> wp.array | None:
         return self._rays.counts if self._rays is not None else None
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         before = self._capacity
-        self._capacity = grown(int(counted(needed).max()), before, self._memory, "doubtful pairs")
+        self._capacity = grown(int(counted(needed).max()), before, self._memory, "undecided pairs")
         return self._capacity != before
 
     def counters(self) -> dict[str, int]:
         """Pairs that were left to float64 in the last frame."""
         if self._rays is None:
             return {}
-        counts = {f"{rays} doubtful pairs": pairs for rays, pairs in self._rays.doubtful().items()}
+        counts = {f"{rays} undecided pairs": pairs for rays, pairs in self._rays.undecided_pairs().items()}
         if self.build.update == "refit":
             host = self._rays.frame.host
             counts["frames since the tree was made"] = host.index if host is not None else 0
         return counts
 
     def built(self) -> dict[str, Any]:
-        rebuilt = self.build.update == "rebuild"
-        tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
-        return {"update": self.build.update, "tree": tree, **threads_built(self._rays)}
+        threads = {} if self._rays is None else self._rays.built()
+        return {**built(self.build.update, self.build.builder), **threads}
 
 
 METHOD = BinaryTree

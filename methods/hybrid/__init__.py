@@ -23,18 +23,22 @@ from ..common.pairs import grown
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
 from ..streams.settings import Build as StreamsBuild
-from ..trees.build.rebuild import Rebuilt
-from ..trees.build.refit import Refitted
-from ..trees.trace.shadow_passes import ShadowRays, threads_built
+from ..trees import constants
+from ..trees.builders import built, tree_of
+from ..trees.trace.rays import TreeRays
 from .choice import chosen
 from .parameters import Build, Trace
 
 STREAM, TREE = 0, 1
 """Branches of the graph."""
 
+SHARES = 1
+"""Parts of the pixels whose shadow rays a GPU traces at once: every second block of pixels is a worse neighbour in the
+cache."""
+
 
 class Hybrid(BaseMethod):
-    """See the package. Needs: those of the streams (:class:`..ray_grids.RayGrids`), then the tree's doubtful pairs."""
+    """See the package. Needs: those of the streams (:class:`..ray_grids.RayGrids`), then the tree's undecided pairs."""
 
     name: ClassVar[str] = "hybrid"
     title: ClassVar[str] = "Hybrid (streamed primary rays, tree for the others)"
@@ -48,7 +52,7 @@ class Hybrid(BaseMethod):
         self._capacity = 0
         self._memory = 0
         self._shadows = self.build.shadows
-        self._rays: ShadowRays | None = None
+        self._rays: TreeRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory, self._rays = limits.memory, None
@@ -58,43 +62,26 @@ class Hybrid(BaseMethod):
             return self._streams.plan(frame, effects, limits)
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
-        if not self._capacity:
-            self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
+        self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         starts = None
         if shadows:
             streamed, camera = self._streams.camera_stream(frame, effects, limits, "rounded")
             starts = camera.hit
         else:
             streamed = self._streams.plan(frame, effects, limits)
-        tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
+        tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
-        rays = ShadowRays(
-            frame,
-            self.build,
-            self.trace.of_tree(),
-            effects,
-            tree.tree,
-            tree.extent,
-            self._capacity,
-            starts,
+        self._rays = rays = TreeRays(
+            frame, tree.tree, effects, "exact", False, self.trace.threads, SHARES, self._capacity, starts
         )
-        self._rays = rays
-        after = [*rays.mirror_passes(), *rays.light_passes(late=False)]
-        if shadows:
-            after += rays.clear_passes()
+        after = [*rays.record_passes(), *(rays.clear_passes() if shadows else ())]
         effect = "shadows" if shadows else "mirror"
         passes = [replace(work, hints=Hints(parallel=(TREE,)), effect=effect) for work in first]
         passes.append(replace(grows, hints=Hints(parallel=(TREE, 0)), effect=effect))
         passes += [work.hinted(parallel=(TREE, 1)) for work in after]
         passes += [work.hinted(parallel=(STREAM, *work.hints.parallel)) for work in streamed]
-        return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
-
-    def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
-        """The shadow rays of the primary hits, after both branches."""
-        scene = ("bvh", "points", "triangles", "camera", "hits", *effects.surface_reads())
-        if not shadows:
-            return rays.light_passes(late=True)
-        return rays.in_shares(lambda share: rays.share_passes(share, scene))
+        passes += rays.passes(primary=False) if shadows else rays.late_passes()
+        return [*passes, *rays.bounce_passes()]
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()
@@ -110,7 +97,7 @@ class Hybrid(BaseMethod):
         before = self._capacity
         if self._rays is not None:
             found = counted(needed.ravel()[streamed.size :])
-            self._capacity = grown(int(found.max()), before, self._memory, "doubtful pairs")
+            self._capacity = grown(int(found.max()), before, self._memory, "undecided pairs")
         return more or self._capacity != before
 
     def counters(self) -> dict[str, int]:
@@ -119,20 +106,16 @@ class Hybrid(BaseMethod):
             return {}
         counts = self._streams.counters()
         if self._rays is not None:
-            found = self._rays.doubtful()
-            counts["tree: shadow doubtful pairs"] = found["shadow"]
-            if "mirror" in found:
-                counts["tree: mirror doubtful pairs"] = found["mirror"]
+            found = self._rays.undecided_pairs()
+            counts |= {f"tree: {rays} undecided pairs": n for rays, n in found.items() if rays != "primary"}
         return counts
 
     def built(self) -> dict[str, Any]:
         if self._rays is None:
             streams = {} if self._streams.needs() is None else self._streams.built()
             return {"shadows": self._shadows, **streams}
-        rebuilt = self.build.update == "rebuild"
-        tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
-        found = {"shadows": self._shadows, "update": self.build.update, "tree": tree}
-        return {**found, **threads_built(self._rays)}
+        tree = built(self.build.update, self.build.builder)
+        return {"shadows": self._shadows, **tree, **self._rays.built()}
 
 
 METHOD = Hybrid

@@ -1,8 +1,7 @@
-"""Shared parts of this method's native snippets: C++ that compiles for a GPU and for the CPU.
+"""C++ that the native functions of trees share, for a GPU and for the CPU, and how a child is referred to.
 
-The loops over a tree need a local array for the stack, votes of a warp and 16-byte loads, which Warp's language does not
-have. A snippet is the body of one function, so code that several share is text at their start.
-"""
+Loops over a tree need a local array for the stack, votes of a warp and loads of 16 bytes, which Warp's language does not
+have. A native function is the body of one C++ function: what several share is text at their start."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ NONE = 0xFFFFFFFF
 """The reference to nothing: the root of a tree without triangles."""
 
 STACK = 128
-"""Entries of a stack: no tree is deeper (:mod:`.build.hploc`, :mod:`.build.lbvh`, :mod:`.build.sah`)."""
+"""Entries of a stack: no tree is deeper (:mod:`.builders.hploc`, :mod:`.builders.lbvh`, :mod:`.builders.sah`)."""
 
 BASICS = (
     f"""
@@ -33,11 +32,11 @@ auto real = [](unsigned int value) { union { float f; unsigned int u; } both; bo
 auto low = [](float a, float b) { return fminf(a, b); };
 auto high = [](float a, float b) { return fmaxf(a, b); };
 auto size = [](float a) { return fabsf(a); };
-auto fetch = [](const void* at, int k) {
+auto load16 = [](const void* at, int k) {
     float4 v = __ldg(reinterpret_cast<const float4*>(at) + k);
     return Quad{v.x, v.y, v.z, v.w};
 };
-auto keep = [](void* at, int k, float x, float y, float z, float w) {
+auto store16 = [](void* at, int k, float x, float y, float z, float w) {
     reinterpret_cast<float4*>(at)[k] = make_float4(x, y, z, w);
 };
 auto about = [](float a) {
@@ -60,8 +59,8 @@ constexpr bool FUSED = true;
 auto low = [](float a, float b) { return a < b ? a : b; };
 auto high = [](float a, float b) { return a > b ? a : b; };
 auto size = [](float a) { return a < 0.0f ? -a : a; };
-auto fetch = [](const void* at, int k) { return reinterpret_cast<const Quad*>(at)[k]; };
-auto keep = [](void* at, int k, float x, float y, float z, float w) {
+auto load16 = [](const void* at, int k) { return reinterpret_cast<const Quad*>(at)[k]; };
+auto store16 = [](void* at, int k, float x, float y, float z, float w) {
     reinterpret_cast<Quad*>(at)[k] = Quad{x, y, z, w};
 };
 auto about = [](float a) { return 1.0f / a; };

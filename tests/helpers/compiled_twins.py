@@ -35,8 +35,7 @@ from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.occlusion import undecided as light_undecided
-from shadowbench.methods.trees.trace import careful, mirrored
-from shadowbench.methods.trees.trace import primary as tree_primary
+from shadowbench.methods.trees.trace import closest as tree_closest
 from shadowbench.methods.trees.trace import shadow as tree_shadow
 from shadowbench.methods.uniform_grid import traversal as grid_traversal
 from warp._src.context import Module
@@ -196,12 +195,10 @@ def made_kernels() -> dict[str, wp.Kernel]:
         light_undecided.make_undecided_kernel: light_undecided.make_undecided_kernel(False, False),
         ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],
         ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],
-        careful.make_closest_kernel: careful.make_closest_kernel(48),
-        careful.make_shadow_kernel: careful.make_shadow_kernel(48),
-        mirrored.make_exact_kernel: mirrored.make_exact_kernel(48, 48),
-        tree_primary.make_exact_kernel: tree_primary.make_exact_kernel(False, 48, 56),
-        mirrored.make_shadow_kernel: mirrored.make_shadow_kernel("exact", 48, 48),
-        tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel("exact", 48, 40, True),
+        tree_closest.make_eye_kernel: tree_closest.make_eye_kernel(True, False),
+        tree_closest.make_listed_kernel: tree_closest.make_listed_kernel(True),
+        tree_closest.make_resolve_kernel: tree_closest.make_resolve_kernel(False),
+        tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel(True, True),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
 

@@ -1,4 +1,4 @@
-"""Rays that are hard to decide, through the walk of mirrored rays; and the answers of all triangles tested in float64."""
+"""Rays that are hard to decide, traced as mirrored rays are; and the answers of all triangles tested in float64."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def answers_of(
     table.origin.assign(origin)
     table.direction.assign(direction)
     table.active.fill_(1)
-    rays.mirrored.launch(1)
+    rays.trace_listed(1)
     walked = {name: getattr(hits, name).numpy().copy() for name in ("triangle", "t", "u", "v")}
     wp.launch(
         brute_kernel,
@@ -98,7 +98,7 @@ def answers_of(
         device=frame.device,
     )
     wanted = {name: getattr(hits, name).numpy().copy() for name in walked}
-    return walked, wanted, rays.doubtful()["mirror"]
+    return walked, wanted, rays.undecided_pairs()["mirror"]
 
 
 def assert_same(walked: dict[str, NDArray], wanted: dict[str, NDArray], device: str) -> None:

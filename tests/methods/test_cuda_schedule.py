@@ -23,9 +23,7 @@ from shadowbench.harness.scene.prepared import Prepared
 VARIANTS: list[tuple[str, dict[str, str]]] = [
     *((name, WITH_TREE.get(name, {})) for name in method_names()),
     ("bvh2", {"precision": "float32"}),
-    ("bvh2", {"shares": "1"}),
-    ("bvh2", {"update": "refit", "shares": "3"}),
-    ("hybrid", {"shadows": "tree", "shares": "2"}),
+    ("bvh2", {"update": "refit"}),
     ("ray_grids", {"shares": "3"}),
     ("ray_grids", {"region": "triangles"}),
     ("ray_grids", {"region": "triangles", "streamed": "after"}),

@@ -9,9 +9,9 @@ A row is a method with settings, a scene as in :mod:`helpers.asked_scene`; of ea
 are traced, one after the other in one session. ``--cases H`` are the hard cases whose names begin so. A hash is 32 bits for
 each array of answers. The package is the one that this Python finds: the same program hashes another version's answers.
 
-A kept file holds the rows, and for each frame the hash that most rows have, under "most", and those of all others. Exit
-code 1 if a hash differs from the kept one; what is not kept is only counted.
-"""
+A kept file holds the rows, and for each frame the hash that most of them have and what differs from it in others. Exit
+code 1 if a hash differs from the kept one; what is not kept is only counted. Exact methods differ in the sign of a weight
+of zero."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from shadowbench.harness.hardcases import all_cases
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared
 
-KEPT = Path(__file__).resolve().parents[2] / "results" / "answers"
+KEPT = Path(__file__).resolve().parents[2] / "results" / "hashes"
 
 SCENES = (
     "fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha", "cloth:alpha=3,bounces=2,count=2",
@@ -44,9 +44,8 @@ SCENES = (
 )  # fmt: skip
 
 ROWS = (
-    "accuracy_ladder", "accuracy_ladder:test=float64,leaf_size=4", "bvh2",
-    "bvh2:builder=lbvh,node_bytes=64,key_bits=30,pair=0", "bvh2:radius=8,threads=1", "bvh2:update=refit",
-    "bvh2:update=refit,node_bytes=64", "coherent_grid", "hybrid", "hybrid:shadows=tree,update=refit",
+    "accuracy_ladder", "accuracy_ladder:test=float64,leaf_size=4", "bvh2", "bvh2:builder=lbvh",
+    "bvh2:threads=1", "bvh2:update=refit", "coherent_grid", "hybrid", "hybrid:shadows=tree,update=refit",
     "hybrid:shadows=grid", "kdtree", "perspective_spherical",
     "perspective_spherical:light_map=cube,clamp=none,balancing=algorithm-1,r=3",
     "perspective_spherical:light_map=two-angle,aimed=false,clamp=view,tile=5,staging=none", "ray_grids",
@@ -115,10 +114,18 @@ def packed(rows: list[str], found: Found) -> str:
     lines = []
     for frame, hashes in found.items():
         most = Counter(hashes.values()).most_common(1)[0][0]
-        others = {row: text for row, text in hashes.items() if text != most}
-        lines.append(f"{json.dumps(frame)}: {json.dumps({'most': most, **others})}")
+        others: dict[str, list[int]] = {}
+        for row, text in hashes.items():
+            if text != most:
+                others.setdefault(without(text, most), []).append(rows.index(row))
+        lines.append(f"{json.dumps(frame)}: {json.dumps([most, others])}")
     frames = ",\n".join(lines)
     return f'{{"rows": {json.dumps(rows, indent=1)},\n"frames": {{\n{frames}\n}}}}\n'
+
+
+def without(text: str, most: str) -> str:
+    """The arrays of a hash that are not those of another one."""
+    return " ".join(part for part in text.split() if part not in most.split()) if "=" in text else text
 
 
 def unpacked(path: Path) -> Found:
@@ -126,10 +133,15 @@ def unpacked(path: Path) -> Found:
     if not path.exists():
         return {}
     kept = json.loads(path.read_text(encoding="utf-8"))
-    return {
-        frame: {row: hashes.get(row, hashes["most"]) for row in kept["rows"]}
-        for frame, hashes in kept["frames"].items()
-    }
+    found: Found = {}
+    for frame, (most, others) in kept["frames"].items():
+        found[frame] = dict.fromkeys(kept["rows"], most)
+        for text, numbers in others.items():
+            known = f"{most} {text}".split() if "=" in text else []
+            parts = dict(part.split("=") for part in known if "=" in part)
+            whole = " ".join(f"{name}={digits}" for name, digits in sorted(parts.items())) or text
+            found[frame] |= {kept["rows"][number]: whole for number in numbers}
+    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -141,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--cases", action="append", default=[], help="hard cases whose names begin so")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--side", type=int, default=256)
-    parser.add_argument("--file", type=Path, help="the kept file; default: results/answers/DEVICE-SIDE.json")
+    parser.add_argument("--file", type=Path, help="the kept file; default: results/hashes/DEVICE-SIDE.json")
     parser.add_argument("--keep", action="store_true", help="write what is found into the file")
     given = parser.parse_args(arguments)
     path = given.file or KEPT / f"{given.device.partition(':')[0]}-{given.side}.json"

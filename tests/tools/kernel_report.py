@@ -53,13 +53,12 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.occlusion import rows as light_rows
     from shadowbench.methods.streams.occlusion import stream as light_stream
     from shadowbench.methods.streams.occlusion import undecided as light_undecided
-    from shadowbench.methods.trees.build import hploc as build_hploc
-    from shadowbench.methods.trees.build import lbvh as build_lbvh
-    from shadowbench.methods.trees.build import refit, sort
-    from shadowbench.methods.trees.trace import mirrored, primary, shadow
+    from shadowbench.methods.trees.builders import hploc, lbvh, sort
+    from shadowbench.methods.trees.trace import closest, shadow
     from shadowbench.methods.uniform_grid.method import Trace as GridTrace
     from shadowbench.methods.uniform_grid.traversal import make_kernels
 
+    holes, bounced = Switches(alpha=True), Switches(bounced=True)
     grid_primary, grid_shadow = make_kernels(GridTrace().registers)
     return {
         "warp_bvh": importlib.import_module("shadowbench.methods.warp_bvh.exact").__name__,
@@ -80,30 +79,27 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: doubts": light_undecided.make_undecided_kernel(False, False).module,
         "ray_grids light: doubts of a spot": light_undecided.make_undecided_kernel(False, True).module,
         "ray_grids light: split": "shadowbench.methods.streams.occlusion.groups",
-        "bvh2: tree": build_hploc.make_hploc_kernel(2, 48).module,
-        "bvh2: tree, lbvh": build_lbvh.make_lbvh_kernel(48).module,
-        "bvh2: refit": refit.make_refit_kernel(48).module,
+        "bvh2: tree": hploc.make_hploc_kernel(2).module,
+        "bvh2: tree, lbvh": lbvh.make_lbvh_kernel().module,
+        "bvh2: refit": "shadowbench.methods.trees.builders.refit",
         "bvh2: sort": sort.make_sweep_kernel(8).module,
         "bvh2: sort, large": sort.make_sweep_kernel(16).module,
-        "bvh2: sort, count": "shadowbench.methods.trees.build.sort",
-        "bvh2: keys": "shadowbench.methods.trees.build.keys",
+        "bvh2: sort, count": "shadowbench.methods.trees.builders.sort",
+        "bvh2: keys": "shadowbench.methods.trees.builders.keys",
         "bvh2: triangles": "shadowbench.methods.trees.records.planes",
         "bvh2: triangles, rays": "shadowbench.methods.trees.records.rays",
-        "bvh2: primary": primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS).module,
-        "bvh2: primary, holes": specialised(
-            primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS), Switches(alpha=True)
-        ).module,
-        "bvh2: primary, packets": primary.make_exact_kernel(True, 48, primary.FLOAT64_REGISTERS).module,
-        "bvh2: primary, float32": primary.make_float32_kernel(False, 48, 48).module,
-        "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 48, False).module,
-        "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 48, False).module,
-        "bvh2: shadow, holes": specialised(
-            shadow.make_shadow_kernel("exact", 48, 48, False), Switches(alpha=True)
-        ).module,
-        "bvh2: mirrored": mirrored.make_exact_kernel(48, 48).module,
-        "bvh2: mirrored, float32": mirrored.make_float32_kernel(48, 48).module,
-        "bvh2: mirrored, resolve": "shadowbench.methods.trees.trace.mirrored",
-        "bvh2: mirrored, shadow": mirrored.make_shadow_kernel("exact", 48, 48).module,
+        "bvh2: primary": closest.make_eye_kernel(True, False).module,
+        "bvh2: primary, holes": specialised(closest.make_eye_kernel(True, False), holes).module,
+        "bvh2: primary, packets": closest.make_eye_kernel(True, True).module,
+        "bvh2: primary, float32": closest.make_eye_kernel(False, False).module,
+        "bvh2: shadow": shadow.make_shadow_kernel(True, False).module,
+        "bvh2: shadow, float32": shadow.make_shadow_kernel(False, False).module,
+        "bvh2: shadow, holes": specialised(shadow.make_shadow_kernel(True, False), holes).module,
+        "bvh2: mirrored": closest.make_listed_kernel(True).module,
+        "bvh2: mirrored, float32": closest.make_listed_kernel(False).module,
+        "bvh2: mirrored, list": "shadowbench.methods.trees.trace.closest",
+        "bvh2: mirrored, resolve": closest.make_resolve_kernel(False).module,
+        "bvh2: mirrored, shadow": specialised(shadow.make_shadow_kernel(True, False), bounced).module,
         "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
         "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
     }

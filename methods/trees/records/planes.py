@@ -19,7 +19,7 @@ with u = 2^-24, of directions d, and of hit points and corners whose coordinates
   to 34.1 u M where they are not fused. The
   sum s is at most |n|_1 (M + |light|), so that here planes are scaled by at least 2^-6 |n|_1 (M + |light|) / M, and the
   slack is at most u M again: :data:`LIGHT_UNITS` = 27 or 36 units of M.
-  The triangle's own plane has no slack, but float64's own rounding shows: heights of less than 2^-21 of reach times edge^2
+  The triangle's own plane has no slack, but float64's own rounding shows: heights of less than 2^-21 of the distance times edge^2
   are not used, so that |n|_1 is at least 2^-21 edge^2. Then the rounding of n and float64's threshold
   (:func:`..exact.segment.plane_crosses_segment`) are less than 1.7 u M.
 * What float32 loses of n and c where they are below its normal numbers is 2^-150 times the scale, of which the scale may
@@ -53,17 +53,15 @@ from numpy.typing import NDArray
 from ....harness.frame.geometry import Corners, Mesh
 from ....harness.scene.prepared import Prepared
 from ...common.axes import brought_nearer
-from ...exact.triangle import largest, to_float64, total
 from ...gpu.entries import entry, set_entry
+from ...exact.triangle import largest, to_float64, total
+from ..constants import RECORD_REGISTERS
 from ..native import BASICS
 
 EYE_UNITS = "(FUSED ? 5.5f : 6.5f)"
 DEPTH_UNITS = "10.0f"
 LIGHT_UNITS = "(FUSED ? 27.0f : 36.0f)"
-"""C++, where :data:`.snippets.BASICS` tells whether products and sums are fused."""
-
-REGISTERS = 64
-"""Limit of registers per thread of the kernels that make the records: they are limited by memory."""
+"""C++, where :data:`..native.BASICS` tells whether products and sums are fused."""
 
 CLOSED = wp.constant(2.0**-6)
 ROUNDED = wp.constant(2.0**-20)
@@ -97,6 +95,20 @@ def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
     """The corners of a triangle, read directly (:mod:`...gpu.entries`)."""
     face = entry(mesh.triangles, triangle)
     return Corners(entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2]))
+
+
+@wp.struct
+class LightPlanes:
+    """The triangles' records for a light.
+
+    edges   vec4f [3 * triangles]: of each the planes through the light and its edges; in float32, :func:`float32_kernel`'s
+    sides   vec4f [triangles]: its own plane; empty in float32
+    facing  uint8 [triangles]: :func:`light_kernel`; empty in float32
+    """
+
+    edges: wp.array(dtype=wp.vec4f)
+    sides: wp.array(dtype=wp.vec4f)
+    facing: wp.array(dtype=wp.uint8)
 
 
 @wp.struct
@@ -158,12 +170,12 @@ def seen_from(o32: wp.vec3f, corners: Corners) -> Seen:
     s.y = wp.cross(s.c - o, ca)
     s.z = wp.cross(s.a - o, ab)
     # Sizes choose scales and thresholds, for which float32 is precise enough.
-    reach = wp.max(largest(a32 - o32), wp.max(largest(b32 - o32), largest(c32 - o32)))
+    distance = wp.max(largest(a32 - o32), wp.max(largest(b32 - o32), largest(c32 - o32)))
     edge = wp.max(largest(b32 - a32), wp.max(largest(c32 - b32), largest(a32 - c32)))
-    s.size = reach * edge
+    s.size = distance * edge
     s.inward = 0.0
     height = wp.float32(s.height)
-    if s.size * edge > SMALLEST and s.size * reach < LARGEST and edge * edge > SMALLEST:
+    if s.size * edge > SMALLEST and s.size * distance < LARGEST and edge * edge > SMALLEST:
         if height > FLAT * (s.size * edge):
             s.inward = 1.0
         if height < -FLAT * (s.size * edge):
@@ -183,7 +195,7 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
     return s.inward * about(wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size)))
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
 def eye_kernel(mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
     """Three words per triangle: the edge planes and m, one after the other."""
     at = wp.tid()
@@ -221,18 +233,18 @@ def plane_word(n: wp.vec3d, p: wp.vec3d, n32: wp.vec3f, scale: wp.float32, exten
     return wp.vec4f(n32[0] * scale, n32[1] * scale, n32[2] * scale, c * scale)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
 def light_kernel(
     mesh: Mesh,
     light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     extent: wp.array(dtype=wp.float32),
     joined: wp.array(dtype=wp.uint8),
-    records: wp.array(dtype=wp.vec4f),
+    edges: wp.array(dtype=wp.vec4f),
     sides: wp.array(dtype=wp.vec4f),
     facing: wp.array(dtype=wp.uint8),
 ):
-    """Three words per triangle: the planes through the light. In an array apart, the triangle's own plane.
+    """The arrays of :class:`LightPlanes`.
 
     facing: of a triangle that is ``joined`` to its neighbour, 1 or 2 for the side that the light certainly sees; else 0
     """
@@ -266,9 +278,9 @@ def light_kernel(
     if s.inward < 0.0:
         face = 2
     set_entry(facing, at, wp.uint8(wp.where(joins != wp.uint8(0), face, 0)))
-    set_entry(records, 3 * at, first)
-    set_entry(records, 3 * at + 1, second)
-    set_entry(records, 3 * at + 2, third)
+    set_entry(edges, 3 * at, first)
+    set_entry(edges, 3 * at + 1, second)
+    set_entry(edges, 3 * at + 2, third)
     set_entry(sides, at, own)
 
 

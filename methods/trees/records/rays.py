@@ -4,7 +4,7 @@ With P = a - o, k = P x d and the edges e1 = b - a, e2 = c - a, a ray o + t d me
 t = n . P / n . d with n = e1 x e2, and e2 . k, -e1 . k and n . d minus both are its weights of b, c and a times n . d
 (Moeller and Trumbore 1997). For the exact walk edges and normal are multiplied by a power of two, so that the largest
 part of an edge, E, is in [1/2, 1): the bounds then need no size of the triangle. With u = 2^-24, N the largest part of
-n, S of P and D = |d|_1, the numbers of :mod:`..trace.walk_ray` are known to
+n, S of P and D = |d|_1, the numbers of :data:`..trace.triangle_tests.RAY` are known to
 
 * e2 . k and e1 . k: 14 u S D. Seven roundings (edge, P, a product, their difference, a product, two sums) of terms whose
   sum is at most 2 S D.
@@ -36,10 +36,11 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Mesh
+from ...gpu.entries import entry, set_entry
 from ...exact.hit_point import fused, lost_in_sum, rounded
 from ...exact.triangle import largest, to_float64
-from ...gpu.entries import entry, set_entry
-from .planes import REGISTERS, near32, triangle_corners
+from ..constants import RECORD_REGISTERS
+from .planes import near32, triangle_corners
 
 WEIGHT_UNITS = 16.0
 PLANE_UNITS = 6.0
@@ -118,7 +119,7 @@ def set_record(
     set_entry(records, 3 * at + 2, wp.vec4f(f[2], n[0], n[1], n[2]))
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
 def ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
     """Three words per triangle: a, and the edges and the normal in the triangle's own scale."""
     at = wp.tid()

@@ -12,6 +12,7 @@ from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
 from helpers.method_trials import assert_exact, hard_trials, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
+from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
@@ -21,7 +22,7 @@ NAME = "hybrid"
 SETTINGS: list[dict[str, str]] = [
     {"shadows": "tree"},
     {"shadows": "grid"},
-    {"shadows": "tree", "update": "refit", "shares": "1"},
+    {"shadows": "tree", "update": "refit"},
     {"shadows": "tree", "builder": "lbvh"},
 ]
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
@@ -177,7 +178,8 @@ def test_replays_of_the_graph_repeat_the_answers(device):
 def test_queues_of_both_parts_grow(device):
     prepared, width, height = TRIALS["rays at vertices"]
     _, _, roomy = trace(NAME, WITH_TREE, prepared, width, height, device)
-    session, _, tight = trace(NAME, {**WITH_TREE, "doubt_capacity": "1"}, prepared, width, height, device)
+    with tuned({"ROOM": 1}):
+        session, _, tight = trace(NAME, WITH_TREE, prepared, width, height, device)
     assert session.regrown > 0
     for key, values in roomy.items():
         np.testing.assert_array_equal(tight[key], values, key)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from helpers.holed_scenes import holed
 from helpers.lattice_examples import Example, true_errors
 from helpers.method_trials import assert_exact, assert_nearly, hard_trials, random_trial, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
+from helpers.tuned_trees import tuned
 from hypothesis import given
 from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
@@ -24,36 +26,41 @@ from shadowbench.harness.hardcases.eyes import touching
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
-from shadowbench.methods.trees.undecided import MOST_KEPT
+from shadowbench.methods.trees.trace.undecided import MOST_KEPT
 
 NAME = "bvh2"
 SETTINGS = [
     {},
-    {"builder": "lbvh", "key_bits": "30", "pair": "0"},
-    {"radius": "8", "node_bytes": "64", "shares": "1"},
-    {"primary": "packet", "radius": "1", "shares": "4", "pair": "0.6"},
+    {"builder": "lbvh", "SHARED_AREA": 0.0},
+    {"RADIUS": 8, "SHARES": 1},
+    {"primary": "packet", "RADIUS": 1, "SHARES": 4, "SHARED_AREA": 0.6},
     {"update": "refit"},
-    {"update": "static", "node_bytes": "64", "primary": "packet"},
+    {"update": "static", "primary": "packet"},
 ]
+"""In capitals: constants of trees (:mod:`helpers.tuned_trees`)."""
+
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
 @pytest.mark.parametrize("seed", range(18))
 def test_equals_brute_force_on_random_scenes(seed, device):
-    assert_exact(NAME, SETTINGS[seed % len(SETTINGS)], *random_trial(seed + 300), device)
+    with tuned(SETTINGS[seed % len(SETTINGS)]) as settings:
+        assert_exact(NAME, settings, *random_trial(seed + 300), device)
 
 
 @pytest.mark.parametrize("settings", SETTINGS[:2] + SETTINGS[4:5], ids=str)
 @pytest.mark.parametrize("trial", TRIALS)
 def test_equals_brute_force_on_hard_scenes(trial, settings, device):
-    assert_exact(NAME, settings, *TRIALS[trial], device)
+    with tuned(settings) as given:
+        assert_exact(NAME, given, *TRIALS[trial], device)
 
 
 @some(60)
 @given(EXAMPLES, st.sampled_from(SETTINGS))
-def test_has_no_true_error_on_lattice_examples(example: Example, settings: dict[str, str]) -> None:
-    example = dataclasses.replace(example, settings={**example.settings, NAME: settings})
-    assert true_errors(example, (NAME,)) == {}
+def test_has_no_true_error_on_lattice_examples(example: Example, settings: dict[str, Any]) -> None:
+    with tuned(settings) as chosen:
+        example = dataclasses.replace(example, settings={**example.settings, NAME: chosen})
+        assert true_errors(example, (NAME,)) == {}
 
 
 def small_scene() -> Prepared:
@@ -63,7 +70,10 @@ def small_scene() -> Prepared:
 def test_settings_change_no_bit(device):
     prepared = small_scene()
     _, _, first = trace(NAME, SETTINGS[0], prepared, 33, 21, device)
-    others = [trace(NAME, settings, prepared, 33, 21, device)[2] for settings in SETTINGS[1:]]
+    others = []
+    for settings in SETTINGS[1:]:
+        with tuned(settings) as given:
+            others.append(trace(NAME, given, prepared, 33, 21, device)[2])
     others.append(trace("ray_grids", {}, prepared, 33, 21, device)[2])
     others.append(trace(NAME, SETTINGS[0], prepared, 33, 21, "cpu")[2])
     for other in others:
@@ -72,12 +82,15 @@ def test_settings_change_no_bit(device):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"pair": "0"}, {"pair": "1000"}, {"pair": "1000", "primary": "packet"}], ids=str
+    "settings",
+    [{"SHARED_AREA": 0.0}, {"SHARED_AREA": 1e3}, {"SHARED_AREA": 1e3, "primary": "packet"}],
+    ids=str,
 )
 def test_a_wall_one_step_from_the_eye_is_not_hidden_by_a_sure_hit(settings, device):
     """float32 knows no depth of it; in a leaf of four it is tested after the wall behind it."""
     trial = touching()
-    answers = Session(make_method(NAME, settings), trial.prepared, 16, 16, device).answers(trial.moment)
+    with tuned(settings) as given:
+        answers = Session(make_method(NAME, given), trial.prepared, 16, 16, device).answers(trial.moment)
     assert set(answers["triangle"]) == {0, 1}
 
 
@@ -85,26 +98,28 @@ def test_queues_grow_and_the_frame_is_repeated(device):
     """A fan of triangles at whose middle every ray is aimed leaves more pairs than there is room for."""
     prepared, width, height = TRIALS["rays at vertices"]
     _, _, roomy = trace(NAME, {}, prepared, width, height, device)
-    session, _, tight = trace(NAME, {"doubt_capacity": "1"}, prepared, width, height, device)
+    with tuned({"ROOM": 1}):
+        session, _, tight = trace(NAME, {}, prepared, width, height, device)
     assert session.regrown > 0
     for key, values in roomy.items():
         np.testing.assert_array_equal(tight[key], values, key)
 
 
-@pytest.mark.parametrize("settings", [{}, {"pair": "0"}, {"primary": "packet"}], ids=str)
-def test_a_ray_that_leaves_more_doubts_than_it_keeps_enters_them_all(settings, device):
+@pytest.mark.parametrize("settings", [{}, {"SHARED_AREA": 0.0}, {"primary": "packet"}], ids=str)
+def test_a_ray_that_leaves_more_than_it_keeps_enters_all(settings, device):
     """Ten walls of four triangles each, whose common corners lie on one line, from the eye to the light behind them."""
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 0]], dtype=float)
     fan = np.array([[k, (k + 1) % 4, 4] for k in range(4)])
     walls = [corners * [1, 1, 0] + [0, 0, -0.25 * k] for k in range(10)]
     faces = [fan + 5 * k for k in range(10)]
     prepared = make_scene(np.concatenate(walls), np.concatenate(faces), [(0.0, 0.0, -6.0)], (0.0, 0.0, 4.0))
-    assert_exact(NAME, settings, prepared, 1, 1, device)
-    method = make_method(NAME, settings)
-    Session(method, prepared, 1, 1, device).answers(prepared.moment(0, 1, 1))
+    with tuned(settings) as given:
+        assert_exact(NAME, given, prepared, 1, 1, device)
+        method = make_method(NAME, given)
+        Session(method, prepared, 1, 1, device).answers(prepared.moment(0, 1, 1))
     found = method.counters()
-    assert found["primary doubtful pairs"] == len(faces) * len(fan) > MOST_KEPT + 2
-    assert found["shadow doubtful pairs"] > MOST_KEPT + 2
+    assert found["primary undecided pairs"] == len(faces) * len(fan) > MOST_KEPT + 2
+    assert found["shadow undecided pairs"] > MOST_KEPT + 2
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
@@ -174,9 +189,7 @@ def test_static_refuses_moving_geometry():
         Session(make_method(NAME, {"update": "static"}), moving(False), 8, 8, "cpu")
 
 
-@pytest.mark.parametrize(
-    "settings", [*SETTINGS, {"precision": "float32"}, {"doubt_capacity": "1", "shares": "3"}], ids=str
-)
+@pytest.mark.parametrize("settings", [*SETTINGS, {"precision": "float32"}, {"ROOM": 1, "SHARES": 3}], ids=str)
 @pytest.mark.parametrize("mirrors", [False, True])
 @pytest.mark.parametrize("every", [1, 2])
 def test_holes_are_seen_through(settings, mirrors, every, device):
@@ -187,11 +200,12 @@ def test_holes_are_seen_through(settings, mirrors, every, device):
         scene = dataclasses.replace(scene, mirror=all_mirrors, bounces=2)
     prepared = prepare(scene)
     wanted = holed_answers("uniform_grid", {}, prepared, device=device)
-    session = Session(make_method(NAME, settings), prepared, *HOLED_SIZE, device)
-    got = session.answers(prepared.moment(0, *HOLED_SIZE))
+    with tuned(settings) as given:
+        session = Session(make_method(NAME, given), prepared, *HOLED_SIZE, device)
+        got = session.answers(prepared.moment(0, *HOLED_SIZE))
     for key, values in wanted.items():
         np.testing.assert_array_equal(got[key], values, key)
-    assert session.method.counters()["primary doubtful pairs"] > 100 // every
+    assert session.method.counters()["primary undecided pairs"] > 100 // every
 
 
 def test_mirrors_reflect(device):
@@ -202,7 +216,7 @@ def test_mirrors_reflect(device):
         np.testing.assert_array_equal(got[key], wanted[key], key)
 
 
-@pytest.mark.parametrize("settings", [{}, {"pair": "0"}, {"update": "refit", "node_bytes": "64"}], ids=str)
+@pytest.mark.parametrize("settings", [{}, {"SHARED_AREA": 0.0}, {"update": "refit"}], ids=str)
 @pytest.mark.parametrize("effect", ["plain", "holes", "mirrors", "parallel"])
 def test_a_box_is_met_where_its_middle_over_the_direction_is_infinite(settings, effect, device):
     """A ray along x that meets, at y = 0.15, boxes whose middle is 0.5 off it and whose extent is 0.4: of 7e26 units, and
@@ -218,9 +232,10 @@ def test_a_box_is_met_where_its_middle_over_the_direction_is_infinite(settings, 
     if effect == "mirrors":
         scene = dataclasses.replace(scene, mirror=lambda geometry: np.ones(4, dtype=np.uint8), bounces=2)
     prepared = prepare(scene)
-    if reason := make_method(NAME, settings).applies(prepared.scene, device):
-        pytest.fail(reason)
-    _, _, got = trace(NAME, settings, prepared, 3, 3, device)
+    with tuned(settings) as given:
+        if reason := make_method(NAME, given).applies(prepared.scene, device):
+            pytest.fail(reason)
+        _, _, got = trace(NAME, given, prepared, 3, 3, device)
     _, _, wanted = trace("warp_bvh", {"update": "bvh_rebuild"}, prepared, 3, 3, device)
     assert (wanted["triangle"] >= 0).all()
     for key, values in wanted.items():

@@ -8,7 +8,7 @@ from helpers.brute_force import soup
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.ray_trials import PLAIN, SIDE, answers_of, assert_same, session_of
 from numpy.typing import NDArray
-from shadowbench.methods.trees.trace import mirrored, walk_ray
+from shadowbench.methods.trees.trace import closest, traversal, triangle_tests
 
 RAYS = SIDE * SIDE
 Mesh = tuple[NDArray, NDArray]
@@ -65,9 +65,7 @@ def test_hard_rays_are_decided_as_by_all_triangles_in_float64(name, device):
     assert_same(walked, wanted, device)
 
 
-@pytest.mark.parametrize(
-    "settings", [{"node_bytes": "64", "builder": "lbvh"}, {"update": "refit"}, {"threads": "3"}]
-)
+@pytest.mark.parametrize("settings", [{"builder": "lbvh"}, {"update": "refit"}, {"threads": "3"}])
 def test_settings_change_no_answer(settings, device):
     walked, wanted, _ = answers_of(session_of(*MESHES["soup"], settings, device), 2)
     assert_same(walked, wanted, device)
@@ -78,8 +76,8 @@ def test_settings_change_no_answer(settings, device):
 )
 def test_float32_decides_nearly_all_plain_rays(name, device):
     """Of each ray, which meets many boxes and up to 200 triangles."""
-    _, _, doubts = answers_of(session_of(*MESHES[name], {}, device), 3, [PLAIN])
-    assert doubts < 0.05 * RAYS
+    _, _, undecided = answers_of(session_of(*MESHES[name], {}, device), 3, [PLAIN])
+    assert undecided < 0.05 * RAYS
 
 
 FAULTS = {
@@ -90,15 +88,15 @@ FAULTS = {
 
 @pytest.fixture
 def planted(request, monkeypatch):
-    """The walk of an exact tree without one of its bounds."""
-    made = (walk_ray.make_ray_walk, mirrored.make_exact_kernel)
+    """The traversal of an exact tree without one of its bounds."""
+    factories = (traversal.make_closest, closest.make_listed_kernel)
     before, after = FAULTS[request.param]
-    assert before in walk_ray.EXACT_BEGIN
-    monkeypatch.setattr(walk_ray, "EXACT_BEGIN", walk_ray.EXACT_BEGIN.replace(before, after))
-    for factory in made:
+    assert before in triangle_tests.RAY
+    monkeypatch.setitem(triangle_tests.TESTS, ("ray", True), triangle_tests.RAY.replace(before, after))
+    for factory in factories:
         factory.cache_clear()
     yield request.param
-    for factory in made:
+    for factory in factories:
         factory.cache_clear()
 
 
@@ -113,7 +111,7 @@ def wrong_answers(device: str) -> int:
 
 
 @pytest.mark.parametrize("planted", ["weights", "heights and slopes"], indirect=True)
-def test_a_walk_without_a_bound_is_found(planted, device):
+def test_a_test_without_a_bound_is_found(planted, device):
     assert wrong_answers(device) > 0
 
 

@@ -10,7 +10,7 @@ half is not there yet.
 The paper gives no bound on the height of the tree: each merge may add one level, so that triangles whose sizes halve from
 one to the next make a chain. Here a cluster stores its height. Where one of a node's clusters is :data:`TALL` levels
 high, neighbours are merged in pairs, whatever their area: one level for each node of the radix tree that is still to
-come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`.snippets.STACK`).
+come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`..native.STACK`).
 
 Threads that climb through small nodes write nothing to global memory. A block keeps the boxes of its leaves and the flags
 between them in shared memory; the warp that merges a leaf of another block computes its box again. So only warps that
@@ -55,14 +55,12 @@ auto cost_of = [&](const float* p, const float* q) {
 };
 auto merged = [&](const Cluster& p, const Cluster& q) {
     Cluster both;
-    for (int axis = 0; axis < 3; axis++) {
-        both.box[axis] = low(p.box[axis], q.box[axis]);
-        both.box[axis + 3] = high(p.box[axis + 3], q.box[axis + 3]);
-    }
+    for (int k = 0; k < 6; k++) both.box[k] = p.box[k];
+    join(both.box, q.box);
     both.ref = q.name & NAME;
     unsigned int height = p.name >> HEIGHT_BIT, other = q.name >> HEIGHT_BIT;
     both.name = (p.name & NAME) | ((height > other ? height : other) + 1u) << HEIGHT_BIT;
-    put_node((float*)nodes.data, both.ref, pad, p.box, p.ref, q.box, q.ref);
+    put_node((float*)tree.nodes.data, both.ref, pad, p.box, p.ref, q.box, q.ref);
     return both;
 };
 """
@@ -209,7 +207,7 @@ while (true) {
             bool whole = lower == NONE && upper == NONE;
             merge_down(c, number, whole ? 1 : CLUSTERS);
             if (whole) {
-                if (lane == 0) root.data[0] = (int)c.ref;
+                if (lane == 0) tree.root.data[0] = (int)c.ref;
                 break;
             }
             bool is_lower = is_left(l, r, lower, upper);
@@ -252,11 +250,11 @@ while (true) {
 ONE_BY_ONE = """
 if (i >= count) return;
 auto store = [&](int k, const Cluster& c) {
-    keep(scratch.data, 2 * k, c.box[0], c.box[1], c.box[2], real(c.ref));
-    keep(scratch.data, 2 * k + 1, c.box[3], c.box[4], c.box[5], real(c.name));
+    store16(scratch.data, 2 * k, c.box[0], c.box[1], c.box[2], real(c.ref));
+    store16(scratch.data, 2 * k + 1, c.box[3], c.box[4], c.box[5], real(c.name));
 };
 auto load = [&](int k) {
-    Quad p = fetch(scratch.data, 2 * k), q = fetch(scratch.data, 2 * k + 1);
+    Quad p = load16(scratch.data, 2 * k), q = load16(scratch.data, 2 * k + 1);
     return Cluster{{p.x, p.y, p.z, q.x, q.y, q.z}, bits(p.w), bits(q.w)};
 };
 auto merge_down = [&](Cluster* held, int& number, int enough) {
@@ -305,7 +303,7 @@ while (true) {
         }
         merge_down(held, number, whole ? 1 : CLUSTERS);
         if (whole) {
-            root.data[0] = (int)held[0].ref;
+            tree.root.data[0] = (int)held[0].ref;
             return;
         }
         for (int k = 0; k < CLUSTERS; k++) {
@@ -328,7 +326,7 @@ while (true) {
 
 
 @functools.cache
-def make_hploc_kernel(radius: int, node_bytes: int) -> Any:
+def make_hploc_kernel(radius: int) -> Any:
     """A thread for each leaf in key order, and up to a full block of :data:`BLOCK`."""
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{BY_WARPS}\n#else\n{ONE_BY_ONE}\n#endif\n"
-    return make_builder(node_bytes, f"constexpr int RADIUS = {radius};" + SHARED + by_device)
+    return make_builder(f"constexpr int RADIUS = {radius};" + SHARED + by_device)

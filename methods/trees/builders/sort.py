@@ -18,6 +18,8 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.geometry import filled
+
 DIGIT = 8
 DIGITS = 1 << DIGIT
 THREADS = 256
@@ -67,7 +69,7 @@ if (pass_ > 0 && tile * THREADS * ITEMS >= count) return;
 unsigned int key[ITEMS];
 int rank[ITEMS], shift = pass_ * DIGIT;
 #pragma unroll
-for (int k = 0; k < ITEMS; k++) key[k] = first + 32 * k < count ? from_keys.data[first + 32 * k] : (unsigned int)nothing;
+for (int k = 0; k < ITEMS; k++) key[k] = first + 32 * k < count ? source.keys.data[first + 32 * k] : (unsigned int)nothing;
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) {
     int digit = (key[k] >> shift) & (DIGITS - 1), before = 0;
@@ -110,7 +112,7 @@ if (pass_ == 0 && tile == 0 && thread == 0) held.data[0] = all_keys;
 for (int k = 0; k < WARPS; k++) of_warp[k][thread] += inner;
 int value[ITEMS], earlier = 0;
 #pragma unroll
-for (int k = 0; k < ITEMS; k++) value[k] = first + 32 * k < count ? from_values.data[first + 32 * k] : 0;
+for (int k = 0; k < ITEMS; k++) value[k] = first + 32 * k < count ? source.values.data[first + 32 * k] : 0;
 for (int back = tile - 1; back >= 0; back -= AHEAD) {
     unsigned int said[AHEAD];
 #pragma unroll
@@ -140,7 +142,7 @@ for (int k = 0; k < ITEMS; k++) {
     int at = thread + THREADS * k;
     unsigned int sorted = kept[at];
     place[k] = at < here ? base[(sorted >> shift) & (DIGITS - 1)] + at : -1;
-    if (place[k] >= 0) to_keys.data[place[k]] = sorted;
+    if (place[k] >= 0) target.keys.data[place[k]] = sorted;
 }
 __syncthreads();
 #pragma unroll
@@ -149,10 +151,18 @@ for (int k = 0; k < ITEMS; k++)
 __syncthreads();
 #pragma unroll
 for (int k = 0; k < ITEMS; k++)
-    if (place[k] >= 0) to_values.data[place[k]] = kept[thread + THREADS * k];
+    if (place[k] >= 0) target.values.data[place[k]] = kept[thread + THREADS * k];
 #endif
 """
 )
+
+
+@wp.struct
+class Pairs:
+    """keys, values int32 [count]: what is sorted, and what goes with it."""
+
+    keys: wp.array(dtype=wp.int32)
+    values: wp.array(dtype=wp.int32)
 
 
 @wp.func_native(COUNT)
@@ -170,11 +180,11 @@ def count_kernel(
     count: wp.int32,
     passes: wp.int32,
     nothing: wp.int32,
-    keys: wp.array(dtype=wp.int32),
+    unsorted: Pairs,
     state: wp.array(dtype=wp.int32),
 ):
     """How many keys have each digit, for all passes at once."""
-    count_digits(count, passes, nothing, keys, state)
+    count_digits(count, passes, nothing, unsorted.keys, state)
 
 
 @functools.cache
@@ -188,12 +198,10 @@ def make_sweep_kernel(items: int) -> Any:
         pass_: wp.int32,
         tiles: wp.int32,
         nothing: wp.int32,
-        from_keys: wp.array(dtype=wp.int32),
-        from_values: wp.array(dtype=wp.int32),
+        source: Pairs,
         state: wp.array(dtype=wp.int32),
         held: wp.array(dtype=wp.int32),
-        to_keys: wp.array(dtype=wp.int32),
-        to_values: wp.array(dtype=wp.int32),
+        target: Pairs,
     ): ...
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
@@ -202,14 +210,12 @@ def make_sweep_kernel(items: int) -> Any:
         pass_: wp.int32,
         tiles: wp.int32,
         nothing: wp.int32,
-        from_keys: wp.array(dtype=wp.int32),
-        from_values: wp.array(dtype=wp.int32),
+        source: Pairs,
         state: wp.array(dtype=wp.int32),
         held: wp.array(dtype=wp.int32),
-        to_keys: wp.array(dtype=wp.int32),
-        to_values: wp.array(dtype=wp.int32),
+        target: Pairs,
     ):
-        sweep(count, pass_, tiles, nothing, from_keys, from_values, state, held, to_keys, to_values)
+        sweep(count, pass_, tiles, nothing, source, state, held, target)
 
     return sweep_kernel
 
@@ -231,52 +237,43 @@ def held_kernel(
 
 
 class Sort:
-    """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half, without the keys ``nothing``.
+    """Sorts ``count`` pairs by keys of so many ``bits``, leaving out the keys ``nothing``, which are no smaller than any other.
 
-    ``nothing`` is no smaller than any key. ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
-    state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared by
-    what writes the keys. held int32 [1]: how many keys there are but ``nothing``
+    unsorted  what is to be sorted: the same memory each time
+    sorted    the result; held int32 [1]: how many there are
+    state     int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared by
+              what writes the keys
     """
 
-    def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int, nothing: int):
-        self.keys, self.values, self.count, self.bits = keys, values, count, bits
-        self.nothing = nothing
-        self.device = keys.device
+    def __init__(self, count: int, bits: int, nothing: int, device: str):
+        self.count, self.bits, self.nothing = count, bits, nothing
+        self.device = wp.get_device(device)
         self.passes = -(-bits // DIGIT)
-        self.begin = self.passes % 2 if self.device.is_cuda else 0
         self.items = 8 if count < MANY else 16
         self.tiles = -(-count // (THREADS * self.items))
         words = 4 * DIGITS + 32 + self.passes * self.tiles * DIGITS
-        self.state = wp.zeros(words if self.device.is_cuda else 0, dtype=wp.int32, device=self.device)
-        self.held = wp.zeros(1, dtype=wp.int32, device=self.device)
-
-    def half(self, which: int) -> tuple[wp.array, wp.array]:
-        """Keys and values of one half."""
-        part = slice(which * self.count, (which + 1) * self.count)
-        return self.keys[part], self.values[part]
+        with wp.ScopedDevice(device):
+            self.keys, self.values = (wp.zeros(2 * count, dtype=wp.int32) for _ in range(2))
+            self.state = wp.zeros(words if self.device.is_cuda else 0, dtype=wp.int32)
+            self.held = wp.zeros(1, dtype=wp.int32)
+        parts = slice(0, count), slice(count, 2 * count)
+        self._halves = [filled(Pairs, keys=self.keys[part], values=self.values[part]) for part in parts]
+        self.sorted = self._halves[0]
+        self.unsorted = self._halves[self.passes % 2 if self.device.is_cuda else 0]
 
     def launch(self) -> None:
+        """Sort what is in ``unsorted``."""
         if self.device.is_cpu:
             wp.utils.radix_sort_pairs(self.keys, self.values, self.count, 0, self.bits)
-            inputs = [self.count, self.nothing, self.keys]
-            wp.launch(held_kernel, dim=1, inputs=inputs, outputs=[self.held], device=self.device)
+            self._run(held_kernel, 1, [self.count, self.nothing, self.keys], [self.held], 1)
             return
-        begin = self.half(self.begin)
-        wp.launch(
-            count_kernel,
-            dim=THREADS * min(COUNT_BLOCKS, self.tiles),
-            inputs=[self.count, self.passes, self.nothing, begin[0]],
-            outputs=[self.state],
-            device=self.device,
-            block_dim=THREADS,
-        )
+        threads = THREADS * min(COUNT_BLOCKS, self.tiles)
+        self._run(count_kernel, threads, [self.count, self.passes, self.nothing, self.unsorted], [self.state])
         for k in range(self.passes):
-            source, target = self.half((self.begin + k) % 2), self.half((self.begin + k + 1) % 2)
-            wp.launch(
-                make_sweep_kernel(self.items),
-                dim=THREADS * self.tiles,
-                inputs=[self.count, k, self.tiles, self.nothing, *source, self.state],
-                outputs=[self.held, *target],
-                device=self.device,
-                block_dim=THREADS,
-            )
+            source, target = self._halves[(self.passes + k) % 2], self._halves[(self.passes + k + 1) % 2]
+            inputs = [self.count, k, self.tiles, self.nothing, source, self.state]
+            kernel = make_sweep_kernel(self.items)
+            self._run(kernel, THREADS * self.tiles, inputs, [self.held, target])
+
+    def _run(self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = THREADS) -> None:
+        wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)

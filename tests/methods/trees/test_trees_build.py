@@ -2,47 +2,45 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.tuned_trees import tuned
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.methods.trees.build.sah import DEEP, sah_topology
-from shadowbench.methods.trees.build.sort import Sort
+from shadowbench.methods.trees.builders.sah import DEEP, sah_topology
 from shadowbench.methods.trees.native import INDEX, LEAF, NONE, PAIR, STACK
+from shadowbench.methods.trees.nodes import NODE_BYTES
 
 BUILDS = [
-    {"builder": "lbvh", "pair": "0"},
-    {"builder": "lbvh", "key_bits": "30", "node_bytes": "64", "pair": "1000"},
-    {"radius": "1", "pair": "0.6"},
-    {"radius": "2", "pair": "0"},
-    {"radius": "8", "node_bytes": "64"},
+    {"builder": "lbvh", "SHARED_AREA": 0.0},
+    {"builder": "lbvh", "SHARED_AREA": 1000.0},
+    {"RADIUS": 1, "SHARED_AREA": 0.6},
+    {"RADIUS": 2, "SHARED_AREA": 0.0},
+    {"RADIUS": 8},
     {"update": "refit"},
 ]
 
 
-def built(prepared: Prepared, settings: dict[str, str], device: str = "cpu") -> Session:
-    session = Session(make_method("bvh2", settings), prepared, 8, 8, device)
-    session.answers(prepared.moment(0, 8, 8))
+def built(prepared: Prepared, settings: dict[str, Any], device: str = "cpu") -> Session:
+    with tuned(settings) as given:
+        session = Session(make_method("bvh2", given), prepared, 8, 8, device)
+        session.answers(prepared.moment(0, 8, 8))
     return session
 
 
 def children(session: Session) -> tuple[NDArray, NDArray, NDArray, int]:
     """(centres, extents, references) of both children, [nodes, 2, ...], and the root's reference."""
-    rays = session.method._rays
-    words = rays.build.node_bytes // 4
-    nodes = rays.tree.nodes.numpy().reshape(-1, words)
-    if words == 16:
-        boxes = nodes.reshape(-1, 2, 2, 4)
-        centres, extents, refs = boxes[:, :, 0, :3], boxes[:, :, 1, :3], boxes[:, :, 0, 3]
-    else:
-        centres, refs = nodes.reshape(-1, 3, 4)[:, :2, :3], nodes.reshape(-1, 3, 4)[:, :2, 3]
-        packed = np.ascontiguousarray(nodes[:, 8:11]).view(np.uint16).reshape(-1, 2, 3)
-        extents = (packed.astype(np.uint32) << 16).view(np.float32)
-    root = int(rays.tree.root.numpy().view(np.uint32)[0])
+    tree = session.method._rays.tree
+    nodes = tree.nodes.numpy().reshape(-1, NODE_BYTES // 4)
+    centres, refs = nodes.reshape(-1, 3, 4)[:, :2, :3], nodes.reshape(-1, 3, 4)[:, :2, 3]
+    packed = np.ascontiguousarray(nodes[:, 8:11]).view(np.uint16).reshape(-1, 2, 3)
+    extents = (packed.astype(np.uint32) << 16).view(np.float32)
+    root = int(tree.root.numpy().view(np.uint32)[0])
     return centres, extents, np.ascontiguousarray(refs).view(np.uint32).reshape(-1, 2), root
 
 
@@ -114,7 +112,7 @@ def test_neighbours_of_the_mesh_share_a_leaf_where_their_common_box_is_small(dev
     corners = np.concatenate([quad + [k % 10, 0.1 * k, k // 10] for k in range(60)]).reshape(-1, 3, 3)
     apart = np.stack([corners[:60], corners[60:]], axis=1).reshape(-1, 3, 3)
 
-    def leaves(triangles: NDArray, settings: dict[str, str]) -> int:
+    def leaves(triangles: NDArray, settings: dict[str, Any]) -> int:
         points = triangles.reshape(-1, 3)
         prepared = make_scene(points, np.arange(len(points)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
         _, _, refs, _ = children(built(prepared, settings, device))
@@ -122,14 +120,14 @@ def test_neighbours_of_the_mesh_share_a_leaf_where_their_common_box_is_small(dev
 
     assert leaves(corners, {}) == 60
     assert leaves(corners[:-1], {}) == 60
-    assert leaves(corners, {"pair": "0"}) == 120
+    assert leaves(corners, {"SHARED_AREA": 0.0}) == 120
     assert leaves(apart, {}) == 120
-    assert leaves(apart, {"pair": "1000"}) == 60
+    assert leaves(apart, {"SHARED_AREA": 1000.0}) == 60
 
 
 def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
     prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
-    assert checked_depth(built(prepared, {"builder": "lbvh", "pair": "0"}), prepared) <= 24 + 15
+    assert checked_depth(built(prepared, {"builder": "lbvh", "SHARED_AREA": 0.0}), prepared) <= 24 + 15
 
 
 def test_nothing_valid_is_an_empty_tree(device):
@@ -159,23 +157,3 @@ def test_deep_sah_trees_are_halved():
         above = np.where(above >= 0, topology.node_parent[above >> 1], -1)
     assert depth <= DEEP + 8
     assert sorted(topology.order) == list(range(len(corners)))
-
-
-@pytest.mark.parametrize("count", [1, 31, 2047, 2048, 2049, 70_000, 450_000])
-@pytest.mark.parametrize("bits", [24, 30])
-def test_sorting_is_stable(count, bits, device):
-    random = np.random.default_rng(count)
-    keys = random.integers(0, 2**bits if count % 2 else 300, count).astype(np.int32)
-    nothing = 2**bits - 1
-    keys[random.random(count) < 0.4] = nothing
-    sort = Sort(*(wp.zeros(2 * count, dtype=wp.int32, device=device) for _ in range(2)), count, bits, nothing)
-    for _ in range(2):
-        into = sort.half(sort.begin)
-        into[0].assign(keys)
-        into[1].assign(np.arange(count, dtype=np.int32))
-        sort.state.zero_()
-        sort.launch()
-        wanted = np.argsort(keys, kind="stable")[: (keys < nothing).sum()]
-        assert sort.held.numpy()[0] == len(wanted)
-        np.testing.assert_array_equal(sort.half(0)[1].numpy()[: len(wanted)], wanted)
-        np.testing.assert_array_equal(sort.half(0)[0].numpy()[: len(wanted)], keys[wanted])

@@ -15,18 +15,25 @@ import math
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, value_struct
 from ...common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
 from ...gpu.entries import entry, set_entry
+from .. import constants
 from ..native import BASICS, PAIR
+from ..nodes import Tree
+from .sort import Pairs
 
 EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 """A flag at which neither child has arrived."""
 
 PAIRED = wp.constant(PAIR)
+CELLS = wp.constant(1 << constants.KEY_BITS // 3)
+"""Cells along the longest side of the scene."""
+
+NO_LEAF = wp.constant((1 << constants.KEY_BITS) - 1)
+"""The key of a triangle without a leaf of its own."""
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -54,25 +61,30 @@ def box_kernel(
     lower_box(box, lane, low, high)
 
 
-def used_vertices(faces: NDArray[np.int32], vertices: int) -> NDArray[np.uint8]:
-    """1 for each vertex that a triangle has."""
-    used = np.zeros(max(1, vertices), dtype=np.uint8)
-    used[faces.ravel()] = 1
-    return used
+class SceneBox:
+    """The box of a frame's triangles: float32 [6], its low and its negated high corner; all inf where nothing is there."""
 
+    def __init__(self, frame: Frame):
+        self.frame = frame
+        used = np.zeros(max(1, frame.vertex_count), dtype=np.uint8)
+        used[frame.prepared.faces.ravel()] = 1
+        self.used = wp.array(used, dtype=wp.uint8, device=frame.device)
+        self.box = wp.zeros(6, dtype=wp.float32, device=frame.device)
 
-def launch_box(frame: Frame, used: wp.array, box: wp.array) -> None:
-    """Fill ``box`` (float32 [6]: low, then negated high corner). All inf where nothing is there."""
-    box.fill_(math.inf)
-    blocks = 1 if wp.get_device(frame.device).is_cpu else BLOCKS
-    wp.launch_tiled(
-        box_kernel,
-        dim=[blocks],
-        inputs=[frame.vertex_count, blocks, frame.points, used],
-        outputs=[box],
-        block_dim=BLOCK,
-        device=frame.device,
-    )
+    def launch(self) -> wp.array:
+        """Fill it, and give it back."""
+        frame = self.frame
+        self.box.fill_(math.inf)
+        blocks = 1 if wp.get_device(frame.device).is_cpu else BLOCKS
+        wp.launch_tiled(
+            box_kernel,
+            dim=[blocks],
+            inputs=[frame.vertex_count, blocks, frame.points, self.used],
+            outputs=[self.box],
+            block_dim=BLOCK,
+            device=frame.device,
+        )
+        return self.box
 
 
 @wp.func
@@ -130,14 +142,13 @@ def share_a_leaf(p: wp.vec3f, q: wp.vec3f, r: wp.vec3f, s: wp.vec3f, most: wp.fl
 
 
 @wp.func
-def key_of(of: Box, used: wp.bool, bits: wp.int32, box: wp.array(dtype=wp.float32)) -> wp.int32:
+def key_of(of: Box, used: wp.bool, box: wp.array(dtype=wp.float32)) -> wp.int32:
     """Of the middle of a leaf's box; the largest one if there is no leaf."""
-    largest = (wp.int32(1) << bits) - 1
     if not used:
-        return largest
+        return NO_LEAF
     low = box_low(box)
     size = wp.max(box_high(box) - low)
-    cells = wp.float32(wp.int32(1) << (bits // 3))
+    cells = wp.float32(CELLS)
     scale = wp.float32(0.0)
     # In a scene too large or too small for this all keys are equal: the tree is correct, but slow to traverse.
     if size > 1.0e-30 and size < 1.0e30:
@@ -147,21 +158,18 @@ def key_of(of: Box, used: wp.bool, bits: wp.int32, box: wp.array(dtype=wp.float3
     x = cell(middle[0], low[0], scale, cells - 1.0)
     y = cell(middle[1], low[1], scale, cells - 1.0)
     z = cell(middle[2], low[2], scale, cells - 1.0)
-    return wp.min((spread(x) << 2) | (spread(y) << 1) | spread(z), largest - 1)
+    return wp.min((spread(x) << 2) | (spread(y) << 1) | spread(z), NO_LEAF - 1)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def key_kernel(
     mesh: Mesh,
     count: wp.int32,
-    bits: wp.int32,
-    pair: wp.float32,
+    shared_area: wp.float32,
     box: wp.array(dtype=wp.float32),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
+    leaves: Pairs,
     flags: wp.array(dtype=wp.uint64),
-    root: wp.array(dtype=wp.int32),
-    extent: wp.array(dtype=wp.float32),
+    tree: Tree,
     state: wp.array(dtype=wp.int32),
 ):
     """One thread for two triangles that follow each other: their keys and references, of one leaf or of two.
@@ -176,8 +184,8 @@ def key_kernel(
         state[word] = 0
         word += (count + 1) / 2
     if i == 0:
-        root[0] = -1
-        extent[0] = extent_of(box)
+        tree.root[0] = -1
+        tree.extent[0] = extent_of(box)
     flags[i] = EMPTY
     first = box_at(mesh, i)
     used = entry(mesh.valid, i) != wp.uint8(0)
@@ -188,12 +196,12 @@ def key_kernel(
         second = box_at(mesh, i + 1)
     other_used = followed and entry(mesh.valid, wp.min(i + 1, count - 1)) != wp.uint8(0)
     value = i
-    if used and other_used and share_a_leaf(first.low, first.high, second.low, second.high, pair):
+    if used and other_used and share_a_leaf(first.low, first.high, second.low, second.high, shared_area):
         first = Box(wp.min(first.low, second.low), wp.max(first.high, second.high))
         value = i | PAIRED
         other_used = False
-    set_entry(keys, i, key_of(first, used, bits, box))
-    set_entry(values, i, value)
+    set_entry(leaves.keys, i, key_of(first, used, box))
+    set_entry(leaves.values, i, value)
     if followed:
-        set_entry(keys, i + 1, key_of(second, other_used, bits, box))
-        set_entry(values, i + 1, i + 1)
+        set_entry(leaves.keys, i + 1, key_of(second, other_used, box))
+        set_entry(leaves.values, i + 1, i + 1)

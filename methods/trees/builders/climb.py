@@ -18,15 +18,19 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.geometry import Mesh
+from ...gpu.entries import entry
 from ..native import BASICS
-from ..nodes import PLAIN_ROUNDED_UP, WRITE, padding
+from ..nodes import WRITE, Tree, padding
+from .boxes import BOXES
+from .sort import Pairs
 
 CLIMB = """
 typedef unsigned long long Flag;
 const Flag EMPTY = ~0ull;
 auto gap = [&](int k) {
     if (k < 0 || k + 1 >= count) return NONE;
-    return (unsigned int)(keys.data[k] ^ keys.data[k + 1]);
+    return (unsigned int)(leaves.pairs.keys.data[k] ^ leaves.pairs.keys.data[k + 1]);
 };
 auto is_left = [&](int l, int r, unsigned int before, unsigned int after) {
     if (before == NONE || after == NONE) return before == NONE;
@@ -54,60 +58,51 @@ auto exchange = [&](int k, Flag value) {
 auto peek = [&](int k) { return (Flag)flags.data[k]; };
 #endif
 auto box_of = [&](int k, float* box) {
-    unsigned int ref = LEAF | (unsigned int)values.data[k];
-    box[0] = box[1] = box[2] = 3.4e38f, box[3] = box[4] = box[5] = -3.4e38f;
+    unsigned int ref = LEAF | (unsigned int)leaves.pairs.values.data[k];
+    clear(box);
     int at = (int)(ref & INDEX), stop = at + (ref & PAIR ? 2 : 1);
     for (; at < stop; at++) {
-        wp::vec3i face = triangles.data[at];
-        const float* a = (const float*)(points.data + face[0]);
-        const float* b = (const float*)(points.data + face[1]);
-        const float* c = (const float*)(points.data + face[2]);
-        for (int axis = 0; axis < 3; axis++) {
-            box[axis] = low(box[axis], low(a[axis], low(b[axis], c[axis])));
-            box[axis + 3] = high(box[axis + 3], high(a[axis], high(b[axis], c[axis])));
-        }
+        float own[6];
+        box_of_triangle(at, own);
+        join(box, own);
     }
     return ref;
 };
 """
 
 
-def make_builder(node_bytes: int, snippet: str) -> Any:
-    """The kernel of a builder: the thread of leaf i in key order runs :data:`CLIMB` and ``snippet``.
+@wp.struct
+class Leaves:
+    """The sorted leaves: count int32 [1]; pairs: their Morton keys, and references without the bit of a leaf."""
 
-    held int32 [1]: how many leaves there are; root int32 [1]: the reference to the root.
-    """
+    count: wp.array(dtype=wp.int32)
+    pairs: Pairs
 
-    @wp.func_native(BASICS + CLIMB + PLAIN_ROUNDED_UP + WRITE[node_bytes] + snippet)
+
+def make_builder(text: str) -> Any:
+    """The kernel of a builder: the thread of leaf i in key order runs :data:`CLIMB` and ``text``."""
+
+    @wp.func_native(BASICS + BOXES + CLIMB + "constexpr bool SOME_EMPTY = false;" + WRITE + text)
     def build(
         i: wp.int32,
         count: wp.int32,
         pad: wp.float32,
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
+        leaves: Leaves,
+        mesh: Mesh,
         scratch: wp.array(dtype=wp.vec4f),
         flags: wp.array(dtype=wp.uint64),
-        nodes: wp.array(dtype=wp.vec4f),
-        root: wp.array(dtype=wp.int32),
+        tree: Tree,
     ): ...
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def build_kernel(
-        held: wp.array(dtype=wp.int32),
-        reach: wp.array(dtype=wp.float32),
-        extent: wp.array(dtype=wp.float32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
+        leaves: Leaves,
+        mesh: Mesh,
         scratch: wp.array(dtype=wp.vec4f),
         flags: wp.array(dtype=wp.uint64),
-        nodes: wp.array(dtype=wp.vec4f),
-        root: wp.array(dtype=wp.int32),
+        tree: Tree,
     ):
-        pad = padding(reach[0], extent[0])
-        build(wp.tid(), held[0], pad, keys, values, points, triangles, scratch, flags, nodes, root)
+        pad = padding(entry(tree.max_coordinate, 0), entry(tree.extent, 0))
+        build(wp.tid(), entry(leaves.count, 0), pad, leaves, mesh, scratch, flags, tree)
 
     return build_kernel

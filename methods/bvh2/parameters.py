@@ -1,0 +1,54 @@
+"""The parameters of the tree. None of them changes an exact answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...harness.frame.schedule.threads import check_threads
+from ..trees.builders import check_build
+
+PRECISIONS = ("exact", "float32")
+PRIMARIES = ("packet", "single")
+
+FLOAT32_INEXACT = (
+    "float32 triangle tests without a bound; shadow rays end 1e-4 of their length before the hit point"
+)
+
+
+@dataclass(frozen=True)
+class Build:
+    """How the tree is made and kept up to date.
+
+    update   "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of the animation's
+             first frame, its boxes refitted each frame; "static": that tree, for geometry that does not move
+    builder  of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al. 2024)
+    """
+
+    update: str = "rebuild"
+    builder: str = "hploc"
+
+    def __post_init__(self) -> None:
+        check_build(self.update, self.builder)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are traced.
+
+    precision  "exact": float32 tests with a bound on their error, float64 for what they leave undecided; "float32": the
+               same tree as it is usually traced, with its errors. Scenes with holes, rays of an orthographic
+               camera and shadow rays of a directional light are traced exactly in either case
+    primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own
+    threads    of a CPU: each traces a share of the pixels; 0: one for each core that this process may use, at most 16
+    """
+
+    precision: str = "exact"
+    primary: str = "single"
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        if self.precision not in PRECISIONS:
+            raise ValueError(f"precision must be one of {', '.join(PRECISIONS)}")
+        if self.primary not in PRIMARIES:
+            raise ValueError(f"primary must be one of {', '.join(PRIMARIES)}")
+        check_threads(self.threads)

@@ -1,0 +1,144 @@
+"""A tree of the first frame, its boxes refitted each frame.
+
+One thread per triangle climbs: the second thread to arrive at a node writes it and continues (as in :mod:`.lbvh`,
+but with a known tree). Counters of arrivals are never reset: an even count means that both have arrived. A triangle that
+is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.errors import UserError
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import Mesh, filled
+from ....harness.frame.schedule.passes import Pass
+from ...gpu.entries import entry
+from ..constants import BLOCK
+from ..native import BASICS
+from ..nodes import WRITE, Tree, empty_tree, padding
+from .boxes import BOXES, EXCHANGED
+from .keys import SceneBox, extent_of
+from .sah import sah_topology
+
+
+@wp.struct
+class Topology:
+    """:class:`.sah.Topology` on the device; ``refs`` with triangles instead of places."""
+
+    order: wp.array(dtype=wp.int32)
+    refs: wp.array(dtype=wp.int32)
+    leaf_parent: wp.array(dtype=wp.int32)
+    node_parent: wp.array(dtype=wp.int32)
+
+
+REFIT = """
+int triangle = known.order.data[i];
+float box[6];
+clear(box);
+bool counts = mesh.valid.data[triangle] != 0;
+if (counts) box_of_triangle(triangle, box);
+int slot = known.leaf_parent.data[i];
+if (slot < 0) tree.root.data[0] = counts ? (int)LEAF : (int)NONE;
+while (slot >= 0) {
+    int node = slot >> 1, other = slot ^ 1;
+    put_box(2 * slot, box, 0u);
+#if defined(__CUDA_ARCH__)
+    int arrived;
+    asm volatile("atom.acq_rel.gpu.global.add.s32 %0, [%1], 1;" : "=r"(arrived) : "l"(flags.data + node) : "memory");
+#else
+    int arrived = flags.data[node]++;
+#endif
+    if ((arrived & 1) == 0) return;
+    float beside[6];
+    take_box(2 * other, beside);
+    unsigned int own = (unsigned int)known.refs.data[slot], sibling = (unsigned int)known.refs.data[other];
+    if (slot < other) put_node((float*)tree.nodes.data, node, pad, box, own, beside, sibling);
+    else put_node((float*)tree.nodes.data, node, pad, beside, sibling, box, own);
+    join(box, beside);
+    slot = known.node_parent.data[node];
+}
+"""
+
+
+@wp.func_native(BASICS + BOXES + EXCHANGED + "constexpr bool SOME_EMPTY = true;" + WRITE + REFIT)
+def refit(
+    i: wp.int32,
+    pad: wp.float32,
+    known: Topology,
+    mesh: Mesh,
+    scratch: wp.array(dtype=wp.vec4f),
+    flags: wp.array(dtype=wp.int32),
+    tree: Tree,
+): ...
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def refit_kernel(
+    count: wp.int32,
+    known: Topology,
+    mesh: Mesh,
+    scratch: wp.array(dtype=wp.vec4f),
+    flags: wp.array(dtype=wp.int32),
+    tree: Tree,
+):
+    """One thread per place in the tree's order."""
+    i = wp.tid()
+    if i < count:
+        pad = padding(entry(tree.max_coordinate, 0), entry(tree.extent, 0))
+        refit(i, pad, known, mesh, scratch, flags, tree)
+
+
+@wp.kernel(enable_backward=False)
+def extent_kernel(box: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.float32)):
+    extent[0] = extent_of(box)
+
+
+class Refitted:
+    """A SAH tree of the animation's first frame (:class:`.sah.Topology`), with boxes of each.
+
+    scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: the geometry does not move; refused where
+    it does """
+
+    def __init__(self, frame: Frame, still: bool):
+        self.frame, self.still = frame, still
+        prepared = frame.prepared
+        if still and prepared.frame_count > 1:
+            raise UserError(
+                f"update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; choose rebuild or refit"
+            )
+        points, valid = prepared.points(0)
+        topology = sah_topology(points[prepared.faces], valid)
+        with wp.ScopedDevice(frame.device):
+            self.box = SceneBox(frame)
+            self.known = filled(
+                Topology,
+                order=wp.array(topology.order, dtype=wp.int32),
+                refs=wp.array(topology.leaves().view("int32"), dtype=wp.int32),
+                leaf_parent=wp.array(topology.leaf_parent, dtype=wp.int32),
+                node_parent=wp.array(topology.node_parent, dtype=wp.int32),
+            )
+            self.scratch = wp.zeros(4 * frame.triangle_count, dtype=wp.vec4f)
+            self.flags = wp.zeros(frame.triangle_count, dtype=wp.int32)
+        self.tree = empty_tree(frame)
+
+    def passes(self) -> tuple[list[Pass], Pass]:
+        """The passes before the records of triangles, and the refit, which runs concurrently with those."""
+        reads = ("triangles", "max_coordinate") if self.still else ("points", "triangles", "max_coordinate")
+        box = Pass("box", "build", reads, ("extent",), self._box)
+        return [box], Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)
+
+    def _box(self) -> None:
+        box = self.box.launch()
+        wp.launch(extent_kernel, dim=1, inputs=[box], outputs=[self.tree.extent], device=self.frame.device)
+
+    def _refit(self) -> None:
+        f = self.frame
+        wp.launch(
+            refit_kernel,
+            dim=f.triangle_count,
+            inputs=[f.triangle_count, self.known, f.mesh],
+            outputs=[self.scratch, self.flags, self.tree],
+            device=f.device,
+            block_dim=BLOCK,
+        )

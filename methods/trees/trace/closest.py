@@ -1,0 +1,306 @@
+"""Closest hits: the traversal; then, in float64, the triangles that it left, t, weights and the origin of shadow rays.
+
+Rays from the eye take a thread for each pixel, and one kernel does all of it. Rays that lie in arrays (mirrored ones, and
+those of an orthographic camera) are listed first: after the first bounce few pixels have a ray, spread over the image,
+and in the list they stand side by side, so that the warps that trace them are full."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
+from ....harness.frame.effects.specialise import effects
+from ...gpu.entries import entry, set_entry
+from ...common.pixels import tile_pixel
+from ...gpu.reserve import reserve
+from ...exact.certain_hit import certain_hit, is_far
+from ...exact.hit_point import along, flat_hit_point, plane_distance
+from ...exact.holes import opaque_at_hit
+from ...exact.triangle import hit_distance, hit_weights, nearer, to_float32
+from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
+from ..nodes import Tree
+from ..records.planes import triangle_corners
+from .traversal import make_closest
+from .undecided import Undecided
+
+
+@wp.struct
+class Part:
+    """A share of the pixels: every ``shares``-th block of threads, from block ``share`` on."""
+
+    share: wp.int32
+    shares: wp.int32
+
+
+@wp.struct
+class Listed:
+    """The pixels of a share that have a ray: count int32 [1], pixels int32 [threads]."""
+
+    count: wp.array(dtype=wp.int32)
+    pixels: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
+    """:func:`....harness.frame.geometry.weld_of`, read where it lies."""
+    face = entry(mesh.triangles, triangle)
+    return wp.vec3i(entry(mesh.weld, face[0]), entry(mesh.weld, face[1]), entry(mesh.weld, face[2]))
+
+
+@wp.func
+def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
+    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1. Blocks of 128 threads."""
+    block = (thread >> 7) * part.shares + part.share
+    return tile_pixel((block << 7) | (thread & 127), camera.width, camera.height)
+
+
+@wp.func
+def eye_ray(camera: Camera, at: wp.vec2i) -> Ray:
+    """The ray of a pixel; for a thread without a pixel, that of the first."""
+    direction = entry(camera.column, wp.max(at[0], 0)) + entry(camera.row, wp.max(at[1], 0))
+    return Ray(entry(camera.eye, 0), direction)
+
+
+@wp.func
+def ray_at(rays: Rays, pixel: wp.int32) -> Ray:
+    """The ray of a pixel that lies in arrays."""
+    return Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
+
+
+@wp.func
+def write_closest(
+    hits: Hits, pixel: wp.int32, triangle: wp.int32, t: wp.float32, u: wp.float32, v: wp.float32
+):
+    """Write an answer, or with triangle -1 and infinite t a miss."""
+    set_entry(hits.triangle, pixel, triangle)
+    set_entry(hits.t, pixel, t)
+    set_entry(hits.u, pixel, u)
+    set_entry(hits.v, pixel, v)
+
+
+@wp.func
+def write_float32(found: wp.vec4i, ray: Ray, pixel: wp.int32, hits: Hits, starts: wp.array(dtype=wp.vec3f)):
+    """Write what a float32 traversal gave, and the origin of shadow rays."""
+    t = wp.cast(found[0], wp.float32)
+    if found[3] >= 0:
+        set_entry(starts, pixel, ray.origin + ray.direction * t)
+    else:
+        t = wp.INF
+    write_closest(hits, pixel, found[3], t, wp.cast(found[1], wp.float32), wp.cast(found[2], wp.float32))
+
+
+@functools.cache
+def make_resolve(holes: bool) -> Any:
+    """A function that writes the closest hit of a ray. ``holes``: undecided hits count where the triangle is opaque."""
+
+    @wp.func
+    def resolve_hit(
+        ray: Ray,
+        found: wp.vec4i,
+        pixel: wp.int32,
+        mesh: Mesh,
+        alpha: Alpha,
+        undecided: Undecided,
+        far: wp.bool,
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+    ) -> wp.int32:
+        """Write the nearest of the certain hit and the undecided ones that ``found`` holds
+        (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle if
+        that origin is still to be computed, because the ray is flat on it or starts ``far`` away, or -1."""
+        i = found[0]
+        following = found[1]
+        last = found[2]
+        best = found[3]
+        if i >= 0 or last >= 0:
+            nearest = wp.float64(wp.INF)
+            if best >= 0:
+                nearest = plane_distance(ray, triangle_corners(mesh, best))
+            while i >= 0 or last >= 0:
+                if i < 0:
+                    pair = entry(undecided.pairs, last)
+                    last = pair[1]
+                    i = pair[0]
+                corners = triangle_corners(mesh, i)
+                weld = weld_at(mesh, i)
+                t = hit_distance(ray, corners, weld)
+                wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
+                if wp.static(holes):
+                    if wanted:
+                        wanted = opaque_at_hit(alpha, i, ray, corners, weld)
+                if wanted:
+                    nearest = t
+                    best = i
+                i = following
+                following = -1
+        distance32 = wp.float32(wp.INF)
+        uv = wp.vec2f()
+        flat = wp.bool(False)
+        if best >= 0:
+            hit = certain_hit(ray, triangle_corners(mesh, best), weld_at(mesh, best))
+            flat = hit.flat
+            if far:
+                flat = True
+            distance32 = wp.float32(hit.t)
+            uv = hit.uv
+            set_entry(starts, pixel, to_float32(along(ray, hit.t)))
+        write_closest(hits, pixel, best, distance32, uv[0], uv[1])
+        return wp.where(flat, best, -1)
+
+    return resolve_hit
+
+
+resolve_hit, resolve_holes = make_resolve(False), make_resolve(True)
+
+
+@wp.func
+def write_flat_start(
+    ray: Ray, triangle: wp.int32, pixel: wp.int32, mesh: Mesh, starts: wp.array(dtype=wp.vec3f)
+):
+    """Write the origin of shadow rays of a ray that is flat on its triangle. Such rays are few, and slow to compute."""
+    corners = triangle_corners(mesh, triangle)
+    set_entry(starts, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, corners), corners)))
+
+
+@wp.func
+def write_weights(ray: Ray, pixel: wp.int32, mesh: Mesh, hits: Hits):
+    """Write the weights of a hit as all methods that trace parallel rays do: such a ray often meets an edge, and a weight
+    of zero keeps the sign that a division gives it."""
+    triangle = entry(hits.triangle, pixel)
+    if triangle >= 0:
+        uv = hit_weights(ray, triangle_corners(mesh, triangle), weld_at(mesh, triangle))
+        set_entry(hits.u, pixel, uv[0])
+        set_entry(hits.v, pixel, uv[1])
+
+
+@functools.cache
+def make_eye_kernel(exact: bool, packets: bool) -> Any:
+    """One thread per pixel, 8 x 4 per warp: the answer, and the origin of shadow rays."""
+    closest, closest_holes = (make_closest("eye", exact, packets, holes) for holes in (False, True))
+    registers = EYE_REGISTERS if exact else REGISTERS
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def eye_kernel(
+        camera: Camera,
+        part: Part,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        mesh: Mesh,
+        alpha: Alpha,
+        undecided: Undecided,
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+    ):
+        at = pixel_at(camera, part, wp.tid())
+        seen = at[0] >= 0
+        pixel = at[1] * camera.width + at[0]
+        ray = eye_ray(camera, at)
+        if wp.static(effects.alpha):
+            found = closest_holes(seen, ray.origin, ray.direction, tree, records, undecided)
+        else:
+            found = closest(seen, ray.origin, ray.direction, tree, records, undecided)
+        if seen:
+            # Rays and corners are read again, so that no register holds them until here.
+            again = eye_ray(camera, at)
+            if wp.static(exact):
+                far = is_far(again.origin, entry(tree.extent, 0))
+                if wp.static(effects.alpha):
+                    flat = resolve_holes(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
+                else:
+                    flat = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
+                if flat >= 0:
+                    write_flat_start(eye_ray(camera, at), flat, pixel, mesh, starts)
+            else:
+                write_float32(found, again, pixel, hits, starts)
+
+    return eye_kernel
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def list_kernel(camera: Camera, part: Part, rays: Rays, hits: Hits, listed: Listed):
+    """One thread per pixel, 8 x 4 per warp: the pixels that have a ray; all others miss."""
+    at = pixel_at(camera, part, wp.tid())
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    if entry(rays.active, pixel) != wp.uint8(0):
+        set_entry(listed.pixels, reserve(listed.count, 0, 1), pixel)
+    else:
+        write_closest(hits, pixel, -1, wp.INF, 0.0, 0.0)
+
+
+@functools.cache
+def make_listed_kernel(exact: bool) -> Any:
+    """One thread per listed pixel: what the traversal found, for :func:`resolve_kernel`; in float32 the answer and the
+    origin of shadow rays."""
+    closest, closest_holes = (make_closest("ray", exact, holes=holes) for holes in (False, True))
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
+    def listed_kernel(
+        listed: Listed,
+        rays: Rays,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        undecided: Undecided,
+        found: wp.array(dtype=wp.vec4i),
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+    ):
+        k = wp.tid()
+        if k >= entry(listed.count, 0):
+            return
+        pixel = entry(listed.pixels, k)
+        ray = ray_at(rays, pixel)
+        if wp.static(effects.alpha):
+            one = closest_holes(True, ray.origin, ray.direction, tree, records, undecided)
+        else:
+            one = closest(True, ray.origin, ray.direction, tree, records, undecided)
+        if wp.static(exact):
+            set_entry(found, k, one)
+        else:
+            write_float32(one, ray, pixel, hits, starts)
+
+    return listed_kernel
+
+
+@functools.cache
+def make_resolve_kernel(parallel: bool) -> Any:
+    """One thread per listed pixel: the answer, and the origin of shadow rays. ``parallel``: rays of an orthographic
+    camera may start far from the scene; mirrored rays start in it."""
+
+    @wp.kernel(
+        enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=RESOLVE_REGISTERS
+    )
+    def resolve_kernel(
+        listed: Listed,
+        rays: Rays,
+        tree: Tree,
+        mesh: Mesh,
+        alpha: Alpha,
+        undecided: Undecided,
+        found: wp.array(dtype=wp.vec4i),
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+    ):
+        k = wp.tid()
+        if k >= entry(listed.count, 0):
+            return
+        pixel = entry(listed.pixels, k)
+        ray = ray_at(rays, pixel)
+        far = wp.bool(False)
+        if wp.static(parallel):
+            far = is_far(ray.origin, entry(tree.extent, 0))
+        if wp.static(effects.alpha):
+            flat = resolve_holes(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
+        else:
+            flat = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
+        if flat >= 0:
+            write_flat_start(ray, flat, pixel, mesh, starts)
+        if wp.static(parallel):
+            write_weights(ray, pixel, mesh, hits)
+
+    return resolve_kernel

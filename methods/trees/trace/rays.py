@@ -1,0 +1,283 @@
+"""All rays of a frame through a tree: arrays, launches, and the passes of the frame."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
+from ....harness.frame.effects.mirrors import traced_bounces
+from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.effects.receivers import facing_passes, facing_reads
+from ....harness.frame.effects.specialise import specialised
+from ....harness.frame.schedule.threads import Launch, cpu_threads
+from ....harness.scene.effects import Effects
+from ...gpu.reserve import counted
+from .. import constants
+from ..nodes import Tree
+from ..records import planes
+from ..records.planes import LightPlanes
+from .closest import Listed, make_eye_kernel
+from .listed_rays import RECORDS, ListedRays
+from .shadow import make_shadow_kernel
+from .shares import Shares
+from .undecided import Undecided
+
+SCENE = ("bvh", "points", "triangles")
+
+
+def marks_receivers(cuda: bool, effects: Effects) -> bool:
+    """Whether the shadow rays of primary hits mark the receivers. On a GPU a pass for them and a condition take longer than
+    threads without a ray."""
+    return cuda and not effects.orthographic
+
+
+class TreeRays:
+    """The rays of a frame, and where they are kept.
+
+    counts   int32 [bounces + 1, lights + 1, shares]: pairs left to float64, of the rays of each bounce (0: primary rays),
+             then of the shadow rays of their hits to each light
+    pairs    vec2i [capacity] for each share: those beyond two of a ray, of one launch after another (:mod:`.undecided`)
+    starts   for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
+    planes   for each light with shadows :class:`..records.planes.LightPlanes`
+    marks    whether shadow rays mark the receivers (:func:`marks_receivers`)
+
+    ``precision``: "exact" or "float32" (holes, rays of an orthographic camera and to a directional light are exact in
+    either case); ``packets``: of rays from the eye on a GPU; ``threads``: of a CPU; ``shares``: of a GPU; ``capacity``:
+    of the pairs. ``primary_starts``: those of the primary hits, if another method finds these."""
+
+    def __init__(
+        self,
+        frame: Frame,
+        tree: Tree,
+        effects: Effects,
+        precision: str,
+        packets: bool,
+        threads: int,
+        shares: int,
+        capacity: int,
+        primary_starts: wp.array | None = None,
+    ):
+        self.frame, self.tree, self.effects = frame, tree, effects
+        self.packets, self.threads = packets, threads
+        self.exact = precision == "exact" or effects.alpha or effects.orthographic
+        self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
+        cuda = wp.get_device(frame.device).is_cuda
+        self.marks = marks_receivers(cuda, effects)
+        self.shares = Shares(frame, shares if cuda else cpu_threads(threads, frame.device))
+        count = frame.triangle_count
+        with wp.ScopedDevice(frame.device):
+            self.counts = wp.zeros(
+                (effects.bounces + 1, frame.light_count + 1, self.shares.count), dtype=wp.int32
+            )
+            self.pairs = [wp.zeros(capacity, dtype=wp.vec2i) for _ in self.shares.parts]
+            self.starts = [wp.zeros(frame.pixels, dtype=wp.vec3f) for _ in range(effects.bounces)]
+            if primary_starts is None:
+                primary_starts = wp.zeros(frame.pixels, dtype=wp.vec3f)
+            self.starts.insert(0, primary_starts)
+            exact = [i for i in self.lights if self._exactly(i)]
+            self.planes = {
+                i: filled(
+                    LightPlanes,
+                    edges=wp.zeros(3 * count, dtype=wp.vec4f),
+                    sides=wp.zeros(count if i in exact else 0, dtype=wp.vec4f),
+                    facing=wp.zeros(
+                        count + count % 2 if i in exact else 0, dtype=wp.uint8
+                    ),  # read two at a time
+                )
+                for i in self.lights
+            }
+            self.joined = wp.array(planes.joined_pairs(frame.prepared) if exact else [], dtype=wp.uint8)
+            self.eye_records = wp.zeros(0, dtype=wp.vec4f)
+        # On a GPU, where a bounce is one chain of passes, it is not divided into shares.
+        self.listed: ListedRays | None = None
+        if effects.bounces or effects.orthographic:
+            listed_shares = Shares(frame, 1) if cuda else self.shares
+            self.listed = ListedRays(frame, tree, effects, self.exact, listed_shares, self.starts)
+        self._launches: dict[tuple[int, int | None], Launch] = {}
+
+    def built(self) -> dict[str, int]:
+        """For :meth:`....harness.frame.method.Method.built`: threads of a CPU."""
+        return {"threads": self.shares.count} if self.shares.threaded else {}
+
+    def undecided_pairs(self) -> dict[str, int]:
+        """The pairs of the last frame that were left to float64, by kind of rays."""
+        found = counted(self.counts.numpy().astype(np.int64)).sum(axis=2)
+        pairs = {"primary": int(found[0, 0]), "shadow": int(found[:, 1:].sum())}
+        if self.effects.bounces:
+            pairs["mirror"] = int(found[1:, 0].sum())
+        return pairs
+
+    def _exactly(self, light: int) -> bool:
+        """Whether the shadow rays of a light are exact: float32 cannot trace rays from a directional one, which lies where
+        its numbers end."""
+        return self.exact or self.effects.is_directional(light)
+
+    def record_passes(self) -> list[Pass]:
+        """Records of the triangles for rays without a common origin and for the lights; they need no tree. Not those for the
+        lights whose receivers another pass marks (:meth:`late_passes`)."""
+        passes = [] if self.listed is None else self.listed.record_passes()
+        passes += [self._light_pass(i) for i in self.lights if not self._late(i)]
+        if self.marks:
+            for i in self.lights:
+                passes += facing_passes(self.frame, self.effects, i, self.threads)
+        return passes
+
+    def late_passes(self) -> list[Pass]:
+        """Records for the other lights: after the hits, and left out where none receives the light."""
+        return [self._light_pass(i) for i in self.lights if self._late(i)]
+
+    def _late(self, light: int) -> bool:
+        return self.effects.has_receivers(light) and not self.marks
+
+    def _light_pass(self, light: int) -> Pass:
+        reads = ("points", "triangles", "extent", f"light/{light}")
+        made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
+        return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
+
+    def eye_passes(self) -> list[Pass]:
+        """Records of the triangles for the eye, and the counter of its rays. They need no tree."""
+        if self.effects.orthographic:
+            return []
+        f = self.frame
+        self.eye_records = wp.zeros(3 * f.triangle_count, dtype=wp.vec4f, device=f.device)
+        reads = ("points", "triangles", "camera")
+        return [
+            Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records),
+            Pass("clear counts", "trace", (), ("primary counts",), self.counts[0, 0].zero_),
+        ]
+
+    def clear_passes(self) -> list[Pass]:
+        """Each light's counters, before the shadow rays of primary hits."""
+        passes = []
+        for i in self.lights:
+            name, made, launch = f"light {i}: clear counts", f"shadow counts/{i}", self.counts[0, 1 + i].zero_
+            passes.append(Pass(name, "shadow", (), (made,), launch, f"shadows/{i}"))
+        return passes
+
+    def passes(self, primary: bool) -> list[Pass]:
+        """``primary`` rays, if they are traced here, and the shadow rays of their hits, in shares that run concurrently.
+        The records for each light come before its rays."""
+        if self.effects.orthographic:
+            passes = self._parallel_passes()
+        else:
+            passes = self.shares.passes(functools.partial(self._share_passes, primary))
+        for late in self.late_passes():
+            made = set(late.writes)
+            passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)
+        return passes
+
+    def _share_passes(self, primary: bool, share: int) -> list[Pass]:
+        """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
+        of, run = self.shares.of(share), functools.partial
+        seen = (*SCENE, "camera", *self.effects.surface_reads())
+        hits, passes = "hits", []
+        if primary:
+            hits = f"hits of share{of}"
+            reads, found = (*seen, "eye triangles", "primary counts"), ("hits", hits, "primary counts")
+            passes.append(Pass(f"primary rays{of}", "trace", reads, found, run(self._primary, share)))
+        for i in self.lights:
+            counts, masks = f"shadow counts/{i}", self.effects.receiver_reads(i)
+            marked, given = (masks, facing_reads(self.frame, self.effects, i)) if self.marks else ((), masks)
+            reads = (*seen, hits, f"light/{i}", f"light triangles/{i}", counts, "max_coordinate", *given)
+            made = (f"shadowed/{i}", f"undecided/{i}{of}", counts, *marked)
+            launch = run(self._shadow, i, 0, self.shares, share)
+            passes.append(Pass(f"light {i}: shadow rays{of}", "shadow", reads, made, launch, f"shadows/{i}"))
+        return passes
+
+    def _parallel_passes(self) -> list[Pass]:
+        """Primary rays of an orthographic camera and the shadow rays of their hits."""
+        seen = (*SCENE, "camera", "max_coordinate", *self.effects.surface_reads())
+        passes = [Pass("primary rays", "trace", (*seen, RECORDS), ("hits",), lambda: self.trace_listed(0))]
+        for i in self.lights:
+            reads = (*seen, "hits", f"light/{i}", f"light triangles/{i}", *self.effects.receiver_reads(i))
+            launch = functools.partial(self.trace_listed, 0, i)
+            made = (f"shadowed/{i}",)
+            passes.append(Pass(f"light {i}: shadow rays", "shadow", reads, made, launch, f"shadows/{i}"))
+        return passes
+
+    def bounce_passes(self) -> list[Pass]:
+        """Mirrored rays, and the shadow rays of their hits."""
+        return traced_bounces(
+            self.effects, (*SCENE, "max_coordinate", RECORDS), self.trace_listed, lambda i, b: self.trace_listed(b, i),
+            lambda i: (f"light triangles/{i}",),
+        )  # fmt: skip
+
+    def _light_records(self, light: int) -> None:
+        f, made = self.frame, self.planes[light]
+        kernel, inputs, outputs = planes.float32_kernel, [f.mesh, light, f.lights], [made.edges]
+        if self._exactly(light):
+            kernel, outputs = planes.light_kernel, [made.edges, made.sides, made.facing]
+            inputs = [f.mesh, light, f.lights, self.tree.extent, self.joined]
+        wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
+
+    def _eye_records(self) -> None:
+        f = self.frame
+        kernel, inputs = (
+            (planes.eye_kernel, [f.mesh, f.eye])
+            if self.exact
+            else (planes.float32_kernel, [f.mesh, 0, f.eye])
+        )
+        wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=[self.eye_records], device=f.device)
+
+    def _undecided(self, bounce: int, slot: int, share: int) -> Any:
+        return filled(Undecided, count=self.counts[bounce, slot, share : share + 1], pairs=self.pairs[share])
+
+    def _primary(self, share: int) -> None:
+        f = self.frame
+        kernel = make_eye_kernel(self.exact, self.packets)
+        wp.launch(
+            specialised(kernel, self.effects.switches()),
+            dim=self.shares.threads,
+            inputs=[
+                f.camera, self.shares.parts[share], self.tree, self.eye_records, f.mesh, f.alpha,
+                self._undecided(0, 0, share),
+            ],
+            outputs=[f.hits(0), self.starts[0]],
+            device=f.device,
+            block_dim=constants.BLOCK,
+        )  # fmt: skip
+
+    def _shadow(self, light: int, bounce: int, shares: Shares, share: int) -> None:
+        f = self.frame
+        listed = (
+            self.listed.lists[bounce][share] if self.listed is not None and f.tabled(bounce) else Listed()
+        )
+        kernel = make_shadow_kernel(self._exactly(light), self.marks and bounce == 0)
+        wp.launch(
+            specialised(kernel, self.effects.switches(light, bounce)),
+            dim=shares.threads,
+            inputs=[
+                f.camera, shares.parts[share], listed, light, self.effects.facing, f.lights, f.spots, f.front_facing, self.tree,
+                self.planes[light], f.mesh, f.alpha, f.rays(bounce), f.hits(bounce), self.starts[bounce],
+                self._undecided(bounce, 1 + light, share),
+            ],
+            outputs=[f.masks(bounce), f.bits(bounce)],
+            device=f.device,
+            block_dim=constants.BLOCK,
+        )  # fmt: skip
+
+    def trace_listed(self, bounce: int, light: int | None = None) -> None:
+        """Trace listed rays of all shares, or with ``light`` the shadow rays of their hits."""
+        listed = self.listed
+        assert listed is not None
+        self.counts[bounce, 0 if light is None else 1 + light].zero_()
+        if light is None:
+            listed.lengths[bounce].zero_()
+        else:
+            self.frame.bits(bounce)[light].zero_()
+        if (bounce, light) not in self._launches:
+            if light is None:
+                work = functools.partial(self._closest, bounce)
+            else:
+                work = functools.partial(self._shadow, light, bounce, listed.shares)
+            self._launches[bounce, light] = listed.shares.launch(work)
+        self._launches[bounce, light]()
+
+    def _closest(self, bounce: int, share: int) -> None:
+        assert self.listed is not None
+        self.listed.trace(bounce, share, self._undecided(bounce, 0, share))

@@ -1,0 +1,202 @@
+"""The traversal of a tree by a ray: one loop, specialised by what is asked of it.
+
+closest, any     the nearest triangle; or whether any hides a hit point from a light: the traversal ends at the first
+single, packet   each ray has its own stack; or the 32 rays of a warp share one and visit the union of their nodes, where
+                 the warp votes which child comes first (Wald et al. 2001; Guenther et al. 2007)
+float32, exact   triangles are tested as usual; or with bounds (:mod:`.triangle_tests`), and what float32 does not decide
+                 is left to float64 (:mod:`.undecided`)
+holes            every hit on a triangle with holes is left, too: float64 asks whether it lies in a hole
+
+Shadow rays are traced from the light to the hit point: those of a warp, whose hit points are neighbours, then share the
+nodes near the light. That is valid as long as the light is not farther than boxes are padded for (:mod:`..nodes`). For a
+light beyond ``max_coordinate`` the same segment is traversed from the hit point. The end at which it starts only decides which
+boxes are met first: triangles are tested by planes (:mod:`..records.planes`)."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ..native import BASICS, STACK
+from ..nodes import MEET, Tree
+from ..records.planes import LightPlanes
+from .triangle_tests import TESTS
+from .undecided import TRAVERSED, Undecided
+
+CLOSEST = """
+constexpr bool ANY = false;
+float limit = 3.4e38f, u = 0.0f, v = 0.0f;
+int best = -1;
+const int own = -1;
+const float tiny = 1.0e-37f, shrink = !EXACT || tree.max_coordinate.data[0] < 1.0e25f ? 1.0f : 5.4210109e-20f;
+auto left_out = [](int) { return false; };
+"""
+"""``shrink``: for a direction of about one, a coordinate beyond 1e26 over 2^-40 would be infinite, and a box before it be
+missed. So the slabs of large scenes are met at t times 2^-64."""
+
+ANY = {
+    True: """
+constexpr bool ANY = true, seen = true;
+float limit = 1.0f;
+const float shrink = 1.0f, far = high(size(light[0]), high(size(light[1]), size(light[2])));
+const bool near = far <= tree.max_coordinate.data[0];
+const wp::vec3f o = near ? light : h;
+const wp::vec3f d = near ? wp::vec3f(h[0] - light[0], h[1] - light[1], h[2] - light[2])
+                         : wp::vec3f(light[0] - h[0], light[1] - h[1], light[2] - h[2]);
+const float tiny = tree.max_coordinate.data[0] * 8.3e-25f + 1.0e-37f;
+""",
+    False: """
+constexpr bool ANY = true, seen = true;
+float limit = 1.0f - 1.0e-4f, u, v;
+int best;
+const float shrink = 1.0f, tiny = 1.0e-20f;
+const wp::vec3f o = light, d = wp::vec3f(h[0] - light[0], h[1] - light[1], h[2] - light[2]);
+const auto& records = planes.edges;
+auto left_out = [](int) { return false; };
+""",
+}
+"""By whether it is exact. ``tiny`` is in proportion to the scene, or float32 may err."""
+
+SINGLE = f"""
+constexpr bool PACKET = false;
+unsigned int stack[{STACK}];
+int held = 0;
+auto push = [&](unsigned int ref) {{ stack[held++] = ref; }};
+auto pop = [&]() {{ return stack[--held]; }};
+auto vote = [](bool met) {{ return met; }};
+auto choose = [](bool second, bool) {{ return second; }};
+"""
+
+PACKET = f"""
+constexpr bool PACKET = true;
+__shared__ unsigned int stacks[4 * {STACK}];
+volatile unsigned int* stack = stacks + {STACK} * (threadIdx.x >> 5);
+int held = 0;
+auto push = [&](unsigned int ref) {{
+    if ((threadIdx.x & 31) == 0) stack[held] = ref;
+    __syncwarp();
+    held++;
+}};
+auto pop = [&]() {{
+    unsigned int ref = stack[--held];
+    __syncwarp();
+    return ref;
+}};
+auto vote = [](bool met) {{ return __ballot_sync(0xffffffffu, met); }};
+auto choose = [](bool second, unsigned int some) {{
+    return 2 * __popc(__ballot_sync(0xffffffffu, second)) > __popc(some);
+}};
+if (!seen) limit = -1.0f;
+"""
+"""Blocks of 128 threads. A lane without a ray has a limit that no box is before."""
+
+TRAVERSE = """
+unsigned int now = PACKET || seen ? (unsigned int)tree.root.data[0] : NONE;
+auto descends = [&]() {
+    Children c = children_of(now);
+    auto some0 = vote(c.met0), some1 = vote(c.met1);
+    if (!some0 && !some1) return false;
+    bool second = choose(c.met1 & (!c.met0 | (c.near1 < c.near0)), some0 | some1);
+    if (some0 && some1) push(second ? c.ref0 : c.ref1);
+    now = second ? c.ref1 : c.ref0;
+    return true;
+};
+auto ends_in_leaf = [&](auto leave) {
+    int at = (int)(now & INDEX), stop = at + (now & PAIR ? 2 : 1);
+    if (left_out(at)) return false;
+#pragma unroll 1
+    for (; at < stop; at++) {
+        if (test(at, leave)) return true;
+    }
+    return false;
+};
+auto traverse = [&](auto leave, auto full) {
+    if (now == NONE) return false;
+    while (true) {
+        bool done = true;
+        if (ANY || PACKET) {
+            if (!(now & LEAF) && !descends()) {
+                if (held == 0) break;
+                now = pop();
+            }
+            done = now & LEAF;
+            if (done) {
+                if (ends_in_leaf(leave)) return true;
+                if (full()) break;
+            }
+        } else if (!(now & LEAF)) {
+            done = !descends();
+        } else {
+            if (ends_in_leaf(leave)) return true;
+            if (full()) break;
+        }
+        if (done) {
+            if (held == 0) break;
+            now = pop();
+        }
+    }
+    return false;
+};
+"""
+"""Single rays to a closest hit take one step an iteration, down to a child or through a leaf, so that the lanes of a warp
+meet after each. The others test a leaf in the iteration that has come to it."""
+
+
+def traversal(
+    ray: str, test: str, result: str, exact: bool, packets: bool = False, holes: bool = False
+) -> str:
+    """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle."""
+
+    def loop(stack: str, leaving: str) -> str:
+        return f"{stack}{test}{TRAVERSE}{TRAVERSED[leaving]}"
+
+    single = loop(SINGLE, "exact" if exact else "float32")
+    together = loop(PACKET, "packet" if exact else "float32")
+    asked = f"constexpr bool EXACT = {exact:d}, HOLES = {holes:d};\nint first = -1, second = -1, last = -1;\n"
+    solid = "auto solid = [&](int at) { return !HOLES || tree.masked.data[at] == 0; };\n"
+    by_device = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n" if packets else single
+    return BASICS + asked + ray + MEET + solid + by_device + result
+
+
+@functools.cache
+def make_closest(records: str, exact: bool, packets: bool = False, holes: bool = False) -> Any:
+    """A function of a ray that gives (first, second, last, closest certain triangle), with what it left
+    (:mod:`.undecided`); in float32 the bits of (t, u, v) and the closest triangle. -1: none.
+
+    ``records``: "eye", of rays from the eye (:mod:`..records.planes`), or "ray", of any ray (:mod:`..records.rays`).
+    ``seen`` is False in a lane without a ray; ``packets`` are traversed together only where a warp does, on the GPU."""
+    test = TESTS[records, exact]
+    result = (
+        "return {first, second, last, best};"
+        if exact
+        else "return {(int)bits(limit), (int)bits(u), (int)bits(v), best};"
+    )
+
+    @wp.func_native(traversal(CLOSEST, test, result, exact, packets, holes))
+    def closest(
+        seen: wp.bool,
+        o: wp.vec3f,
+        d: wp.vec3f,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        undecided: Undecided,
+    ) -> wp.vec4i: ...
+
+    return closest
+
+
+@functools.cache
+def make_any(exact: bool, holes: bool = False) -> Any:
+    """A function of the hit point h on triangle ``own`` and a light that gives (first, second, last, 1 if some other
+    triangle certainly lies between, else 0), with what it left (:mod:`.undecided`)."""
+    test = TESTS["light", exact]
+    result = "return {first, second, last, (int)found};"
+
+    @wp.func_native(traversal(ANY[exact], test, result, exact, holes=holes))
+    def any_between(
+        h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes, undecided: Undecided
+    ) -> wp.vec4i: ...
+
+    return any_between
