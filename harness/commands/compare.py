@@ -7,7 +7,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +16,7 @@ import typer
 from ..errors import UserError
 from ..files import plain
 from ..report import style, two_runs
-from ..report.two_runs import OPEN, VERDICTS, Comparison, Row
+from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
 from ..results.folder import read_environment
 from ..results.newest import newest
 from ..results.record import Record
@@ -24,10 +24,15 @@ from ..results.schema import folders_with_records
 from .options import Json
 from .tables import make_console, make_table, print_lines
 
-ALLOWED = ("machine", "driver", "scene", "versions")
-"""What may differ where ``--allow`` says so; ``versions``: several versions of one method within a run."""
+ALLOWED = ("machine", "driver", "scene", "versions", "missing", "wrong")
+"""What may differ where ``--allow`` says so; ``versions``: several versions of one method within a run; ``missing`` and
+``wrong``: those of :data:`GUARDS`.
+"""
 
-FAILS = ("slower", "faster", "cannot-tell")
+GUARDS = ("missing", "wrong")
+"""What also fails with ``--fail-on slower``: a run that leaves out a point, or answers it wrongly, is not as fast."""
+
+FAILS = ("slower", "faster", "cannot-tell", *GUARDS)
 
 FIRST = 4
 """How many names of a list are printed without ``--all``."""
@@ -47,7 +52,8 @@ Allow = Annotated[
     typer.Option(
         "--allow",
         metavar="WHAT",
-        help="Compare although this differs: machine, driver, scene or versions. Repeatable.",
+        help="Compare although this differs: machine, driver, scene or versions; and let pass what is missing or wrong. "
+        "Repeatable.",
     ),
 ]
 FailOn = Annotated[
@@ -55,7 +61,8 @@ FailOn = Annotated[
     typer.Option(
         "--fail-on",
         metavar="VERDICT",
-        help="Exit code 1 for this verdict: slower, faster or cannot-tell. Repeatable.",
+        help="Exit code 1 for this verdict: slower, faster or cannot-tell; for missing, a point of A that B has not "
+        "measured; or for wrong, errors that A had not. Slower includes missing and wrong. Repeatable.",
     ),
 ]
 All = Annotated[
@@ -72,7 +79,7 @@ def compare(
     margin: Margin = two_runs.MARGIN, everything: All = False, as_json: Json = False,
 ) -> int:  # fmt: skip
     """Compare two runs: decide for each scene and method, and for the geometric mean, whether B is faster, slower or the
-    same.
+    same; or wrong, where it has errors that A had not.
 
     A difference needs nine rounds in both runs, a Mann-Whitney test on the medians of rounds (Holm's correction), and a gap
     above the margin and above the machine's own spread. Rounds whose clocks were throttled are left out, and on a CPU those
@@ -98,12 +105,28 @@ def compare(
         raise UserError(f"{a} and {b}: have no entry in common (experiment, scene, method, settings, size)")
     most = None if everything else FIRST
     notes = list(notes_of(runs, found, allow or (), most))
+    fails = failures(found, fail_on or (), allow or (), most)
     if as_json:
-        print(json.dumps(as_data(folders, found, notes, margin), indent=1))
+        print(json.dumps({**as_data(folders, found, notes, margin), "fails": fails}, indent=1))
     else:
-        print_comparison(found, notes, margin, most)
-    wanted = [OPEN if word == "cannot-tell" else word for word in fail_on or ()]
-    return 1 if any(found.count(verdict) for verdict in wanted) else 0
+        print_comparison(found, [*notes, *(f"fails: {text}" for text in fails)], margin, most)
+    return 1 if fails else 0
+
+
+def failures(
+    found: Comparison, fail_on: Collection[str], allow: Collection[str], most: int | None = None
+) -> list[str]:
+    """Why the comparison fails, a line each. ``most``: as in :func:`notes_of`."""
+    asked = [*fail_on, *(GUARDS if "slower" in fail_on else ())]
+    points = {"missing": found.missing, "wrong": found.wrong}
+    texts = []
+    for word in dict.fromkeys(word for word in asked if word not in allow):
+        if word in GUARDS:
+            if points[word]:
+                texts.append(f"{word}: {some(points[word], most)}")
+        elif count := found.count(OPEN if word == "cannot-tell" else word):
+            texts.append(f"{word}: {count}")
+    return texts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -248,7 +271,7 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float, mos
         table.add_row(
             row.scene, row.label + " *" * row.changed, row.verdict, style.number(row.a_ms), style.number(row.b_ms),
             percent(row.gap), interval(row), percent(row.spread, sign=False), wrong(row),
-            style={"slower": "red", "faster": "green", OPEN: "dim"}.get(row.verdict, ""),
+            style={"slower": "red", "faster": "green", WRONG: "red", OPEN: "dim"}.get(row.verdict, ""),
         )  # fmt: skip
     console.print(table)
     counts = ", ".join(f"{count} {verdict}" for verdict in VERDICTS if (count := found.count(verdict)))
@@ -334,5 +357,7 @@ def as_data(
             for run, point, number, why in found.left_out
         ],
         "only": {name: list(points) for name, points in found.only.items()},
+        "missing": list(found.missing),
+        "wrong": list(found.wrong),
         "notes": list(notes),
     }

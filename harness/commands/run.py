@@ -23,6 +23,7 @@ from ..runner.points import parse_settings, refuse_own_settings
 from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder
+from ..scene.catalogue import is_of_files
 from ..scene.chosen_view import ChosenView
 from ..scene.facts import few_hits
 from .options import checked_limit
@@ -167,7 +168,7 @@ def with_whole_paths(options: Options) -> Options:
     """The options with files named from the root, as workers in other folders, and on other machines, need them."""
 
     def whole(preset: Preset) -> Preset:
-        scenes = tuple(str(Path(name).resolve()) if Path(name).is_file() else name for name in preset.scenes)
+        scenes = tuple(str(Path(name).absolute()) if is_of_files(name) else name for name in preset.scenes)
         return dataclasses.replace(preset, scenes=scenes, also=tuple(whole(part) for part in preset.also))
 
     folder = options.scene_dir and str(Path(options.scene_dir).resolve())

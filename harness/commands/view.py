@@ -90,7 +90,8 @@ def view(
         shown.session(chosen)
         MACHINE.release()
         facts = {
-            "title": described.title, "stand_in": described.stand_in, "method": chosen, "frame": frame,
+            "title": described.title, "stand_in": described.stand_in,
+            "left_out": described.source.left_out, "method": chosen, "frame": frame,
             "frames": prepared.frame_count, "methods": shown.methods(),
         }  # fmt: skip
         server = Server(shown, facts, listening)

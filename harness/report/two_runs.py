@@ -3,7 +3,8 @@
 A point is faster or slower where three things hold. It has at least nine rounds in both runs. Mann and Whitney's test on
 the medians of its rounds finds a difference, at 5 % over all tests together (Holm's correction). And the gap is larger
 than the margin and than the machine's own spread, which is the gap found between two halves of one run, A against A. It
-is the same where the 95 % interval of the gap lies within the margin. Otherwise the verdict is open.
+is the same where the 95 % interval of the gap lies within the margin. Otherwise the verdict is open. What B answers
+wrongly and A did not is wrong, never faster.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from ..results.newest import entry_of
 from ..results.record import Record
 from ..results.throttled import disturbed, usual_clock
 
-FASTER, SLOWER, SAME, OPEN = "faster", "slower", "same", "can't tell"
-VERDICTS = (FASTER, SLOWER, SAME, OPEN)
+FASTER, SLOWER, SAME, WRONG, OPEN = "faster", "slower", "same", "wrong", "can't tell"
+VERDICTS = (FASTER, SLOWER, SAME, WRONG, OPEN)
 
 ROUNDS = 9
 """Rounds of each run, at least: fewer cannot give a small enough p once it is corrected for many tests."""
@@ -54,10 +55,20 @@ class Timed:
         known = [score.true_errors for score in scores if score is not None]
         return sum(known) if known and (len(known) == len(scores) or sum(known)) else None
 
+    @property
+    def failed(self) -> bool:
+        """Whether a frame was judged and did not pass: for errors, or for too many that are excused."""
+        return any(frame.score is not None and not frame.score.passed for frame in self.record.measured)
+
 
 @dataclass(frozen=True)
 class Row:
-    """One verdict. ``gap``: B over A less one; ``low`` and ``high``: its 95 % interval; ``spread``: the machine's own."""
+    """One verdict. ``gap``: B over A less one; ``low`` and ``high``: its 95 % interval; ``spread``: the machine's own.
+
+    errs      B has errors that A had not
+    unjudged  the answers of A were judged, and those of B were not
+    lost      A measured it, and B did not
+    """
 
     scene: str
     label: str
@@ -75,6 +86,9 @@ class Row:
     rounds_b: int = 0
     wrong_a: int | None = None
     wrong_b: int | None = None
+    errs: bool = False
+    unjudged: bool = False
+    lost: bool = False
     changed: bool = False
     scenes: int = 1
 
@@ -93,6 +107,16 @@ class Comparison:
     def count(self, verdict: str) -> int:
         """How many rows have a verdict."""
         return sum(row.verdict == verdict for row in (*self.rows, *self.means))
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The points that A measured and B did not: B has no record of them, or one that says why."""
+        return (*self.only["A"], *(f"{row.scene}, {row.label}" for row in self.rows if row.lost))
+
+    @property
+    def wrong(self) -> tuple[str, ...]:
+        """The points that B answers wrongly and A did not."""
+        return tuple(f"{row.scene}, {row.label}" for row in self.rows if row.errs)
 
 
 def timed(record: Record, frames: Iterable[int], usual: float, cores: int | None = None) -> Timed:
@@ -206,7 +230,8 @@ def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
     record = a.record
     row = Row(
         _scene(record), _label(record), record.method["device"], OPEN, rounds_a=len(a.rounds), rounds_b=len(b.rounds),
-        wrong_a=a.wrong, wrong_b=b.wrong,
+        wrong_a=a.wrong, wrong_b=b.wrong, errs=_errs(a, b), unjudged=_unjudged(a, b),
+        lost=record.status == "ok" and b.record.status != "ok",
         changed=record.method.get("source_sha256") != b.record.method.get("source_sha256"),
     )  # fmt: skip
     for run, one in (("A", a), ("B", b)):
@@ -216,6 +241,15 @@ def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
             )
     repeat = again and (_values(again[0]), _values(again[1]))
     return _tested(row, _values(a), _values(b), repeat)
+
+
+def _errs(a: Timed, b: Timed) -> bool:
+    """Whether B has errors that A had not: more wrong answers, or more excused ones than may be."""
+    return (b.wrong or 0) > (a.wrong or 0) or (b.failed and not a.failed)
+
+
+def _unjudged(a: Timed, b: Timed) -> bool:
+    return a.wrong is not None and b.wrong is None
 
 
 def _means(
@@ -242,6 +276,7 @@ def _means(
             f"geometric mean of {len(own)} scenes" + f", {light}" * bool(light),
             _label(record), record.method["device"], OPEN,
             rounds_a=len(ms_a), rounds_b=len(ms_b), scenes=len(own),
+            errs=any(_errs(*pairs[e]) for e in own), unjudged=any(_unjudged(*pairs[e]) for e in own),
             changed=any(pairs[e][0].record.method.get("source_sha256")
                         != pairs[e][1].record.method.get("source_sha256") for e in own),
         )  # fmt: skip
@@ -271,10 +306,14 @@ def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, F64] | None) -> Row:
 
 def _judged(row: Row, p: float, margin: float) -> Row:
     """The row with its corrected p and its verdict."""
+    if row.errs:
+        return replace(row, p=p, verdict=SLOWER if _slower(row, p, margin) else WRONG, reason="")
     if math.isnan(p):
         return row
     row = replace(row, p=p)
     least = max(margin, row.spread)
+    if p < LEVEL and row.gap < -least and row.unjudged:
+        return replace(row, reason="its answers in B were not judged, as those in A were")
     if p < LEVEL and abs(row.gap) > least:
         return replace(row, verdict=SLOWER if row.gap > 0 else FASTER)
     if -margin <= row.low and row.high <= margin:
@@ -284,6 +323,10 @@ def _judged(row: Row, p: float, margin: float) -> Row:
     if p < LEVEL:
         return replace(row, reason=f"a gap within {margin:.0%}, whose interval is not")
     return replace(row, reason="no difference found, and the interval is too wide to exclude one")
+
+
+def _slower(row: Row, p: float, margin: float) -> bool:
+    return p < LEVEL and row.gap > max(margin, row.spread)
 
 
 def _values(one: Timed) -> F64:

@@ -98,6 +98,15 @@ def resolve(
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
 
 
+def is_of_files(name: str) -> bool:
+    """Whether :func:`resolve` takes a name for a file, a folder of frames, or a pattern of their names."""
+    return (
+        name not in scene_names()
+        and balls.count_of(name) is None
+        and (exists(Path(name)) or is_pattern(name))
+    )
+
+
 def _without_file(name: str, wanted: Wanted) -> None:
     """Raise :class:`UserError` if frames are asked of a scene that is no file."""
     if wanted.frames is not None or wanted.rate is not None:

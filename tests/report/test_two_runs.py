@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from helpers.called_command import exit_code
 from helpers.experiment_records import record_of, write_records
+from helpers.table1_records import score
 from shadowbench.harness.report import two_runs
 from shadowbench.harness.runner.experiment import Entry
 
@@ -103,6 +104,86 @@ def test_exit_codes_follow_the_verdicts(call, pair):
         "left out: 4 rounds of B, clocks throttled (temperature (software)): Buddha (stand-in), on the CPU (4, 8); "
         "Cloth (stand-in), on the CPU (4, 8)" in " ".join(out.split())
     )
+
+
+def judged(record, wrong=0, excused=0.0):
+    """The record with a score of so many wrong answers, or a share of excused ones."""
+    changed = copy.deepcopy(record)
+    for frame in changed["frames"]:
+        frame["score"] = score(4, wrong)
+        frame["score"]["excused_share"] = excused
+        frame["score"]["check"] = "failed" if wrong or excused > 0.001 else "ok"
+    return changed
+
+
+def unjudged(record):
+    """The record without a score."""
+    changed = copy.deepcopy(record)
+    for frame in changed["frames"]:
+        frame.update(score=None, unscored="not requested")
+    return changed
+
+
+def test_a_point_that_is_gone_fails_with_slower(call, pair, tmp_path):
+    a, b = pair
+    for place in (b / "records").glob("*on_the_CPU*"):
+        place.unlink()
+    lost = "missing: Buddha (stand-in), on the CPU; Cloth (stand-in), on the CPU"
+    code, out, _ = call(b, b, "--fail-on", "slower", "--json")
+    assert (code, json.loads(out)["fails"], json.loads(out)["missing"]) == (0, [], [])
+    code, out, _ = call(a, b, "--fail-on", "missing", "--json")
+    assert (code, json.loads(out)["fails"]) == (1, [lost])
+    code, out, _ = call(a, b, "--fail-on", "slower")
+    assert code == 1
+    assert f"fails: {lost}" in " ".join(out.split())
+    assert call(a, b, "--fail-on", "cannot-tell", "--fail-on", "faster")[0] == 0
+    assert call(a, b, "--fail-on", "missing", "--allow", "missing")[0] == 0
+    assert call(b, a, "--fail-on", "missing")[0] == 0, "what only B has is not missing"
+
+
+@pytest.mark.parametrize("status", ["failed", "timeout", "rejected", "skipped"])
+def test_a_point_that_b_could_not_measure_is_missing(call, tmp_path, status):
+    a, b = made(TREE, 1.0, 1), made(TREE, 1.0, 2)
+    b.update(status=status, reason="it fell over", frames=[])
+    one, other = write(tmp_path / "a", [a]), write(tmp_path / "b", [b])
+    code, out, _ = call(one, other, "--fail-on", "slower", "--json")
+    assert (code, json.loads(out)["fails"]) == (1, ["missing: Cloth (stand-in), tree"])
+    assert call(other, one, "--fail-on", "slower")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("in_a", "in_b", "ms", "verdict"),
+    [
+        ({}, {"wrong": 1}, 0.5, "wrong"),
+        ({}, {"wrong": 1}, 1.0, "wrong"),
+        ({}, {"wrong": 1}, 1.5, "slower"),
+        ({"wrong": 3}, {"wrong": 4}, 0.5, "wrong"),
+        ({"wrong": 3}, {"wrong": 3}, 0.5, "faster"),
+        ({"wrong": 3}, {}, 0.5, "faster"),
+        ({}, {"excused": 0.01}, 0.5, "wrong"),
+        (None, {"wrong": 1}, 0.5, "wrong"),
+        ({}, None, 0.5, "can't tell"),
+        ({}, None, 1.5, "slower"),
+        (None, None, 0.5, "faster"),
+    ],
+)
+def test_what_is_faster_because_it_is_wrong_is_never_faster(call, tmp_path, in_a, in_b, ms, verdict):
+    """``in_a``, ``in_b``: the answers of each, None: not judged."""
+    for name, asked, time in (("a", in_a, 1.0), ("b", in_b, ms)):
+        records = [made(TREE, time, 7 + i, scene) for i, scene in enumerate(("cloth", "buddha"))]
+        write(tmp_path / name, [unjudged(one) if asked is None else judged(one, **asked) for one in records])
+    code, out, _ = call(tmp_path / "a", tmp_path / "b", "--fail-on", "wrong", "--json")
+    found = json.loads(out)
+    assert {row["verdict"] for row in found["points"]} == {verdict}
+    errs = in_b is not None and in_b != {} and in_b != in_a
+    assert (code == 1) == errs
+    assert bool(found["wrong"]) == errs
+    (mean,) = found["geometric_means"]
+    assert mean["verdict"] == verdict
+    assert (call(tmp_path / "a", tmp_path / "b", "--fail-on", "slower")[0] == 1) == (
+        errs or verdict == "slower"
+    )
+    assert call(tmp_path / "a", tmp_path / "b", "--fail-on", "faster")[0] == (verdict == "faster")
 
 
 def test_a_throttled_run_would_be_called_slower_if_its_rounds_counted(tmp_path):

@@ -1,6 +1,7 @@
 """Damaged scene files: whatever the bytes, a valid mesh or one line, never anything else."""
 
 import io
+import os
 import struct
 import tracemalloc
 import warnings
@@ -27,6 +28,10 @@ def npz() -> bytes:
     return stream.getvalue()
 
 
+CONCAVE = [(0, 3, 0), (0, 0, 0), (4, 0, 0), (4, 3, 0), (3, 3, 0), (3, 1, 0), (1, 1, 0), (1, 3, 0)]
+
+STRIPS = files.ply_binary(polygons=[(0, 1, 2, 3, -1, 4, 3, 2)]).replace(b"element face", b"element tristrips")
+
 SEEDS = {
     "triangles.ply": files.ply_binary(),
     "mixed.ply": files.ply_binary(polygons=MIXED, big=True),
@@ -34,6 +39,12 @@ SEEDS = {
     "mixed_ascii.ply": files.ply_ascii(polygons=MIXED),
     "triangles.obj": files.obj(),
     "mixed.obj": files.obj(polygons=MIXED).replace(b"f 1 2 5", b"f -5/1/1 2//3 5/1"),
+    "utf16.obj": files.obj(polygons=MIXED).decode().replace("\n", "\r").encode("utf-16"),
+    "continued.obj": files.obj(polygons=MIXED)
+    .replace(b" 3", b" \\\n3 # c\\")
+    .replace(b"f 1", b"# d:\\\nf 1"),
+    "concave.ply": files.ply_ascii(CONCAVE, [tuple(range(8))]),
+    "strips.ply": STRIPS,
     "binary.stl": files.stl_binary(),
     "ascii.stl": files.stl_ascii(),
     "scene.glb": files.glb(),
@@ -46,7 +57,8 @@ WORDS = [
     b"\xff\xfe", b"\xef\xbb\xbf", b"\xc3\x28", "\u0661".encode(), b"/", b"//", b"#", b"[", b"{", b'"', b"null",
 ]  # fmt: skip
 
-EXAMPLES = 100
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "100"))
+"""Damaged files of each seed; more than a run of all tests has time for, where the environment says so."""
 
 position = st.floats(0, 1, exclude_max=True)
 byte = st.integers(0, 255).map(lambda n: bytes([n]))
@@ -173,9 +185,9 @@ def test_every_truncation_is_read_or_refused(tmp_path, name):
     """Formats with counts refuse every one; OBJ has none and may lose whole lines, an STL text whole facets."""
     path = tmp_path / name
     blob = SEEDS[name].rstrip(b"\n")
-    enough = {"ascii.stl": blob.find(b"endfacet") + 8, "triangles.obj": 0, "mixed.obj": 0}.get(
-        name, len(blob)
-    )
+    enough = 0 if name.endswith(".obj") else len(blob)
+    if name == "ascii.stl":
+        enough = blob.find(b"endfacet") + 8
     for length in range(0, len(blob), 1 if len(blob) < 400 else 3):
         path.write_bytes(blob[:length])
         assert not check(path) or length >= enough

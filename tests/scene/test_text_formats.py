@@ -110,6 +110,7 @@ def test_what_an_obj_leaves_out_is_noted(tmp_path):
 
 
 ARROW = [(0, 0, 0), (4, -3, 0), (1, 0, 0), (4, 3, 0)]
+U = [(0, 3, 0), (0, 0, 0), (4, 0, 0), (4, 3, 0), (3, 3, 0), (3, 1, 0), (1, 1, 0), (1, 3, 0)]
 CONCAVE = [(4, 1, 0), (1, 1, 0), (1, 4, 0), (0, 4, 0), (0, 0, 0), (4, 0, 0)]
 
 
@@ -118,7 +119,9 @@ def area(loaded) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-@pytest.mark.parametrize(("points", "right"), [(ARROW, 3.0), (CONCAVE, 7.0)], ids=["arrow", "corner"])
+@pytest.mark.parametrize(
+    ("points", "right"), [(ARROW, 3.0), (CONCAVE, 7.0), (U, 8.0)], ids=["arrow", "corner", "U"]
+)
 def test_concave_polygons_have_their_area(tmp_path, points, right):
     for turn in range(len(points)):
         own = np.roll(np.array(points, float), turn, axis=0)

@@ -91,7 +91,7 @@
   }
   $("method").value = state.method;
   $("method").onchange = () => { state.method = $("method").value; ask(); };
-  $("stand-in").textContent = facts.stand_in || "";
+  $("stand-in").textContent = [facts.stand_in, facts.left_out].filter(Boolean).join("; ");
   $("frame").max = facts.frames - 1;
   $("time").hidden = facts.frames < 2;
   $("frame").oninput = () => { state.frame = Number($("frame").value); step(0); };
