@@ -212,7 +212,7 @@ def _object(kind: Any) -> Check:
         try:
             return kind(**found)
         except ValueError as error:
-            text = str(error)
+            text = str(error) if len(str(error)) <= 160 else str(error)[:157] + "..."
             raise _Fault(lambda name: f"{name}: {text}" if name else text) from error
 
     return checked_fields

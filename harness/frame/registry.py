@@ -82,7 +82,7 @@ def current_name(name: str) -> str:
         try:
             if name in getattr(method_class(other), "formerly", ()):
                 return other
-        except (UserError, ImportError):  # it cannot run here, so it cannot be asked
+        except (UserError, ImportError, TypeError):  # it cannot run here, or declares no names
             continue
     return name
 

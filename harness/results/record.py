@@ -228,7 +228,7 @@ class Record:
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
-            raise ValueError(f"status {self.status!r} is not one of {', '.join(STATUSES)}")
+            raise ValueError(f"status {self.status!r:.30} is not one of {', '.join(STATUSES)}")
         cuda = self.method["device"].startswith("cuda")
         for frame in self.measured:
             times = [step.ms for step in frame.passes]

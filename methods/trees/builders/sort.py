@@ -275,5 +275,7 @@ class Sort:
             kernel = make_sweep_kernel(self.items)
             self._run(kernel, THREADS * self.tiles, inputs, [self.held, target])
 
-    def _run(self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = THREADS) -> None:
+    def _run(
+        self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = THREADS
+    ) -> None:
         wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)

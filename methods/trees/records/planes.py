@@ -53,8 +53,8 @@ from numpy.typing import NDArray
 from ....harness.frame.geometry import Corners, Mesh
 from ....harness.scene.prepared import Prepared
 from ...common.axes import brought_nearer
-from ...gpu.entries import entry, set_entry
 from ...exact.triangle import largest, to_float64, total
+from ...gpu.entries import entry, set_entry
 from ..constants import RECORD_REGISTERS
 from ..native import BASICS
 
