@@ -98,14 +98,19 @@ def test_continued_lines_take_time_in_proportion_to_their_number(tmp_path):
 
 
 def test_what_an_obj_leaves_out_is_noted(tmp_path):
-    text = (
-        "mtllib a.mtl\n" + CORNER + "usemtl red\n" + FACES + "l 1 2\np 1\nsurf 0 1 0 1 1 2 3\ncurv 0 1 1 2\n"
-    )
-    notes = load(written(tmp_path, "a.obj", text)).notes
-    assert notes == tuple(
-        f"{what} left out"
-        for what in ("lines", "points", "free-form curves", "free-form surfaces", "materials")
-    )
+    skipped = {
+        "l 1 2": "lines",
+        "p\t1": "points",
+        "call other.obj": "files that it calls",
+        "curv 0 1 1 2": "free-form curves",
+        "surf 0 1 0 1 1 2 3": "free-form surfaces",
+        "usemtl red": "materials",
+    }
+    for line, what in skipped.items():
+        for text in (f"{line}\n{CORNER}{FACES}", f"mtllib a.mtl\n{CORNER}  {line}\n{FACES}"):
+            assert load(written(tmp_path, "a.obj", text)).notes == (f"{what} left out",)
+    every = load(written(tmp_path, "a.obj", CORNER + "\n".join(skipped) + "\n" + FACES)).notes
+    assert every == tuple(f"{what} left out" for what in skipped.values())
     assert load(written(tmp_path, "b.obj", CORNER + FACES)).notes == ()
 
 

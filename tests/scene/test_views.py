@@ -80,6 +80,18 @@ def test_a_plane_is_never_seen_edge_on(tmp_path, turn):
     assert hits(written(tmp_path, "plane.obj", files.obj(points, [(0, 1, 2, 3)]))) > 0.02
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_plane_that_holds_the_usual_view_direction_is_seen(tmp_path, seed):
+    """Tilted planes: spanned by the direction of the automatic view of a cube, and by any other direction."""
+    cube = tmp_path / "cube.obj"
+    trimesh.creation.box((2, 2, 2)).export(cube)
+    toward = eye(cube) / np.linalg.norm(eye(cube))
+    across = np.cross(toward, np.random.default_rng(seed).normal(size=3))
+    across /= np.linalg.norm(across)
+    points = [toward + across, toward - across, -toward - across, -toward + across]
+    assert hits(written(tmp_path, "plane.obj", files.obj(points, [(0, 1, 2, 3)]))) > 0.02
+
+
 def test_a_marker_far_from_a_moving_mesh_leaves_a_picture(tmp_path):
     for number in range(3):
         points = np.concatenate([files.QUAD + number, [[1e6, 0, 0], [1e6, 1, 0], [1e6, 0, 1]]])

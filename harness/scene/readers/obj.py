@@ -9,6 +9,7 @@ with what trimesh reads.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -34,11 +35,14 @@ _INDEX_LIMIT = 1 << 31
 _SKIPPED = {
     b"l": "lines",
     b"p": "points",
+    b"call": "files that it calls",
     b"curv": "free-form curves",
     b"surf": "free-form surfaces",
     b"usemtl": "materials",
 }
 """Statements that are left out with a note."""
+
+_SKIPPED_LINE = re.compile(rb"(?:\A|\n)[ \t]*(" + b"|".join(_SKIPPED) + rb")[ \t]")
 
 
 def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
@@ -49,7 +53,8 @@ def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
     face of fewer than 3 vertices and for a file without faces.
     """
     text = without_comments(plain_lines(decoded(read_bytes(path))))
-    notes = tuple(f"{what} left out" for word, what in _SKIPPED.items() if b"\n" + word + b" " in text)
+    found = {match[1] for match in _SKIPPED_LINE.finditer(text)}
+    notes = tuple(f"{what} left out" for word, what in _SKIPPED.items() if word in found)
     lines = text.split(b"\n")
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MAX_LINE:
