@@ -11,6 +11,7 @@ import re
 import stat
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
@@ -44,16 +45,16 @@ def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
         raise
 
 
-def open_regular(path: Path) -> IO[bytes]:
-    """A file opened for reading. Raises OSError for a folder, and for a pipe, device or socket, without waiting for it.
+def open_regular(path: Path, update: bool = False) -> IO[bytes]:
+    """A file opened for reading, or to ``update`` it. Raises OSError for a folder, a pipe, a device or a socket.
 
-    Opening a pipe waits for its writer, and a device may have no end.
+    Opening a pipe would wait for its writer, and a device may have no end.
     """
     _require_regular(os.stat(path), path)  # opening alone can act on a device
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    handle = os.open(path, (os.O_RDWR if update else os.O_RDONLY) | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         _require_regular(os.fstat(handle), path)  # another file may have taken its place
-        return os.fdopen(handle, "rb")
+        return os.fdopen(handle, "r+b" if update else "rb")
     except BaseException:
         os.close(handle)
         raise
@@ -64,6 +65,23 @@ def _require_regular(found: os.stat_result, path: Path) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
+
+
+@contextlib.contextmanager
+def opened_arrays(path: Path, most: int = 16 << 30) -> Iterator[Mapping[str, NDArray]]:
+    """The arrays that :func:`write_arrays` wrote, each read when it is asked for; nothing pickled.
+
+    Raises one of :data:`DAMAGED` for anything else, and for an archive that unpacks to more than ``most`` bytes.
+    """
+    with open_regular(path) as stream:
+        if not zipfile.is_zipfile(stream):
+            raise ValueError("it is no .npz file")
+        with zipfile.ZipFile(stream) as archive:
+            if sum(info.file_size for info in archive.infolist()) > most:
+                raise ValueError(f"it unpacks to more than {most:,} bytes")
+        stream.seek(0)
+        with np.load(stream, allow_pickle=False) as arrays:
+            yield arrays
 
 
 def read_regular(path: Path, most: int | None = None) -> bytes:
@@ -90,7 +108,17 @@ def array_hash(*arrays: NDArray) -> str:
     return digest.hexdigest()
 
 
-DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+DAMAGED = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""Errors of reading a file of arrays that is damaged, or of another kind."""
 
 
 def canonical(value: Any) -> str:

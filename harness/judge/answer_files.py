@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import DAMAGED, write_arrays
+from ..files import DAMAGED, opened_arrays, write_arrays
 from ..frame.frame import BOUNCED
 from ..scene.alpha import arrays_of, from_arrays
 from ..scene.effects import Effects
@@ -78,15 +78,10 @@ def save_raw(
 def read_facts(path: Path) -> dict[str, Any]:
     """The facts that :func:`save_raw` wrote: scene, frame, shadows, hashes, extra."""
     try:
-        with np.load(path) as stored:
+        with opened_arrays(path) as stored:
             return json.loads(str(stored["facts"]))
     except DAMAGED as error:
-        raise UserError(f"{path}: not a file of raw answers ({_why(error)}); run its point again") from error
-
-
-def _why(error: Exception) -> str:
-    """What is wrong with a file. numpy takes what is no archive for pickled data, and advises to trust it."""
-    return "it is no .npz file" if "pickle" in str(error) else str(error)
+        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
 
 
 def read_raw(
@@ -95,7 +90,7 @@ def read_raw(
     """Scene, moment, answers and facts of a file of raw answers, its hashes checked."""
     facts = read_facts(path)
     try:
-        with np.load(path) as stored:
+        with opened_arrays(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
             named = {
                 name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)
@@ -104,7 +99,7 @@ def read_raw(
             # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:
-        raise UserError(f"{path}: not a file of raw answers ({_why(error)}); run its point again") from error
+        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
     prepared = _mesh(path, facts, scene_dir)
     if facts["frame"] >= prepared.frame_count:
         raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
@@ -163,7 +158,7 @@ def _mesh(path: Path, facts: dict[str, Any], scene_dir: Path | str | None) -> Pr
     beside = _mesh_path(path, facts["hashes"])
     if beside.exists():
         try:
-            with np.load(beside) as stored:
+            with opened_arrays(beside) as stored:
                 arrays = {name: stored[name] for name in ("points", "faces", "valid")}
                 mask = from_arrays(stored)
             return _kept_mesh(facts["scene"], facts["frame"], **arrays, mask=mask)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import DAMAGED, write_arrays
+from ..files import DAMAGED, opened_arrays, write_arrays
 from ..scene.effects import Effects
 from ..scene.facts import input_hashes
 from ..scene.moment import Moment
@@ -319,7 +319,7 @@ def _stored(
 def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:
     """The stored answers, or None where the file is damaged or of other inputs (it is then made again)."""
     try:
-        with np.load(path) as stored:
+        with opened_arrays(path) as stored:
             if json.loads(str(stored["provenance"])) != provenance:
                 return None
             names = ("triangle", "t", "u", "v", "shadowed")

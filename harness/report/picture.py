@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from ..files import replacing
+from ..files import open_regular, replacing
 from ..frame.effects.shading import shaded
 from ..scene.facts import triangles
 from ..scene.moment import Moment
@@ -110,7 +110,7 @@ def png_bytes(
 def opened(path: Path | str) -> Image.Image | None:
     """The picture in a file, read to its end; None where there is none, or not a whole one."""
     try:
-        with Image.open(path) as image:
+        with open_regular(Path(path)) as stream, Image.open(stream) as image:
             image.load()
             return image
     except UNREADABLE:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import DAMAGED, write_arrays, write_atomic
+from ..files import DAMAGED, opened_arrays, write_arrays, write_atomic
 from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
 from .folder import ResultsFolder
 from .pixel_maps import mark_wrong, wrong_path
@@ -46,7 +46,7 @@ def write_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disput
 def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disputes]] | None:
     """Key, frame and disputes of a file; None where it is damaged. ``state``: False leaves those arrays empty."""
     try:
-        with np.load(path) as stored:
+        with opened_arrays(path) as stored:
             facts = json.loads(str(stored["facts"]))
             names = ARRAYS if state else ARRAYS[1:]
             left = [] if state else [np.zeros(0, dtype=np.uint8)]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
 from ..errors import UserError, warn
-from ..files import PARTIAL, read_regular, write_atomic
+from ..files import PARTIAL, open_regular, read_regular, write_atomic
 from ..texts import all_visible
 from ..typed_json import WrongFieldError, checked
 from .events import EVENTS
@@ -45,7 +45,8 @@ class ResultsFolder:
             raise UserError(f"{taken[0]}: a file where a folder is needed; move it, or choose another --out")
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            file = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held until the run ends)
+            (self.path / ".lock").touch()
+            file = open_regular(self.path / ".lock", update=True)
         except OSError as error:
             raise UserError(
                 f"{self.path}: cannot write there ({error.strerror}); choose another --out"
@@ -75,7 +76,7 @@ class ResultsFolder:
         """
         with ExitStack() as held:
             try:
-                file = held.enter_context(open(self.path / ".lock", encoding="utf-8"))
+                file = held.enter_context(open_regular(self.path / ".lock"))
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except FileNotFoundError:
                 pass

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypedDict
 
-from ..files import canonical, require_storable
+from ..files import canonical, read_regular, require_storable
 from ..typed_json import checked
 
 
@@ -33,7 +33,7 @@ class Journal:
 
     def _recover(self) -> None:
         whole = 0
-        for line in self.path.read_bytes().splitlines(keepends=True):
+        for line in read_regular(self.path).splitlines(keepends=True):
             try:
                 event = checked(_Event, json.loads(line) if line.endswith(b"\n") else None)
                 checked(self.schema.get(event["event"], _Event), event)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..files import replacing
+from ..files import open_regular, replacing
 from ..judge.verdict import RIGHT
 
 Counts = NDArray[np.int64]
@@ -34,7 +34,7 @@ def write_map(path: Path, counts: NDArray[np.integer]) -> None:
 
 def read_map(path: Path) -> Counts:
     """The counts [height, width] that :func:`write_map` wrote."""
-    with Image.open(path) as image:
+    with open_regular(path) as stream, Image.open(stream) as image:
         bytes_ = np.asarray(image.convert("RGB")).astype(np.int64)
     return (bytes_[..., 0] << 16) + (bytes_[..., 1] << 8) + bytes_[..., 2]
 

@@ -170,7 +170,7 @@ def _file_facts(scene: dict[str, Any]) -> dict[str, Any]:
 
 def seed_of(text: str) -> int:
     """A number that is the same for the same text, whatever the process."""
-    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
+    return int.from_bytes(hashlib.sha256(text.encode("utf-8", "surrogatepass")).digest()[:4], "big")
 
 
 def orders(count: int, rounds: int, seed: int) -> list[list[int]]:

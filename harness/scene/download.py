@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
-from ..files import write_atomic
+from ..files import read_regular, write_atomic
 
 CHECKSUMS = "checksums.json"
 """File in the folder of downloads with the SHA-256 of each address, recorded at its first use if none is pinned."""
+
+MOST_CHECKSUMS = 1 << 20
+"""Bytes of that file."""
 
 LARGEST = 2 << 30
 """Bytes of a download."""
@@ -131,7 +134,7 @@ def recorded(folder: Path) -> dict[str, str]:
     if not path.exists():
         return {}
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_regular(path, MOST_CHECKSUMS))
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read; correct or remove it") from error
     return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}

@@ -1,12 +1,15 @@
 """Records that anyone may have written: read within stated limits, refused in one line, or shown harmlessly."""
 
+import contextlib
 import json
 import lzma
 import os
 import tracemalloc
 
+import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
+from shadowbench.harness import files
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.commands.listing import listing
@@ -14,8 +17,9 @@ from shadowbench.harness.commands.report import report
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
-from shadowbench.harness.results import schema
-from shadowbench.harness.results.folder import read_environment
+from shadowbench.harness.results import pixel_maps, schema
+from shadowbench.harness.results.disputes import read_disputes
+from shadowbench.harness.results.folder import ResultsFolder, read_environment, read_json
 from shadowbench.harness.results.table import samples, tidy
 from shadowbench.harness.results.throttled import disturbances
 from shadowbench.harness.runner.experiment import Entry
@@ -225,3 +229,37 @@ def test_a_package_that_fails_on_import_hides_no_record_and_no_method(tmp_path, 
     with pytest.raises(UserError, match="correct that package"):
         registry.method_class("broken")
     registry.current_name.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [".lock", "journal/k.jsonl", "scenes.json", "a.svg", "maps/k-0-wrong.png", "truth/disputes-k-0.npz"],
+)
+def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path, name):
+    """Opening one waits until somebody writes into it."""
+    place = write_records(tmp_path, [one()])
+    (place / name).parent.mkdir(exist_ok=True)
+    os.mkfifo(place / name)
+    folder = ResultsFolder(place)
+    attempts = [
+        folder.journal, pixel_maps.read_map, read_json, read_disputes, lambda _: report(place, tmp_path / "report.html"),
+        lambda _: folder.locked().__enter__(), lambda _: folder.idle().__enter__(),
+    ]  # fmt: skip
+    for attempt in attempts:
+        with contextlib.suppress(UserError, OSError):
+            attempt("k" if attempt == folder.journal else place / name)
+    assert (tmp_path / "report.html").is_file()
+
+
+def test_arrays_that_unpack_to_too_much_are_refused(tmp_path):
+    files.write_arrays(tmp_path / "a.npz", {"a": np.zeros(100_000)})
+    with files.opened_arrays(tmp_path / "a.npz") as stored:
+        assert stored["a"].shape == (100_000,)
+    with (
+        pytest.raises(files.DAMAGED, match="unpacks to more than 1,000 bytes"),
+        files.opened_arrays(tmp_path / "a.npz", 1000),
+    ):
+        raise AssertionError
+    (tmp_path / "b.npz").write_bytes(b"\x80\x04\x95")
+    with pytest.raises(files.DAMAGED, match=r"it is no \.npz file"), files.opened_arrays(tmp_path / "b.npz"):
+        raise AssertionError

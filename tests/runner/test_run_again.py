@@ -1,11 +1,14 @@
 """A second run into a folder that was damaged: what it measures and draws again."""
 
 import json
+import os
+from pathlib import Path
 
 import pytest
 from helpers.experiment_records import record_of
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Run
@@ -57,3 +60,13 @@ def test_what_is_no_whole_record_is_measured_again(tmp_path, text):
     assert ResultsFolder(tmp_path).record("a").key == "a"
     path.write_text(json.dumps({**whole, "key": "a", "point": {**whole["point"], "width": "abc"}}))
     assert ResultsFolder(tmp_path).record("a") is None
+
+
+def test_a_file_of_an_odd_name_is_measured_and_read_again(tmp_path):
+    """Bytes that are no text, a code of a terminal, HTML."""
+    scene = write_scene(Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\x1b[31m<b>.obj")))
+    (record,) = go(options(tmp_path / "out", [scene], ["warp_bvh"])).values()
+    assert record.status == "ok", record.reason
+    (read,) = read_records(tmp_path / "out")
+    assert (read.key, read.scene) == (record.key, record.scene)
+    assert read.scene["title"] == read.scene["source"]["file"] == r"\udcff\x1b[31m<b>.obj"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from PIL import Image
 
 from ...errors import warn
+from ...files import open_regular, read_regular
 from ...judge.verdict import ERRORS, MEANINGS, Verdict
 from ...results.pixel_maps import OFFSET, map_path, wrong_path
 from ..flip import answered_path, reference_path
@@ -25,6 +26,9 @@ LARGEST = 1024
 
 ROOM = 5_000_000
 """Bytes for all figures, pictures and maps together; files beyond that are listed on the page."""
+
+LARGEST_FILE = 64 << 20
+"""Bytes of a file that is read to be shown as it is."""
 
 TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".webp": "image/webp"}
 
@@ -48,7 +52,7 @@ class Album:
     def file(self, path: Path) -> str | None:
         """A file as it is."""
         try:
-            return self.add(path.read_bytes(), path.suffix, f"{path.parent.name}/{path.name}")
+            return self.add(read_regular(path, LARGEST_FILE), path.suffix, f"{path.parent.name}/{path.name}")
         except OSError as error:
             warn(f"{path}: cannot be read ({error.strerror}), left out")
             self.left_out.append(f"{path.parent.name}/{path.name}")
@@ -71,7 +75,7 @@ def opened(path: Path) -> Image.Image | None:
     if not path.is_file():
         return None
     try:
-        with Image.open(path) as image:
+        with open_regular(path) as stream, Image.open(stream) as image:
             return image.convert("RGB")
     except UNREADABLE as error:
         warn(f"{path}: not a whole picture ({error}), left out")
