@@ -97,8 +97,8 @@ def frame_plan(
 def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
     """The properties of the scene, in words."""
     motion = prepared.geometry.motion
-    moves = "static"
-    if prepared.frame_count > 1:
+    moves = f"static over {prepared.frame_count} frames" if prepared.frame_count > 1 else "static"
+    if prepared.moves:
         kind = motion.kind if motion else "deforming"
         part = "all of it"
         if motion and motion.vertices:

@@ -21,6 +21,7 @@ from ..results.folder import ResultsFolder
 from ..results.record import SCORING_FAILED, Record, as_read, make_record
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
+from . import scratch
 from .experiment import Entry
 from .job import Job, Options
 from .machine import environment, keep
@@ -72,6 +73,7 @@ class Run:
     def go(self) -> list[Record]:
         """Measure every point without a record. Raises :class:`~.errors.UserError` if the folder cannot be written."""
         options = self.options
+        scratch.remove_abandoned()
         MACHINE.say = self.report.note
         with self.folder.locked(), MACHINE.shared():
             self.report.note(announcement(options, survey(options)))

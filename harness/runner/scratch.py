@@ -2,7 +2,7 @@
 
 A worker may be ended at any moment, and leaves what the libraries in it have put into the folder for temporary files, such
 as the compiled headers of kernels. So workers get a folder of their own there. It is removed when this process ends; if
-this process is killed, the next run removes it. Whether a folder is still in use is told by a lock on a file in it.
+this process is killed, the next run removes it. Whether a folder is still in use is told by a lock on it.
 """
 
 from __future__ import annotations
@@ -12,17 +12,15 @@ import contextlib
 import fcntl
 import os
 import shutil
-import stat
 import tempfile
 from pathlib import Path
 
 from . import machine_lock
 
 PREFIX = "shadowbench-scratch-"
-LOCK = "in-use"
 
 _made: dict[int, tuple[Path, int]] = {}
-"""The folder of a process and its open lock file, by the process's number: a copy of a process has none."""
+"""The folder of a process, open and locked, by the process's number: a copy of a process has none."""
 
 
 def environment() -> dict[str, str]:
@@ -36,13 +34,15 @@ def environment() -> dict[str, str]:
 
 def folder() -> Path:
     """The folder of this process, made at the first call."""
-    if os.getpid() not in _made:
+    while os.getpid() not in _made:
         remove_abandoned()
         path = Path(tempfile.mkdtemp(prefix=PREFIX))
-        lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        with contextlib.suppress(OSError):  # a file system without locks
-            fcntl.flock(lock, fcntl.LOCK_SH)
-        _made[os.getpid()] = path, lock
+        with contextlib.suppress(FileNotFoundError):
+            lock = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_SH)
+            os.stat(path)  # another process may have taken it for abandoned before it was locked
+            _made[os.getpid()] = path, lock
     return _made[os.getpid()][0]
 
 
@@ -59,13 +59,11 @@ def remove_abandoned() -> None:
     """Remove the folders of this user's runs that were killed."""
     for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):
-            found = path.lstat()
-            if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
-                continue
-            lock = os.open(path / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+            here = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | os.O_NOFOLLOW)
             try:
-                if stat.S_ISREG(os.fstat(lock).st_mode):
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                found = os.fstat(here)
+                if found.st_uid == os.geteuid() and not found.st_mode & 0o077:
+                    fcntl.flock(here, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     shutil.rmtree(path, ignore_errors=True)
             finally:
-                os.close(lock)
+                os.close(here)

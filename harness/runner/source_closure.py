@@ -1,8 +1,9 @@
 """Which source files a measurement depends on: the closure of a method's imports, and one hash of it.
 
 A record is current as long as the code that it measured is. That code is every module that the method's own module
-imports, directly or not, as far as it belongs to this project or to the method's distribution; and, for every method,
-the modules that load a frame and take samples (:data:`MEASURING`). Import statements are read from the source, also
+imports, directly or not, as far as it belongs to this project or to the method's distribution; the further files that
+the method names (``sources``); and, for every method, the modules that load a frame and take samples
+(:data:`MEASURING`). Import statements are read from the source, also
 those inside functions; nothing is run. Modules found by name at run time (the registry's methods, the catalogue's
 stand-ins) are not imported by a statement, and so one method's key does not depend on another method. Comments,
 docstrings and layout do not count (:mod:`.runner.code_tokens`).
@@ -32,7 +33,30 @@ MEASURING = (f"{HARNESS}.runner.measure",)
 
 def source_hash(cls: type, root: Path = ROOT) -> str:
     """The hash of all source that a method's records depend on. ``root``: the folder of this project's packages."""
-    return hash_of(source_files(cls, root))
+    files = source_files(cls, root)
+    total = hashlib.sha256(hash_of(files).encode())
+    further = further_sources(cls, files)
+    for name, file in sorted(further.items()):
+        total.update(f"{name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest() if further else hash_of(files)
+
+
+def further_sources(cls: type, files: Mapping[str, Path]) -> dict[str, Path]:
+    """The files that a method and its base classes name as ``sources``, beside the module of each in ``files``.
+
+    Raises FileNotFoundError for a name that no file has: the records would not depend on it.
+    """
+    found: dict[str, Path] = {}
+    for base in cls.__mro__:
+        for pattern in vars(base).get("sources", ()):
+            folder = files[base.__module__].parent
+            named = [path for path in folder.glob(pattern) if path.is_file()]
+            if not named:
+                raise FileNotFoundError(
+                    f"{base.__name__}.sources: no file {pattern!r} beside {base.__module__}"
+                )
+            found |= {f"{base.__module__}/{path.relative_to(folder).as_posix()}": path for path in named}
+    return found
 
 
 def source_files(cls: type, root: Path = ROOT) -> dict[str, Path]:

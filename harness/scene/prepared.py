@@ -63,6 +63,11 @@ class Prepared:
         return self.geometry.frame_count
 
     @property
+    def moves(self) -> bool:
+        """Whether the mesh moves. The lights may, whatever this says."""
+        return self.geometry.moves
+
+    @property
     def triangle_count(self) -> int:
         return len(self.faces)
 
@@ -116,7 +121,7 @@ class Prepared:
         coordinate: it would reach the proxies of its lights, or be lost in the rounding of the way to them.
         """
         extent = self.radius + float(np.abs(self.middle).max())
-        size = largest_coordinate(points) if self.frame_count > 1 else 0.0
+        size = largest_coordinate(points) if self.moves else 0.0
         if size == 0.0 or SHRUNK * extent <= size <= extent:
             return self.radius, extent
         return size, size

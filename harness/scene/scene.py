@@ -121,19 +121,26 @@ class Geometry:
     ``faces``: int32, shape [triangle_count, 3], indices in range (checked by :func:`.scene.prepared.check_faces`).
     ``positions(k)``: float64 or float32, shape [vertex_count, 3], for frame k in 0..frame_count-1. May hold
     NaN or infinite coordinates: such triangles are never hit and keep their index.
-    ``motion``: how it moves, for display and for ``plan``; None: where there are several frames, all of it deforms.
+    ``motion``: how it moves, for display and for ``plan``; None: where it moves, all of it deforms.
+    ``still``: it has the same positions in every frame; its lights may move.
     """
 
     faces: NDArray[np.int32]
     positions: Callable[[int], NDArray[np.floating]]
     frame_count: int = 1
     motion: Moves | None = None
+    still: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether its positions may differ from frame to frame."""
+        return self.frame_count > 1 and not self.still
 
     def lasting(self, frames: int) -> Geometry:
-        """The same scene with this number of frames, if it does not move itself."""
-        if self.frame_count > 1:
+        """The same mesh with this number of frames, if it does not move."""
+        if self.moves:
             return self
-        return Geometry(self.faces, lambda k: self.positions(0), frames)
+        return Geometry(self.faces, lambda k: self.positions(0), frames, still=True)
 
     @staticmethod
     def static(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Geometry:

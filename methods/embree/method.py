@@ -161,7 +161,7 @@ class Embree(BaseMethod):
 
     def _first_tree(self) -> None:
         prepared = self._frame.prepared
-        if self.build.update == "static" and prepared.frame_count > 1:
+        if self.build.update == "static" and prepared.moves:
             raise UserError(
                 f"embree.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
                 "choose rebuild or refit"

@@ -181,7 +181,7 @@ class WarpBvh(BaseMethod):
         inefficient."""
         frame = self._frame
         prepared = frame.prepared
-        if self.build.update == "static" and prepared.frame_count > 1:
+        if self.build.update == "static" and prepared.moves:
             raise UserError(
                 f"warp_bvh.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
                 "choose rebuild or refit"
@@ -209,7 +209,7 @@ class WarpBvh(BaseMethod):
     def _refit(self) -> None:
         if self._mesh is None or self._triangles is None:
             return
-        if self._frame.prepared.frame_count > 1:  # else the flags do not change
+        if self._frame.prepared.moves:  # else the flags do not change
             self._triangles.launch_indices()
         self._mesh.refit()
 

@@ -43,7 +43,7 @@ def mesh_indices_kernel(mesh: Mesh, kept: wp.array(dtype=wp.int32), indices: wp.
 def may_be_hit(prepared: Prepared) -> NDArray[np.int64]:
     """The triangles that are valid in some frame, ascending. Later frames are read only while some are not."""
     never = np.flatnonzero(prepared.points(0)[1] == 0)
-    for frame in range(1, prepared.frame_count):
+    for frame in range(1, prepared.frame_count if prepared.moves else 1):
         if len(never) == 0:
             break
         never = never[prepared.points(frame)[1][never] == 0]

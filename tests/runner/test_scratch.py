@@ -52,16 +52,28 @@ def test_what_is_in_use_or_not_ours_stays(temporary):
         in_use = process.stdout.readline().strip()
         (temporary / f"{scratch.PREFIX}file").write_text("a file")
         (temporary / f"{scratch.PREFIX}folder").mkdir()
-        (temporary / "elsewhere").mkdir()
-        (temporary / "elsewhere" / scratch.LOCK).write_text("")
+        (temporary / "elsewhere").mkdir(mode=0o700)
         (temporary / f"{scratch.PREFIX}link").symlink_to(temporary / "elsewhere")
-        (temporary / f"{scratch.PREFIX}pipe").mkdir()
-        os.mkfifo(temporary / f"{scratch.PREFIX}pipe" / scratch.LOCK)
+        os.mkfifo(temporary / f"{scratch.PREFIX}pipe")
         before = set(temporary.iterdir())
         scratch.remove_abandoned()
         assert set(temporary.iterdir()) == before
         assert os.path.isdir(in_use)
         process.stdin.close()
+
+
+def test_one_that_is_taken_for_abandoned_as_it_is_made_is_made_again(temporary, monkeypatch):
+    make, made = tempfile.mkdtemp, []
+
+    def raced(prefix):
+        made.append(make(prefix=prefix))
+        if len(made) < 3:
+            os.rmdir(made[-1])
+        return made[-1]
+
+    monkeypatch.setattr(tempfile, "mkdtemp", raced)
+    assert str(scratch.folder()) == made[2]
+    assert list(temporary.iterdir()) == [scratch.folder()]
 
 
 def test_a_worker_has_it_and_locks_the_machine_where_all_do(tmp_path, monkeypatch):

@@ -165,7 +165,7 @@ def installed(folder: Path, files: dict[str, str], monkeypatch, name: str) -> ty
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text)
     monkeypatch.syspath_prepend(str(folder))
-    for path in files:
+    for path in (path for path in files if path.endswith(".py")):
         parts = Path(path).with_suffix("").parts
         monkeypatch.delitem(sys.modules, ".".join(p for p in parts if p != "__init__"), raising=False)
         monkeypatch.delitem(sys.modules, parts[0], raising=False)
@@ -214,6 +214,40 @@ def test_a_base_class_from_another_distribution_counts(tmp_path, monkeypatch) ->
     before = source_hash(cls)
     edit(tmp_path / "a/their_base.py")
     assert source_hash(cls) != before
+
+
+SOURCED = {
+    "sourced/__init__.py": "from .method import Theirs\n",
+    "sourced/method.py": "from .base.base import Base\n\nclass Theirs(Base):\n    sources = ('*.cu', 'data/weights.bin')\n",
+    "sourced/base/__init__.py": "",
+    "sourced/base/base.py": METHOD + "class Base(SimpleMethod):\n    sources = ('base.cu',)\n",
+    "sourced/base/base.cu": "// a comment counts, too: nothing is known of this language\n",
+    "sourced/base/other.cu": "",
+    "sourced/trace.cu": "",
+    "sourced/sort.cu": "",
+    "sourced/data/weights.bin": "",
+    "sourced/data/unused.bin": "",
+}
+
+
+def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) -> None:
+    cls = installed(tmp_path, SOURCED, monkeypatch, "sourced")
+    before = source_hash(cls)
+    changed = set()
+    for path in SOURCED:
+        content = edit(tmp_path / path)
+        changed |= {path} if source_hash(cls) != before else set()
+        (tmp_path / path).write_bytes(content)
+    assert changed == set(SOURCED) - {"sourced/base/other.cu", "sourced/data/unused.bin"}
+    (tmp_path / "sourced/new.cu").write_text("")
+    assert source_hash(cls) != before
+    (tmp_path / "sourced/new.cu").unlink()
+    assert source_hash(cls) == before
+    (tmp_path / "sourced/data/weights.bin").unlink()
+    with pytest.raises(
+        FileNotFoundError, match=r"Theirs.sources: no file 'data/weights.bin' beside sourced.method"
+    ):
+        source_hash(cls)
 
 
 # --- scenes ---------------------------------------------------------------------------------------------------

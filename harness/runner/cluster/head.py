@@ -18,6 +18,7 @@ from ...errors import UserError
 from ...results.disputes import charged_records
 from ...results.folder import ResultsFolder
 from ...results.record import Record
+from .. import scratch
 from ..experiment import Experiment
 from ..job import Options
 from ..machine_lock import MACHINE
@@ -87,6 +88,7 @@ class ClusterRun:
 
         Raises :class:`UserError`, with what is finished and how to continue, if the scheduler is lost or no worker is left.
         """
+        scratch.remove_abandoned()
         with self.folder.locked(), self.folder.writing():
             self.ledger = Ledger(self.options.out, self.run)
             self.todo = self._shards()

@@ -103,7 +103,7 @@ class Refitted:
     def __init__(self, frame: Frame, still: bool):
         self.frame, self.still = frame, still
         prepared = frame.prepared
-        if still and prepared.frame_count > 1:
+        if still and prepared.moves:
             raise UserError(
                 f"update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; choose rebuild or refit"
             )

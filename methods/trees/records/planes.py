@@ -79,7 +79,7 @@ directional light float32 holds no square: every triangle but small ones would b
 
 def joined_pairs(prepared: Prepared) -> NDArray[np.uint8]:
     """1 for each pair of triangles 2 k and 2 k + 1 that has a common edge, which the two pass in opposite directions."""
-    faces = prepared.faces if prepared.frame_count > 1 else prepared.weld[prepared.faces]
+    faces = prepared.faces if prepared.moves else prepared.weld[prepared.faces]
     pairs = faces[: len(faces) // 2 * 2].reshape(-1, 2, 3)
     joined = np.zeros((len(faces) + 1) // 2, dtype=np.uint8)
     for i in range(3):
