@@ -1,4 +1,4 @@
-"""The least time that the stages of our fastest method could take on a device: the floor that frame_time draws.
+"""The least time that the stages of ray grids could take on a device: the floor that frame_time draws.
 
 Bytes over bandwidth or tests over rate, and a launch each. The rates of devices are measured or, where noted, estimated.
 The floor is not a prediction: it includes no latency except that of launches. Each input is read once and each output

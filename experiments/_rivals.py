@@ -41,4 +41,20 @@ GRIDS = (
     Entry("two_level_grid", {}, "two-level grid"),
 )
 
+FEW = (OURS, HYBRID, RASTERISED, *REBUILT[:2], REFITTED[1], GRIDS[0])
+"""The fastest of each kind, which can win: measured where minutes count."""
+
 STRONGEST = (OURS, HYBRID, RASTERISED, *REBUILT, *REFITTED, *GRIDS)
+
+REBUILDS = {
+    OURS.label: "sorts its rays",
+    HYBRID.label: "sorts its rays, or rebuilds its tree",
+    RASTERISED.label: "rasterises",
+    "paper-faithful": "rebuilds its grids",
+    "mesh rebuilt": "rebuilds its tree",
+    **dict.fromkeys([entry.label for entry in REBUILT], "rebuilds its tree"),
+    **dict.fromkeys([entry.label for entry in REFITTED], "refits its tree"),
+    **dict.fromkeys([entry.label for entry in GRIDS], "rebuilds its grids"),
+    **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
+}
+"""What a method does in each frame before it traces, by label; the last three are in earlier records only."""

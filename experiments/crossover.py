@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..harness.report import document, panels, style
+from ..harness.report import document, panels, ranking, style
 from ..harness.runner.experiment import Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
-from ._rivals import GRIDS, HYBRID, OURS, RASTERISED, REBUILT, REFITTED, STRONGEST
+from ._rivals import FEW, STRONGEST
 from .scaling import short
 
 AXES = {
@@ -32,8 +32,6 @@ MAPS = (("triangles", "pixels"), ("triangles", "seen"))
 NATURAL = -1
 """In the columns ``seen`` and ``moving``: the scene's own camera; nothing moves and there is one frame."""
 COLUMNS = [*document.COMMON, *AXES, "memory_bytes", "fastest_exact", "fastest"]
-FEW = (OURS, HYBRID, RASTERISED, *REBUILT[:2], REFITTED[1], GRIDS[0])
-"""The fastest of each kind, which can win: what preset ``short`` measures in about six minutes on a GPU."""
 EXACT, EVERY = "exact", "all, exact or not"
 
 
@@ -78,7 +76,7 @@ def read(folder: Path) -> document.DataFrame:
         shares = [getattr(name, column) if name else None for name in names]
         table[column] = [NATURAL if share is None else round(100 * share) for share in shares]
     table["lights"] = table["lights"].where(table["light_label"] != "no shadows", 0)
-    table["exact"] = (table["known_inexact"] == "") & (table["true_errors"].fillna(1) == 0)
+    table["exact"] = ranking.exact(table)
     for column, own in (("fastest", table), ("fastest_exact", table[table["exact"]])):
         first = winners(own).set_index([*AXES])["label"]
         table[column] = [first.get(key, "") for key in table[[*AXES]].itertuples(index=False, name=None)]

@@ -1,0 +1,143 @@
+"""The methods of each scene sorted by time, and in sentences which one is the fastest.
+
+A scene stands for one scene with one set of lights on one device. A method counts as exact where it calls itself exact and
+no answer was wrong.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from . import compare, document, style
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+SETTING = ["title", "light_label", "device"]
+"""What the points of a scene have in common."""
+ABOUT = "ratio: time over that of the fastest exact method of the scene."
+MOST_TOLD = 2
+"""Number of scenes up to which a finding speaks of each."""
+
+
+def exact(table: DataFrame) -> Series:
+    """Which points are of a method that calls itself exact, and have no wrong answer; unscored ones do not count."""
+    return (table["known_inexact"] == "") & (table["true_errors"].fillna(1) == 0)
+
+
+def ranked(frames: DataFrame) -> DataFrame:
+    """The measured points of a tidy table (:func:`.document.named`), each scene sorted by time. Besides:
+
+    exact    :func:`exact`
+    setting  the scene with its lights, as a heading
+    times    frame time over that of the fastest exact method of the scene (of the fastest, where none is exact), over the
+             frames that both have; NaN where they are not of one run
+    times_spread, low, high  of ``times``, see :func:`.compare.ratios`
+    """
+    points = document.named(frames)
+    points = points.assign(exact=exact(points), setting=document.with_light(points, "title"))
+    done = document.measured(points)
+    order = done.groupby(SETTING, sort=False).ngroup()
+    done = done.assign(order=order).sort_values(["order", "total_ms"], kind="stable").drop(columns="order")
+    best = done.sort_values("exact", ascending=False, kind="stable").groupby(SETTING, sort=False).head(1)
+    found = compare.ratios(frames, frames["key"].isin(best.index)).drop(columns="frames")
+    return done.join(found.rename(columns={"ratio": "times", "spread": "times_spread"}))
+
+
+def settings(table: DataFrame) -> Iterator[tuple[str, DataFrame]]:
+    """The heading and the points of each scene of a ranked table."""
+    for _, own in table.groupby(SETTING, sort=False):
+        yield own["setting"].iloc[0], own
+
+
+def tables(table: DataFrame, rebuilt: Mapping[str, str]) -> dict[str, DataFrame]:
+    """For each scene of a ranked table a table of texts, fastest first. ``rebuilt``: by label what is built in a frame."""
+    return {f"{setting}, fastest first": sorted_table(own, rebuilt) for setting, own in settings(table)}
+
+
+def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
+    """One row per method: time, ratio to the fastest exact method, wrong answers, memory, and what a frame rebuilds."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        {
+            "method": own["label"],
+            "ms": own["ms"],
+            "ratio": document.carry(own["times"], own["times_spread"]),
+            "answers": own["error"],
+            "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map(
+                "{:.1f}".format, na_action="ignore"
+            ),
+            "in each frame": [rebuilt.get(label, "-") for label in own["label"]],
+        }
+    )
+
+
+def alike(one: Mapping[str, Any], two: Mapping[str, Any]) -> bool:
+    """Whether the times of two points are known to differ by no more than their spreads; NaN, not known, compares false."""
+    return bool(abs(two["total_ms"] - one["total_ms"]) <= (one["spread"] ** 2 + two["spread"] ** 2) ** 0.5)
+
+
+def sentences(own: DataFrame) -> list[str]:
+    """Two sentences on a scene: the fastest exact method and by how much, and the fastest of all with its wrong answers."""
+    rows = own.to_dict("records")
+    best = [row for row in rows if row["exact"]]
+    return [fastest_exact(own["setting"].iloc[0], best), fastest(rows[0], best)]
+
+
+def fastest_exact(setting: str, best: list[dict[str, Any]]) -> str:
+    """The sentence on the exact methods of a scene, fastest first."""
+    if not best:
+        return f"{setting}: no method is known to have answered exactly."
+    first = f"{setting}: the fastest exact method is {best[0]['label']} with {best[0]['ms']} ms a frame"
+    if len(best) == 1:
+        return f"{first}; no other exact method was measured."
+    after = best[1]
+    if alike(best[0], after):
+        return f"{first}; {after['label']} with {after['ms']} ms is as fast within the spread of the repeats."
+    times = document.carried(after["times"], after["times_spread"])
+    if times == "-":  # of another run
+        return f"{first}; the next, {after['label']}, took {after['ms']} ms in another run."
+    return f"{first}; the next, {after['label']}, takes {times} times as long."
+
+
+def fastest(first: dict[str, Any], best: list[dict[str, Any]]) -> str:
+    """The sentence on the fastest method of all."""
+    if first["exact"]:
+        return "No inexact method is faster."
+    wrong = first["true_errors"]
+    if first["error"] == style.UNSCORED:
+        answers = "its answers were not scored"
+    elif wrong:
+        answers = f"{wrong:,.0f} of its answers {'is' if wrong == 1 else 'are'} wrong"
+    else:
+        answers = "none of its answers is wrong here, which it does not promise elsewhere"
+    near = " (the difference is within the spread of the repeats)" * bool(best and alike(first, best[0]))
+    return f"The fastest of all is {first['label']} with {first['ms']} ms{near}: {answers}."
+
+
+def finding(table: DataFrame) -> str:
+    """What a report says first: :func:`sentences` on each scene; of many scenes how often each method is the fastest."""
+    if table.empty:
+        return "Nothing was measured."
+    parts = [own.to_dict("records") for _, own in settings(table)]
+    if len(parts) <= MOST_TOLD:
+        return " ".join(sentence for _, own in settings(table) for sentence in sentences(own))
+    exact_ones = [[row for row in rows if row["exact"]] for rows in parts]
+    told = wins("exact method", exact_ones)
+    if all(rows[0]["exact"] for rows in parts):
+        return f"{told} No inexact method is faster on any of them."
+    return f"{told} {wins('method of all', parts)}"
+
+
+def wins(which: str, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
+    """How often each method is the fastest, as a sentence. ``scenes``: the points of each, fastest first."""
+    tally = Counter(rows[0]["label"] for rows in scenes if rows)
+    if not tally:
+        return f"The fastest {which} is not known on any of {len(scenes)} scenes."
+    close = sum(len(rows) > 1 and alike(rows[0], rows[1]) for rows in scenes)
+    ties = f"; on {close} of them the next is as fast within the spread of the repeats" if close else ""
+    told = " and ".join(f"{label} on {n}" for label, n in tally.most_common())
+    return f"Of {len(scenes)} scenes the fastest {which} is {told}{ties}."

@@ -1,0 +1,95 @@
+"""The methods of a scene sorted by time, and what is said of the fastest."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.experiment_records import record_of, write_records
+from shadowbench.harness.report import document, ranking
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.scene.overrides import Lighting
+
+
+def made(label, ms, wrong=0, scene="cloth", inexact="", **changes):
+    record = record_of("trial", Entry("bvh2", {}, label), scene, ms=ms, **changes)
+    record["method"]["known_inexact"] = inexact
+    for frame in record["frames"]:
+        if wrong is None:
+            frame |= {"score": None, "unscored": "no reference"}
+        else:
+            frame["score"]["true_errors"] = wrong
+    return record
+
+
+def ranked(folder, *records):
+    return ranking.ranked(document.frames(write_records(folder, records)))
+
+
+def said(folder, *records):
+    return ranking.finding(ranked(folder, *records))
+
+
+def test_rows_are_sorted_by_time_with_errors_memory_and_what_is_rebuilt(tmp_path):
+    table = ranked(tmp_path, made("slow", 4.0), made("loose", 1.0, 7), made("good", 2.0))
+    (heading, rows), *others = ranking.tables(table, {"good": "rebuilds its tree"}).items()
+    assert not others
+    assert heading == "Cloth (stand-in), fastest first"
+    assert list(rows) == ["method", "ms", "ratio", "answers", "memory, MB", "in each frame"]
+    assert rows.to_numpy().tolist() == [
+        ["loose", "1.01", "0.500", "✗ 7 wrong", "0.0", "-"],
+        ["good", "2.02", "1.00", "✓", "0.0", "rebuilds its tree"],
+        ["slow", "4.04", "2.00", "✓", "0.0", "-"],
+    ]
+
+
+def test_one_sentence_for_the_exact_and_one_for_all(tmp_path):
+    text = said(tmp_path, made("slow", 4.0), made("loose", 1.0, 7), made("good", 2.0))
+    assert text == (
+        "Cloth (stand-in): the fastest exact method is good with 2.02 ms a frame; the next, slow, takes 2.00 times as long. "
+        "The fastest of all is loose with 1.01 ms: 7 of its answers are wrong."
+    )
+
+
+@pytest.mark.parametrize(
+    ("others", "end"),
+    [
+        ([made("tree", 2.001)], "tree with 2.02 ms is as fast within the spread of the repeats. No inexact method "
+         "is faster."),
+        ([], "no other exact method was measured. No inexact method is faster."),
+        ([made("one", 1.0, 1)], "The fastest of all is one with 1.01 ms: 1 of its answers is wrong."),
+        ([made("unknown", 1.0, None)], "The fastest of all is unknown with 1.01 ms: its answers were not scored."),
+        ([made("float", 1.0, inexact="float32")], "none of its answers is wrong here, which it does not promise elsewhere."),
+    ],
+)  # fmt: skip
+def test_what_is_near_alone_or_unknown_is_said_so(tmp_path, others, end):
+    text = said(tmp_path, made("good", 2.0), *others)
+    assert text.startswith("Cloth (stand-in): the fastest exact method is good with 2.02 ms a frame; ")
+    assert text.endswith(end)
+
+
+def test_a_method_with_wrong_answers_is_never_called_exact(tmp_path):
+    text = said(tmp_path, made("good", 2.0, 3), made("unknown", 1.0, None))
+    assert text.startswith("Cloth (stand-in): no method is known to have answered exactly.")
+
+
+def test_of_many_scenes_it_says_how_often_each_wins(tmp_path):
+    scenes = ("cloth", "fairy", "sibenik")
+    records = [made("a", 1.0 + 2.0 * (scene == "fairy"), scene=scene) for scene in scenes]
+    records += [made("b", 2.0, scene=scene) for scene in scenes]
+    assert said(tmp_path / "exact", *records) == (
+        "Of 3 scenes the fastest exact method is a on 2 and b on 1. No inexact method is faster on any of them."
+    )
+    text = said(tmp_path / "wrong", *records, made("c", 0.5, 9, "cloth"))
+    assert text.endswith("Of 3 scenes the fastest method of all is b on 1 and a on 1 and c on 1.")
+
+
+def test_lights_and_scenes_are_never_ranked_together(tmp_path):
+    four = Lighting("4 lights", count=4)
+    table = ranked(tmp_path, made("a", 1.0), made("b", 3.0, lighting=four), made("a", 2.0, lighting=four))
+    assert {heading: list(rows["ratio"]) for heading, rows in ranking.tables(table, {}).items()} == {
+        "Cloth (stand-in), fastest first": ["1.00"],
+        "Cloth (stand-in), 4 lights, fastest first": ["1.00", "1.50"],
+    }
+
+
+def test_nothing_measured_is_said(tmp_path):
+    assert said(tmp_path, made("a", 1.0, status="failed")) == "Nothing was measured."
