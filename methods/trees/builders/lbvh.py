@@ -38,6 +38,7 @@ while (before != NONE || after != NONE) {
 tree.root.data[0] = (int)ref;
 """
 
+
 @functools.cache
 def make_lbvh_kernel() -> Any:
     """One thread per leaf in key order, in blocks of any size."""

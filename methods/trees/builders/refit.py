@@ -98,7 +98,7 @@ class Refitted:
     """A SAH tree of the animation's first frame (:class:`.sah.Topology`), with boxes of each.
 
     scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: the geometry does not move; refused where
-    it does """
+    it does"""
 
     def __init__(self, frame: Frame, still: bool):
         self.frame, self.still = frame, still

@@ -2,7 +2,8 @@
 
 Rays from the eye take a thread for each pixel, and one kernel does all of it. Rays that lie in arrays (mirrored ones, and
 those of an orthographic camera) are listed first: after the first bounce few pixels have a ray, spread over the image,
-and in the list they stand side by side, so that the warps that trace them are full."""
+and in the list they stand side by side, so that the warps that trace them are full.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +13,15 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
 from ....harness.frame.effects.specialise import effects
-from ...gpu.entries import entry, set_entry
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
 from ...common.pixels import tile_pixel
-from ...gpu.reserve import reserve
 from ...exact.certain_hit import certain_hit, is_far
 from ...exact.hit_point import along, flat_hit_point, plane_distance
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, hit_weights, nearer, to_float32
+from ...gpu.entries import entry, set_entry
+from ...gpu.reserve import reserve
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
 from ..records.planes import triangle_corners

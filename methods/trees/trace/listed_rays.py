@@ -7,10 +7,10 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.schedule.passes import Pass
-from ....harness.frame.effects.specialise import specialised
 from ....harness.scene.effects import Effects
 from ..constants import BLOCK
 from ..nodes import Tree

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ....harness.frame.frame import Frame
-from ....harness.frame.geometry import filled
 from ....harness.frame.effects.mirrors import traced_bounces
-from ....harness.frame.schedule.passes import Pass
 from ....harness.frame.effects.receivers import facing_passes, facing_reads
 from ....harness.frame.effects.specialise import specialised
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
+from ....harness.frame.schedule.passes import Pass
 from ....harness.frame.schedule.threads import Launch, cpu_threads
 from ....harness.scene.effects import Effects
 from ...gpu.reserve import counted
@@ -252,8 +252,8 @@ class TreeRays:
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=shares.threads,
             inputs=[
-                f.camera, shares.parts[share], listed, light, self.effects.facing, f.lights, f.spots, f.front_facing, self.tree,
-                self.planes[light], f.mesh, f.alpha, f.rays(bounce), f.hits(bounce), self.starts[bounce],
+                f.camera, shares.parts[share], listed, light, self.effects.facing, f.lights, f.spots, f.front_facing,
+                self.tree, self.planes[light], f.mesh, f.alpha, f.rays(bounce), f.hits(bounce), self.starts[bounce],
                 self._undecided(bounce, 1 + light, share),
             ],
             outputs=[f.masks(bounce), f.bits(bounce)],

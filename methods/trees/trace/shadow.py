@@ -8,14 +8,14 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, ray_of
 from ....harness.frame.effects.receivers import hit_receives
 from ....harness.frame.effects.specialise import effects
-from ...gpu.entries import entry, set_entry
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, ray_of
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
 from ...exact.triangle import largest
+from ...gpu.entries import entry, set_entry
 from ..constants import REGISTERS
 from ..nodes import Tree
 from ..records.planes import LightPlanes, triangle_corners
