@@ -1,7 +1,8 @@
 """C++ that the native functions of trees share, for a GPU and for the CPU, and how a child is referred to.
 
 Loops over a tree need a local array for the stack, votes of a warp and loads of 16 bytes, which Warp's language does not
-have. A native function is the body of one C++ function: what several share is text at their start."""
+have. A native function is the body of one C++ function: what several share is text at their start.
+"""
 
 from __future__ import annotations
 

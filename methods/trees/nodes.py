@@ -14,10 +14,11 @@ the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d
     both products by themselves (no fused operations)  2 B u;    the centre rounded  B u
     the extent rounded: nothing, it is enlarged by 2^-22 of itself
 
-5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.max_coordinate``, which bounds where the rays of cameras start; a
-light that is farther is not traced from (:mod:`.trace.traversal`), and mirrored rays start in the scene. (Ize 2013,
-"Robust BVH Ray Traversal", pads the ray instead.) A component of the direction that is less than 2^-40 of the largest is
-replaced by that value, which moves a ray by 2^-40 of its length."""
+5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.max_coordinate``, which bounds where the rays of cameras
+start; a light that is farther is not traced from (:mod:`.trace.traversal`), and mirrored rays start in the scene. (Ize
+2013, "Robust BVH Ray Traversal", pads the ray instead.) A component of the direction that is less than 2^-40 of the
+largest is replaced by that value, which moves a ray by 2^-40 of its length.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """On a GPU the shadow rays of a tree mark the receivers themselves, and so does what maps the rays of the paper's grids: the
 same as the pass of the harness, and no pass more.
 
-The kernels that do it run on a CPU, too."""
+The kernels that do it run on a CPU, too.
+"""
 
 from __future__ import annotations
 

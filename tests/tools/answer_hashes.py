@@ -11,7 +11,8 @@ each array of answers. The package is the one that this Python finds: the same p
 
 A kept file holds the rows, and for each frame the hash that most of them have and what differs from it in others. Exit
 code 1 if a hash differs from the kept one; what is not kept is only counted. Exact methods differ in the sign of a weight
-of zero."""
+of zero.
+"""
 
 from __future__ import annotations
 

@@ -237,12 +237,12 @@ def held_kernel(
 
 
 class Sort:
-    """Sorts ``count`` pairs by keys of so many ``bits``, leaving out the keys ``nothing``, which are no smaller than any other.
+    """Sorts ``count`` pairs by keys of so many ``bits``. Keys that are ``nothing``, no smaller than any other, are left out.
 
     unsorted  what is to be sorted: the same memory each time
     sorted    the result; held int32 [1]: how many there are
-    state     int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared by
-              what writes the keys
+    state     int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared
+              by what writes the keys
     """
 
     def __init__(self, count: int, bits: int, nothing: int, device: str):

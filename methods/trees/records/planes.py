@@ -19,8 +19,8 @@ with u = 2^-24, of directions d, and of hit points and corners whose coordinates
   to 34.1 u M where they are not fused. The
   sum s is at most |n|_1 (M + |light|), so that here planes are scaled by at least 2^-6 |n|_1 (M + |light|) / M, and the
   slack is at most u M again: :data:`LIGHT_UNITS` = 27 or 36 units of M.
-  The triangle's own plane has no slack, but float64's own rounding shows: heights of less than 2^-21 of the distance times edge^2
-  are not used, so that |n|_1 is at least 2^-21 edge^2. Then the rounding of n and float64's threshold
+  The triangle's own plane has no slack, but float64's own rounding shows: heights of less than 2^-21 of distance times
+  edge^2 are not used, so that |n|_1 is at least 2^-21 edge^2. Then the rounding of n and float64's threshold
   (:func:`..exact.segment.plane_crosses_segment`) are less than 1.7 u M.
 * What float32 loses of n and c where they are below its normal numbers is 2^-150 times the scale, of which the scale may
   make 0.05 u M at most (:func:`plane_word`).

@@ -2,7 +2,8 @@
 
 Rays from the eye take a thread for each pixel, and one kernel does all of it. Rays that lie in arrays (mirrored ones, and
 those of an orthographic camera) are listed first: after the first bounce few pixels have a ray, spread over the image,
-and in the list they stand side by side, so that the warps that trace them are full."""
+and in the list they stand side by side, so that the warps that trace them are full.
+"""
 
 from __future__ import annotations
 

@@ -252,8 +252,8 @@ class TreeRays:
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=shares.threads,
             inputs=[
-                f.camera, shares.parts[share], listed, light, self.effects.facing, f.lights, f.spots, f.front_facing, self.tree,
-                self.planes[light], f.mesh, f.alpha, f.rays(bounce), f.hits(bounce), self.starts[bounce],
+                f.camera, shares.parts[share], listed, light, self.effects.facing, f.lights, f.spots, f.front_facing,
+                self.tree, self.planes[light], f.mesh, f.alpha, f.rays(bounce), f.hits(bounce), self.starts[bounce],
                 self._undecided(bounce, 1 + light, share),
             ],
             outputs=[f.masks(bounce), f.bits(bounce)],

@@ -1,7 +1,8 @@
 """The pixels of a frame in shares that are traced at the same time: by a GPU's streams, or by threads of a CPU.
 
 While the last rays of one share end, the rays of another continue. A share is every n-th block of threads; each has a
-list of undecided pairs of its own."""
+list of undecided pairs of its own.
+"""
 
 from __future__ import annotations
 

@@ -9,8 +9,9 @@ holes            every hit on a triangle with holes is left, too: float64 asks w
 
 Shadow rays are traced from the light to the hit point: those of a warp, whose hit points are neighbours, then share the
 nodes near the light. That is valid as long as the light is not farther than boxes are padded for (:mod:`..nodes`). For a
-light beyond ``max_coordinate`` the same segment is traversed from the hit point. The end at which it starts only decides which
-boxes are met first: triangles are tested by planes (:mod:`..records.planes`)."""
+light beyond ``max_coordinate`` the same segment is traversed from the hit point. The end at which it starts only decides
+which boxes are met first: triangles are tested by planes (:mod:`..records.planes`).
+"""
 
 from __future__ import annotations
 

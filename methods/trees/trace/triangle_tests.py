@@ -4,7 +4,8 @@
 float32 decides with a bound on its error, and leaves the rest to float64 (``leave(at)``): an edge plane or a depth that
 float32 does not decide, or a triangle with holes. The closest hit ``best`` is always certain: a triangle replaces it only
 if it certainly lies in front, is skipped if it certainly lies behind, and is left to float64 where the two cannot be told
-apart."""
+apart.
+"""
 
 from __future__ import annotations
 

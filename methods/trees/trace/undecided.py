@@ -7,7 +7,8 @@ with more room).
 
 Entering one takes 40 instructions and an atomic whose answer is waited for. That stays out of the loop of a single ray:
 where it has kept more than :data:`MOST_KEPT` it leaves the loop, enters them and continues in a second one that enters
-each."""
+each.
+"""
 
 from __future__ import annotations
 
