@@ -135,7 +135,7 @@ def test_pairs_are_joined_by_an_edge_in_opposite_directions():
     ]
     for faces, expected in rows:
         assert joined_pairs(make_scene(points, faces, [])).tolist() == [expected]
-    last = [*OPPOSITE, *SAME, [5, 6, 7]]
+    last = [*OPPOSITE, [4, 5, 6], [4, 5, 7], [5, 6, 7]]
     assert joined_pairs(make_scene(points, last, [])).tolist() == [1, 0, 0]
 
 
