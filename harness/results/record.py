@@ -299,7 +299,7 @@ def make_record(
         compile_s=prepared.get("compile_s"),
         load_s=scene.get("load_s"),
         first_frame_s=prepared.get("first_frame_s"),
-        rounds=[{k: v for k, v in one.items() if k not in ("event", "frames", "method")} for one in rounds],
+        rounds=[_round(event) for event in rounds],
         frames=[frames[index] for index in sorted(frames)],
         frames_left_out=prepared.get("frames_left_out", []),
         peak_rss_bytes=max((one["peak_rss_bytes"] or 0 for one in rounds), default=None),
@@ -312,6 +312,12 @@ def as_read(record: Record) -> Record:
     """The same record, as it is read from its file. Raises ValueError, as reading would, if it cannot be."""
     require_storable(record.to_json())
     return checked(Record, record.to_json())
+
+
+def _round(event: dict[str, Any]) -> Round:
+    """The facts of a round, without its samples."""
+    facts: Any = {name: value for name, value in event.items() if name not in ("event", "frames", "method")}
+    return facts
 
 
 def _empty_frame(index: int) -> Frame:
