@@ -174,7 +174,7 @@ class Frame:
     unscored: str | None = None
     started: list[float] = field(default_factory=list)
     stopped_by: list[str] = field(default_factory=list)
-    memory_bytes: Annotated[float, 0.0] | None = None
+    memory_bytes: Count | None = None
     memory_source: str | None = field(default=None, metadata=OMITTED)
     counters: dict[str, Annotated[float, 0.0]] | None = field(default_factory=dict)
     hits: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
@@ -222,8 +222,8 @@ class Record:
     first_frame_s: Annotated[float, 0.0] | None = None
     rounds: list[Round] | None = field(default_factory=list)
     frames_left_out: list[Count] | None = field(default_factory=list)
-    peak_rss_bytes: Annotated[float, 0.0] | None = None
-    baseline_rss_bytes: Annotated[float, 0.0] | None = None
+    peak_rss_bytes: Count | None = None
+    baseline_rss_bytes: Count | None = None
     asked: float | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
