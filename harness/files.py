@@ -68,7 +68,7 @@ def _require_regular(found: os.stat_result, path: Path) -> None:
 
 
 @contextlib.contextmanager
-def opened_arrays(path: Path, most: int = 16 << 30) -> Iterator[Mapping[str, NDArray]]:
+def opened_arrays(path: Path, most: int = 16 << 30) -> Iterator[Any]:
     """The arrays that :func:`write_arrays` wrote, each read when it is asked for; nothing pickled.
 
     Raises one of :data:`DAMAGED` for anything else, and for an archive that unpacks to more than ``most`` bytes.

@@ -174,7 +174,7 @@ class Frame:
     unscored: str | None = None
     started: list[float] = field(default_factory=list)
     stopped_by: list[str] = field(default_factory=list)
-    memory_bytes: Annotated[float, 0.0] | None = None
+    memory_bytes: Count | None = None
     memory_source: str | None = field(default=None, metadata=OMITTED)
     counters: dict[str, Annotated[float, 0.0]] | None = field(default_factory=dict)
     hits: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
@@ -222,8 +222,8 @@ class Record:
     first_frame_s: Annotated[float, 0.0] | None = None
     rounds: list[Round] | None = field(default_factory=list)
     frames_left_out: list[Count] | None = field(default_factory=list)
-    peak_rss_bytes: Annotated[float, 0.0] | None = None
-    baseline_rss_bytes: Annotated[float, 0.0] | None = None
+    peak_rss_bytes: Count | None = None
+    baseline_rss_bytes: Count | None = None
     asked: float | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
@@ -299,7 +299,7 @@ def make_record(
         compile_s=prepared.get("compile_s"),
         load_s=scene.get("load_s"),
         first_frame_s=prepared.get("first_frame_s"),
-        rounds=[{k: v for k, v in one.items() if k not in ("event", "frames", "method")} for one in rounds],
+        rounds=[_round(event) for event in rounds],
         frames=[frames[index] for index in sorted(frames)],
         frames_left_out=prepared.get("frames_left_out", []),
         peak_rss_bytes=max((one["peak_rss_bytes"] or 0 for one in rounds), default=None),
@@ -312,6 +312,12 @@ def as_read(record: Record) -> Record:
     """The same record, as it is read from its file. Raises ValueError, as reading would, if it cannot be."""
     require_storable(record.to_json())
     return checked(Record, record.to_json())
+
+
+def _round(event: dict[str, Any]) -> Round:
+    """The facts of a round, without its samples."""
+    facts: Any = {name: value for name, value in event.items() if name not in ("event", "frames", "method")}
+    return facts
 
 
 def _empty_frame(index: int) -> Frame:

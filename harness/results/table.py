@@ -202,10 +202,13 @@ class _Samples(NamedTuple):
 def _series(record: Record) -> list[_Samples]:
     found = []
     for frame in record.measured:
-        whole, staged = (np.array(numbers, dtype=np.int64) for numbers in (frame.round, frame.stage_round))
-        lines = [("frame", "", whole, frame.total_ms), ("wall", "", whole, frame.wall_ms)]
-        lines += [(step.part, step.name, staged, step.ms) for step in frame.passes]
-        found += [_Samples(record.key, frame.frame, *line, np.array(ms)) for *line, ms in lines]
+        lines = [("frame", "", frame.round, frame.total_ms), ("wall", "", frame.round, frame.wall_ms)]
+        lines += [(step.part, step.name, frame.stage_round, step.ms) for step in frame.passes]
+        for part, name, rounds, ms in lines:
+            numbers = np.array(rounds, dtype=np.int64)
+            found.append(
+                _Samples(record.key, frame.frame, part, name, numbers, np.array(ms, dtype=np.float64))
+            )
     return found
 
 

@@ -133,6 +133,7 @@ def with_(record, **changes):
          "method.settings[k] is nan, not a number"),
         (lambda r: with_(r, scene={**r["scene"], "triangles": 10**30}), f"scene.triangles is {10**30}: more than"),
         (lambda r: with_(r, point={**r["point"], "width": 10**6}), "point.width is 1000000: more than 99999"),
+        (lambda r: with_(r, peak_rss_bytes=10.5), "peak_rss_bytes is 10.5, not a whole number"),
         (lambda r: with_(r, scene={**r["scene"], "lighting": {"label": []}}), "scene.lighting.label is [], not text"),
         (lambda r: with_(r, scene={**r["scene"], "source": {"kind": 3}}), "scene.source.kind is 3, not text"),
         (lambda r: with_(r, schema="\x1b[31m" * 100), "schema \\x1b[31m"),

@@ -92,7 +92,7 @@ def send(line: socket.socket, value: Any) -> None:
     line.sendall(HEAD.pack(len(text), sum(array.nbytes for array in arrays)) + text)
     for array in arrays:
         if array.nbytes:
-            line.sendall(memoryview(array).cast("B"))
+            line.sendall(array.data.cast("B"))
 
 
 def received(line: socket.socket, wait: Callable[[], None] = lambda: None) -> Any:
@@ -175,6 +175,6 @@ class _Unpacked:
             raise ValueError(f"an array of {kind} {shape}")
         made = np.empty(shape, dtype)
         if size:
-            _fill(self.line, memoryview(made).cast("B"), self.wait)
+            _fill(self.line, made.data.cast("B"), self.wait)
         self.left -= size
         return made
