@@ -8,7 +8,7 @@ with the paper's test a ray may pass between two front faces and then meets no b
 
 from __future__ import annotations
 
-from ..harness.runner.experiment import Entry
+from ..harness.runner.planning.experiment import Entry
 from ..methods.perspective_spherical.parameters import PAPER
 
 METHOD = "perspective_spherical"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..harness.frame.registry import make_method
 from ..harness.frame.session import Session
-from ..harness.runner.experiment import Entry
+from ..harness.runner.planning.experiment import Entry
 from ..harness.scene.light_paths import Orbit, vector
 from ..harness.scene.moment import Moment
 from ..harness.scene.prepared import Prepared, valid_triangles

@@ -6,7 +6,7 @@ that are not part of the project.
 
 from __future__ import annotations
 
-from ..harness.runner.experiment import Entry
+from ..harness.runner.planning.experiment import Entry
 from ._paper import METHOD
 
 OURS = Entry("ray_grids", {}, "ray grids")

@@ -17,15 +17,15 @@ from ..harness.files import digest
 from ..harness.results.folder import ResultsFolder
 from ..harness.results.journal import Journal
 from ..harness.results.record import SCHEMA, Record, make_record
-from ..harness.runner.experiment import Entry
-from ..harness.runner.job import Options
-from ..harness.runner.machine import clock_state, environment, keep
-from ..harness.runner.machine_lock import MACHINE
-from ..harness.runner.measure import frame_bytes, spread_frames
-from ..harness.runner.memory import Memory, peak_resident_bytes
-from ..harness.runner.points import describe_method, orders, seed_of
+from ..harness.runner.machine.environment import clock_state, environment, keep
+from ..harness.runner.machine.lock import MACHINE
+from ..harness.runner.measuring.measured_point import frame_bytes, spread_frames
+from ..harness.runner.measuring.memory import Memory, peak_resident_bytes
+from ..harness.runner.planning.experiment import Entry
+from ..harness.runner.planning.planned_point import describe_method, orders, seed_of
+from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
-from ..harness.runner.source_closure import hash_of
+from ..harness.runner.source.closure import hash_of
 from ..harness.scene.facts import scene_facts
 from ..harness.scene.prepared import prepare
 from . import _played

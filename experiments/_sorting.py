@@ -1,9 +1,9 @@
 """The time of sorting pairs by the number of bits of their keys: the same number of random pairs each, timed as frames
 are.
 
-A trial is a frame of two passes: the unsorted pairs are copied in, and sorted. So :mod:`.runner.timing` measures it by
-its own rules (whole frames, passes apart, graphs on a GPU), in interleaved rounds; the order is checked against
-NumPy's.
+A trial is a frame of two passes: the unsorted pairs are copied in, and sorted. So :mod:`.runner.measuring.timing`
+measures it by its own rules (whole frames, passes apart, graphs on a GPU), in interleaved rounds; the order is
+checked against NumPy's.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from ..harness.frame.schedule.runner import PassRunner
 from ..harness.results.folder import ResultsFolder
 from ..harness.results.journal import Journal
 from ..harness.results.record import SCHEMA, Record, make_record
-from ..harness.runner.experiment import Preset
-from ..harness.runner.job import Options
-from ..harness.runner.machine import clock_state, environment, keep
-from ..harness.runner.machine_lock import MACHINE
-from ..harness.runner.memory import peak_resident_bytes
-from ..harness.runner.points import orders
+from ..harness.runner.machine.environment import clock_state, environment, keep
+from ..harness.runner.machine.lock import MACHINE
+from ..harness.runner.measuring.memory import peak_resident_bytes
+from ..harness.runner.measuring.timing import Sampling, sample_frame
+from ..harness.runner.planning.experiment import Preset
+from ..harness.runner.planning.planned_point import orders
+from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
-from ..harness.runner.source_closure import SAMPLING, closure_hash, hash_of
-from ..harness.runner.timing import Sampling, sample_frame
+from ..harness.runner.source.closure import SAMPLING, closure_hash, hash_of
 
 NAME, SORT = "radix_sort_pairs", "sort pairs"
 

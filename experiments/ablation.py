@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..harness.report import compare, document, panels
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
 BASE = "paper-faithful"

@@ -16,7 +16,7 @@ from ..harness.report import claims, compare, style
 from ..harness.report.claims import Claim, Evidence, Finding, Lacking, Measure, each, judged
 from ..harness.report.compare import geometric
 from ..harness.results.table import stage_ms
-from ..harness.runner.experiment import Experiment
+from ..harness.runner.planning.experiment import Experiment
 from . import _rivals, figure10
 from ._paper import UNBALANCED
 from ._sorting import SORT

@@ -14,8 +14,8 @@ from ..harness.errors import UserError
 from ..harness.frame.registry import make_method
 from ..harness.report import compare, document, panels
 from ..harness.results.record import Record
-from ..harness.runner.experiment import Entry, Experiment, Preset
-from ..harness.runner.job import Options
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
 from ._sequence import measure
 

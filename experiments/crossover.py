@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..harness.report import document, panels, ranking, style
-from ..harness.runner.experiment import Experiment, Preset
+from ..harness.runner.planning.experiment import Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
 from ._rivals import FEW, STRONGEST

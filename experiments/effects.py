@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..harness.report import compare, document, panels
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
 

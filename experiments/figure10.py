@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..harness.report import compare, document, panels, style
 from ..harness.results.table import stage_ms
-from ..harness.runner.experiment import Experiment, Preset
+from ..harness.runner.planning.experiment import Experiment, Preset
 from ._paper import SCENES, faithful
 
 PRIMARY, SHADOW = "#0072B2", "#D55E00"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..harness.report import compare, document, panels, style
 from ..harness.results.table import stage_ms
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..harness.errors import UserError
 from ..harness.report import compare, document, panels
 from ..harness.results.pixel_maps import Counts, map_path, read_map
-from ..harness.runner.experiment import Experiment, Preset
+from ..harness.runner.planning.experiment import Experiment, Preset
 from ._paper import faithful
 
 DIRECT, INDIRECT = "direct, 16x16 tiles", "indirect, 2x2 of 8x8"

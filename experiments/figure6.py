@@ -12,7 +12,7 @@ import numpy as np
 from ..harness.report import compare, document, panels
 from ..harness.report.picture import opened, stand_in_text
 from ..harness.results.folder import image_name
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
 

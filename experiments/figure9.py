@@ -11,7 +11,7 @@ from ..harness.report import document, panels
 from ..harness.report import paper_table1 as paper
 from ..harness.report.picture import opened
 from ..harness.results.folder import image_name
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES
 
 METHODS = (Entry(METHOD),)

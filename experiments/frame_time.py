@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..harness.report import document, panels, ranking, style
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from . import _floor, _rivals
 from ._paper import SCENES, faithful
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..harness.report import compare, document, panels
 from ..harness.results.table import stage_ms
-from ..harness.runner.experiment import Experiment, Preset
+from ..harness.runner.planning.experiment import Experiment, Preset
 from ._sorting import SORT, measure
 
 BITS = (8, 12, 16, 18, 20, 24, 32)

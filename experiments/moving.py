@@ -11,7 +11,7 @@ import numpy as np
 
 from ..harness.report import document, panels
 from ..harness.results.table import PART_COLUMNS
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, SCENES
 

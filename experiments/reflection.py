@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..harness.report import compare, document, panels
 from ..harness.results.table import stage_ms
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from . import _rivals
 from ._paper import SCENES

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..harness.report import document, panels
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
 

@@ -13,7 +13,7 @@ from ..harness.report import compare, document, panels, style
 from ..harness.report import paper_table1 as paper
 from ..harness.results.newest import settings_text
 from ..harness.results.table import PART_COLUMNS
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES, faithful
 from .figure9 import gallery
 

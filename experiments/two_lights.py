@@ -12,7 +12,7 @@ import numpy as np
 
 from ..harness.report import compare, document, panels
 from ..harness.results.table import samples
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, faithful
 

@@ -14,7 +14,7 @@ from .judge.context import Judge
 from .judge.score import score_answers
 from .report.picture import save_png, shade
 from .results import points, samples, tidy
-from .runner.experiment import experiment_names
+from .runner.planning.experiment import experiment_names
 from .scene.catalogue import resolve
 from .scene.chosen_view import ChosenView
 from .scene.names import scene_names

@@ -46,7 +46,7 @@ from .commands.view import view
 from .errors import UserError, say
 
 if TYPE_CHECKING:
-    from .runner.job import Options
+    from .runner.planning.run_options import Options
 
 
 @command("run", "shadowbench run table1 --scene cloth --method warp_bvh --method embree")
@@ -335,8 +335,8 @@ def render_(
     The picture of a stand-in scene has a caption that says so.
     """
     from .commands.render import animate, render
-    from .runner.experiment import Entry
-    from .runner.points import parse_settings
+    from .runner.planning.experiment import Entry
+    from .runner.planning.planned_point import parse_settings
 
     (entry,) = parse_settings(setting or [], (Entry(method),))
     settings = dict(entry.settings)

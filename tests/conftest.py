@@ -12,7 +12,7 @@ import tempfile
 
 import pytest
 from helpers.devices import DEVICES
-from shadowbench.harness.runner.machine_lock import FOLDER
+from shadowbench.harness.runner.machine.lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
 os.environ[FOLDER] = _turns.name

@@ -18,7 +18,7 @@ from helpers.import_graph import modules
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.results import samples, tidy
-from shadowbench.harness.runner.experiment import experiment_names
+from shadowbench.harness.runner.planning.experiment import experiment_names
 
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = ROOT / "docs" / "adding-a-method.md"

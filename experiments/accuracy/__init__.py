@@ -12,8 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ...harness.report import document
-from ...harness.runner.experiment import Entry, Experiment, Preset
-from ...harness.runner.job import Options
+from ...harness.runner.planning.experiment import Entry, Experiment, Preset
+from ...harness.runner.planning.run_options import Options
 from ...harness.runner.progress import Silent
 from . import drawing, hard_cases, offsets
 

@@ -12,8 +12,8 @@ from ...harness.frame.registry import make_method, method_class
 from ...harness.hardcases import all_cases
 from ...harness.hardcases.judge import Judged, judge_method
 from ...harness.report import document
-from ...harness.runner.experiment import Entry
-from ...harness.runner.job import Options
+from ...harness.runner.planning.experiment import Entry
+from ...harness.runner.planning.run_options import Options
 from ...harness.runner.progress import Silent, counted
 
 NAME = "accuracy_hard.csv"

@@ -21,9 +21,9 @@ from ...harness.judge.context import Judge
 from ...harness.judge.counts import Score, total
 from ...harness.judge.score import score_answers
 from ...harness.judge.verdict import EXCUSED, Verdict
-from ...harness.runner.experiment import Entry
-from ...harness.runner.job import Options
-from ...harness.runner.machine_lock import MACHINE
+from ...harness.runner.machine.lock import MACHINE
+from ...harness.runner.planning.experiment import Entry
+from ...harness.runner.planning.run_options import Options
 from ...harness.runner.progress import Silent, counted
 from ...harness.scene.overrides import Lighting
 from ...harness.scene.prepared import Prepared, prepare, rounded, weld

@@ -42,13 +42,19 @@ def answer(
     """The answers of a method to one frame, or the reason why there are none. Errors of the method are caught.
 
     The frame is run again several times. A method whose answers then differ has failed. ``memory_limit`` in bytes, as in a
-    run (:func:`.runner.measure.within`).
+    run (:func:`.runner.measuring.measured_point.within`).
     """
     from ..frame.devices import device_for
     from ..frame.registry import make_method
     from ..frame.session import Session
-    from ..runner.measure import differing, hashes, own_bytes, within
-    from ..runner.memory import Memory, bounded, give_back_memory, peak_resident_bytes, reset_peak_resident
+    from ..runner.measuring.measured_point import differing, hashes, own_bytes, within
+    from ..runner.measuring.memory import (
+        Memory,
+        bounded,
+        give_back_memory,
+        peak_resident_bytes,
+        reset_peak_resident,
+    )
     from ..scene.effects import Limits
 
     method = make_method(name, settings)

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from ..errors import UserError
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
 from ..texts import visible
 from .options import Json
 

@@ -10,7 +10,7 @@ import typer
 
 from ..errors import UserError
 from ..judge.verdict import Verdict
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
 from .options import Device, Json
 from .tables import make_console, make_table, print_legend, print_lines
 

@@ -11,7 +11,7 @@ import typer
 
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
 from .options import (
     AllowMissing,
     CameraOf,
@@ -71,8 +71,8 @@ def explain(
     from ..frame.registry import method_names
     from ..judge.context import Judge
     from ..judge.score import judge_frame, judge_rays
-    from ..runner.experiment import Entry, parse_size
-    from ..runner.points import parse_settings
+    from ..runner.planning.experiment import Entry, parse_size
+    from ..runner.planning.planned_point import parse_settings
     from ..scene.prepared import prepare
     from .answering import answer
 

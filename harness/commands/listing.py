@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import UserError, did_you_mean
 from ..files import plain
 from ..frame.registry import method_class, method_names, parameters
-from ..runner.experiment import Preset, experiment_names, find_experiment
+from ..runner.planning.experiment import Preset, experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
 from ..scene.chosen_view import ChosenView
 from ..scene.facts import triangles

@@ -25,7 +25,7 @@ def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
 
 def complete_experiment(incomplete: str) -> list[str]:
     """For the completion of a shell: the names of experiments that start so."""
-    from ..runner.experiment import experiment_names
+    from ..runner.planning.experiment import experiment_names
 
     return _starting(incomplete, experiment_names())
 

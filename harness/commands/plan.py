@@ -15,8 +15,8 @@ from ..frame.registry import make_method, method_names
 from ..frame.schedule.needed import Step, steps, wanted_of
 from ..frame.schedule.passes import Pass
 from ..frame.session import Session
-from ..runner.experiment import Entry, parse_size
-from ..runner.points import parse_settings
+from ..runner.planning.experiment import Entry, parse_size
+from ..runner.planning.planned_point import parse_settings
 from ..scene.chosen_view import AS_IT_IS, ChosenView
 from ..scene.effects import Effects
 from ..scene.facts import triangles

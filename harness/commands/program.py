@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import UserError, say
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130

@@ -12,8 +12,8 @@ from ..errors import CapacityRejected, UserError, warn
 from ..frame.devices import device_for, find_device
 from ..frame.registry import make_method
 from ..frame.session import Session
-from ..runner.experiment import parse_size
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
+from ..runner.planning.experiment import parse_size
 from ..scene.chosen_view import AS_IT_IS, ChosenView
 from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector

@@ -12,7 +12,7 @@ import typer
 from ..errors import UserError, say
 from ..files import write_text
 from ..results.schema import folders_with_records
-from ..runner.experiment import PACKAGE
+from ..runner.planning.experiment import PACKAGE
 from .options import Json
 
 if TYPE_CHECKING:

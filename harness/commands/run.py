@@ -16,12 +16,12 @@ from ..frame.devices import find_device
 from ..results.folder import ResultsFolder
 from ..results.newest import prefer
 from ..results.record import FAILURES, Record
-from ..runner import survey
-from ..runner.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
-from ..runner.machine_lock import MACHINE
-from ..runner.points import parse_settings, refuse_own_settings
+from ..runner.machine.lock import MACHINE
+from ..runner.planning import survey
+from ..runner.planning.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
+from ..runner.planning.planned_point import parse_settings, refuse_own_settings
 from ..runner.progress import Bar, Silent
-from ..runner.runner import Options, Run
+from ..runner.run import Options, Run
 from ..scene.catalogue import folder as scene_folder
 from ..scene.catalogue import is_of_files
 from ..scene.chosen_view import ChosenView

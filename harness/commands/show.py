@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..results.schema import each_record
-from ..runner.experiment import find_experiment
+from ..runner.planning.experiment import find_experiment
 
 
 def show(experiment: str, folder: Path | str, quiet: bool = False, out: Path | None = None) -> list[Path]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import UserError, say, warn
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
@@ -81,9 +81,9 @@ def verify(
     """
     from ..frame.devices import find_device
     from ..frame.registry import method_names
-    from ..runner.experiment import Entry, parse_size
-    from ..runner.memory import NOT_STOPPED, stops_allocations
-    from ..runner.points import parse_settings
+    from ..runner.measuring.memory import NOT_STOPPED, stops_allocations
+    from ..runner.planning.experiment import Entry, parse_size
+    from ..runner.planning.planned_point import parse_settings
 
     place = find_device(device)
     width, height = parse_size(size)

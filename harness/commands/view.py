@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import UserError
-from ..runner.experiment import PACKAGE, parse_size
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
+from ..runner.planning.experiment import PACKAGE, parse_size
 from .options import (
     AllowMissing,
     CameraOf,

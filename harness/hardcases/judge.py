@@ -21,7 +21,7 @@ from ..judge.referee import Referee
 from ..judge.reference import exact_reference
 from ..judge.score import Judgement, judge_frame, score_frame
 from ..judge.verdict import ERRORS, EXCUSED, WRONG_BIT, Verdict
-from ..runner.machine_lock import MACHINE
+from ..runner.machine.lock import MACHINE
 from ..scene.effects import Effects
 from .case import Counts, HardCase, Trial
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from ..errors import warn
 from ..results.folder import ResultsFolder
-from .job import Job, Options
-from .protocol import LOAD_S, grade_command, load_command, picture_of, prepare_command
-from .worker_process import Remote, WorkerError
+from .planning.run_options import Job, Options
+from .workers.handle import Remote, WorkerError
+from .workers.protocol import LOAD_S, grade_command, load_command, picture_of, prepare_command
 
 
 def repaint(options: Options, folder: ResultsFolder, jobs: Sequence[Job]) -> None:

@@ -15,7 +15,7 @@ from ..scene.chosen_view import ChosenView
 from ..scene.declaration import SUFFIX
 from ..scene.names import NAMES
 from ..typed_json import WrongFieldError, checked
-from .source_closure import HARNESS, closure_hash
+from .source.closure import HARNESS, closure_hash
 
 MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "overrides", "prepared"))
 """The modules that make scenes and their facts."""

@@ -15,7 +15,7 @@ from shadowbench.harness.frame import registry
 from shadowbench.harness.hardcases import HardCase, find_case
 from shadowbench.harness.hardcases.case import joined, plane, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 
 class NoShadows(ExactMethod):

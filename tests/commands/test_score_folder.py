@@ -13,7 +13,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 

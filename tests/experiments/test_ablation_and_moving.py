@@ -8,7 +8,7 @@ import dataclasses
 from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import _paper, ablation
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.runner.experiment import find_experiment
+from shadowbench.harness.runner.planning.experiment import find_experiment
 from shadowbench.methods.perspective_spherical import parameters
 
 

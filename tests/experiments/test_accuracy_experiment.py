@@ -23,8 +23,8 @@ from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.report import style
 from shadowbench.harness.results import pixel_maps
-from shadowbench.harness.runner.experiment import Entry
-from shadowbench.harness.runner.points import check_entries
+from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.runner.planning.planned_point import check_entries
 
 # --- what it runs ---
 

@@ -8,7 +8,7 @@ import trimesh
 from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import crossover
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.runner.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.standins import balls
 

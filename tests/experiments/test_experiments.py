@@ -11,10 +11,10 @@ from shadowbench.experiments.ablation import CULLED, TREE
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.experiment import experiment_names, find_experiment, find_preset
-from shadowbench.harness.runner.points import check_entries
+from shadowbench.harness.runner.planning.experiment import experiment_names, find_experiment, find_preset
+from shadowbench.harness.runner.planning.planned_point import check_entries
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Options, Run
+from shadowbench.harness.runner.run import Options, Run
 from shadowbench.harness.scene.catalogue import scene_names
 
 OWN = ("figure2", "figure6", "figure9", "figure10", "figure11", "two_lights", "moving", "ablation")

@@ -14,7 +14,7 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.report import panels
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 OURS, GRAPH, MESH = (Entry("ray_grids", {}, "ray grids"), Entry("warp_bvh", {}, "LBVH rebuilt in a graph"),
                      Entry("warp_bvh", {}, "mesh rebuilt"))  # fmt: skip

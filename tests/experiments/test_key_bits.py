@@ -13,8 +13,8 @@ from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report.claims import collect
+from shadowbench.harness.runner.measuring.timing import Sampling, sample_frame
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.timing import Sampling, sample_frame
 
 
 def tiny(out, **changes):

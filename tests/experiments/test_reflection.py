@@ -7,7 +7,7 @@ from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import claims, reflection
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.report.claims import FAILS, HOLDS, collect
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 BOUNCE = ("primary", "shadow", "true_errors")
 GRID, TREE = reflection.GRIDS[0], reflection.TREES[0]

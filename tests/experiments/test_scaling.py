@@ -12,9 +12,9 @@ from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import scaling
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.runner.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Options, Run
+from shadowbench.harness.runner.run import Options, Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import prepare

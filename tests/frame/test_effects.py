@@ -26,7 +26,7 @@ from shadowbench.harness.frame.effects import receivers
 from shadowbench.harness.frame.method import BaseMethod
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
-from shadowbench.harness.runner.memory import Memory
+from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light, Spot

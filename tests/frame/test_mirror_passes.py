@@ -22,7 +22,7 @@ from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.registry import make_method, method_class, method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.runner.memory import Memory, array_bytes
+from shadowbench.harness.runner.measuring.memory import Memory, array_bytes
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import prepare, under
 from shadowbench.harness.scene.scene import Camera

@@ -36,7 +36,7 @@ from shadowbench.harness.results.journal import Journal
 from shadowbench.harness.results.record import make_record
 from shadowbench.harness.results.schema import ARCHIVE, read_records
 from shadowbench.harness.results.table import samples
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.archives import unpack
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare

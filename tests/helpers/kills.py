@@ -152,8 +152,8 @@ class Killed:
                 words, parent = " ".join(one.cmdline()), one.parent()
                 if "multiprocessing.spawn" in words and one.ppid() == process.pid:
                     found.setdefault("Dask worker", []).append(one)
-                elif "runner.guard" in words and parent is not None:
-                    guarded = "runner.guard" in " ".join(parent.cmdline())
+                elif "workers.guard" in words and parent is not None:
+                    guarded = "workers.guard" in " ".join(parent.cmdline())
                     log = Path(os.readlink(f"/proc/{one.pid}/fd/2")).stem
                     kind = ("grader" if log.startswith("grading") else "worker") if guarded else "guard"
                     found.setdefault(kind, []).append(one)

@@ -11,7 +11,7 @@ from helpers.experiment_records import record_of, write_records
 from PIL import Image
 from shadowbench.harness.report.flip import answered_path, reference_path
 from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.overrides import Lighting
 
 GRIDS, TREE, MAP = (

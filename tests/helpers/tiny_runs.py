@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from helpers import misbehaving_methods
-from shadowbench.harness.runner.experiment import Entry, Experiment, Preset
-from shadowbench.harness.runner.runner import Options
+from shadowbench.harness.runner.planning.experiment import Entry, Experiment, Preset
+from shadowbench.harness.runner.run import Options
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
 

@@ -13,7 +13,7 @@ from shadowbench.harness.judge import score
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.receivers import not_receivers
 from shadowbench.harness.judge.score import score_answers
-from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
+from shadowbench.harness.runner.workers.grader import Grader, hand_over, handed_path
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.overrides import Lighting
 

@@ -15,7 +15,7 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import claims
 from shadowbench.harness.report.claims import collect
-from shadowbench.harness.runner.experiment import Entry, Lighting, find_experiment
+from shadowbench.harness.runner.planning.experiment import Entry, Lighting, find_experiment
 
 SIX = (*judges.LARGE, *judges.SMALL)
 

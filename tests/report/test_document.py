@@ -9,7 +9,7 @@ from helpers.table1_records import write_records
 from shadowbench.experiments import frame_time, table1
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.report.document import carry, effort, names, span
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 
 @pytest.mark.parametrize(

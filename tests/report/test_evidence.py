@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report.claims import collect
-from shadowbench.harness.runner.experiment import find_experiment
+from shadowbench.harness.runner.planning.experiment import find_experiment
 
 ENTRIES = {e.label or e.method: e for e in find_experiment("frame_time").presets["paper"].methods}
 OURS, TREE = ENTRIES["the paper's grids"], ENTRIES["mesh rebuilt"]

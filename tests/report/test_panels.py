@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.report import compare, document, panels, style
 from shadowbench.harness.results.table import samples
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("warp_bvh", {}, "tree")
 

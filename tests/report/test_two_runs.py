@@ -12,7 +12,7 @@ from helpers.called_command import exit_code
 from helpers.experiment_records import record_of, write_records
 from helpers.table1_records import score
 from shadowbench.harness.report import two_runs
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 TREE, GRIDS, EMBREE = (
     Entry("warp_bvh", {}, "tree"),

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.results.schema import ARCHIVE
-from shadowbench.harness.runner import machine as environment
+from shadowbench.harness.runner.machine import environment as environment
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 FOLDERS = sorted(

@@ -20,10 +20,10 @@ from shadowbench.harness.report import flip as looks
 from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.results.disputes import charge_folder, disputes_path, read_disputes
 from shadowbench.harness.results.schema import read_record
-from shadowbench.harness.runner.experiment import Entry
-from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
+from shadowbench.harness.runner.workers.grader import Grader, hand_over, handed_path
 
 pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to share")
 

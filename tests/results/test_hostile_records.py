@@ -22,7 +22,7 @@ from shadowbench.harness.results.disputes import read_disputes
 from shadowbench.harness.results.folder import ResultsFolder, read_environment, read_json
 from shadowbench.harness.results.table import samples, tidy
 from shadowbench.harness.results.throttled import disturbances
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 ODD = "a\x1b[31m<b>x</b> $\\foo$ & $ \udc80 \u202e | [l](javascript:1) `c`"
 METHODS = ("ray_grids", "bvh2", "warp_bvh")

@@ -14,7 +14,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import method_class
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.schema import ARCHIVE, read_records
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 
 ENTRIES = [
     Entry("perspective_spherical", {}, "ours"),

@@ -115,7 +115,8 @@ def test_an_empty_folder_is_refused(tmp_path):
 def test_pandas_is_not_loaded_before_a_table_is_made():
     """A run needs no table before its end: neither the package nor the declaration of an experiment loads pandas."""
     code = (
-        "import sys; from shadowbench.harness.results import tidy; import shadowbench.harness.runner.experiment as e\n"
+        "import sys; from shadowbench.harness.results import tidy\n"
+        "import shadowbench.harness.runner.planning.experiment as e\n"
         "[e.find_experiment(name) for name in e.experiment_names()]; sys.exit('pandas' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

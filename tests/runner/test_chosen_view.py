@@ -14,10 +14,10 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.commands.verify import explain, verify
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
-from shadowbench.harness.runner.experiment import Entry
-from shadowbench.harness.runner.protocol import load_command
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.scene_cache import known_scene, learn_scene
-from shadowbench.harness.runner.worker import Worker
+from shadowbench.harness.runner.workers.executor import Worker
+from shadowbench.harness.runner.workers.protocol import load_command
 from shadowbench.harness.scene.chosen_view import ChosenView
 from shadowbench.harness.scene.overrides import Lighting
 

@@ -29,9 +29,9 @@ from shadowbench.harness.runner.cluster.calibration import Calibration
 from shadowbench.harness.runner.cluster.head import ClusterRun
 from shadowbench.harness.runner.cluster.pool import connected
 from shadowbench.harness.runner.cluster.shard import Outcome, Worker, code_hash, introduce, measure
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 
 dask = pytest.importorskip("dask", reason="Dask is not installed: the extra `cluster`")
 distributed = pytest.importorskip(

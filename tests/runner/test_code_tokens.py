@@ -8,7 +8,7 @@ import tokenize
 
 import pytest
 from hypothesis import given, settings, strategies
-from shadowbench.harness.runner.code_tokens import code_of
+from shadowbench.harness.runner.source.code_tokens import code_of
 
 SAMPLE = r'''
 """Doc of the module."""  # a comment

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from helpers.tiny_runs import options, write_scene
-from shadowbench.harness.runner import workers
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
+from shadowbench.harness.runner.workers import pool as workers
 from shadowbench.harness.scene.overrides import Lighting
 
 LIGHTINGS = (Lighting("one", count=1), Lighting("two", count=2), Lighting("moved", count=1, moved="all"))

@@ -13,9 +13,9 @@ import pytest
 from helpers.left_processes import MARK, alive, gone, marked_environment
 from helpers.tiny_runs import options
 from shadowbench.harness.results.schema import read_records
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 
 PROMPT_S = 60.0
 """Far more than the end of a run takes, and far less than what it would wait for (``timeout_s``)."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import shadowbench
-from shadowbench.harness.runner import machine
+from shadowbench.harness.runner.machine import environment as machine
 
 ROOT = Path(__file__).parents[2]
 

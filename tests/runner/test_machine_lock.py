@@ -15,10 +15,11 @@ import pytest
 from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner import runner as run_module
-from shadowbench.harness.runner import turns, workers
-from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
+from shadowbench.harness.runner import run as run_module
+from shadowbench.harness.runner.machine import sample_turns as turns
+from shadowbench.harness.runner.machine.lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.workers import pool as workers
 
 STEP_S = 0.02
 PATIENCE_S = 120.0
@@ -29,7 +30,7 @@ STEP_ENDS, SAMPLES_TAKEN = "has finished its current step", "has taken its sampl
 OTHER = """
     import sys, time
     from pathlib import Path
-    from shadowbench.harness.runner.machine_lock import MachineLock
+    from shadowbench.harness.runner.machine.lock import MachineLock
     lock, log = MachineLock(Path(sys.argv[1])), open(sys.argv[2], "a", buffering=1)
     def note(what):
         print(time.monotonic(), what, file=log)
@@ -208,7 +209,7 @@ def test_on_a_disk_without_locks_nobody_waits(tmp_path: Path, monkeypatch) -> No
     def none_here(file, kind):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("shadowbench.harness.runner.machine_lock.fcntl.flock", none_here)
+    monkeypatch.setattr("shadowbench.harness.runner.machine.lock.fcntl.flock", none_here)
     lock, said = lock_on(tmp_path)
     with lock.shared(), lock.exclusive():
         lock.give_way()
@@ -287,7 +288,7 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
 
 def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> None:
     """Their time limit stands still meanwhile."""
-    from shadowbench.harness.runner.worker_process import Remote
+    from shadowbench.harness.runner.workers.handle import Remote
 
     monkeypatch.setenv(FOLDER, str(tmp_path))
     scene = tmp_path / "tetra.obj"

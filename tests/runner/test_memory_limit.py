@@ -13,10 +13,11 @@ from helpers.tiny_runs import options
 from shadowbench.harness.commands.answering import answer
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.limited_allocator import LimitedAllocator
-from shadowbench.harness.runner import memory, runner
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner import run as runner
+from shadowbench.harness.runner.measuring import memory
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 

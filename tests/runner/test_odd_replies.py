@@ -10,10 +10,10 @@ from helpers.tiny_runs import options
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import read_records
-from shadowbench.harness.runner.experiment import Entry
-from shadowbench.harness.runner.points import describe_method
+from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.runner.planning.planned_point import describe_method
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 
 UNHELD = "no record can hold what the worker replied: "
 

@@ -11,10 +11,10 @@ from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import checked
 from shadowbench.harness.runner import progress
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.runner.planning.time_estimate import PIXEL, Estimate, Unit, expected_work
 from shadowbench.harness.runner.progress import Bar, Silent, counted
-from shadowbench.harness.runner.runner import Run
-from shadowbench.harness.runner.workload import PIXEL, Estimate, Unit, expected_work
+from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.names import ANIMATED, TRIANGLES, scene_names
 from shadowbench.harness.scene.prepared import prepare

@@ -12,11 +12,11 @@ import pytest
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.commands.render import render
 from shadowbench.harness.results.schema import read_records
-from shadowbench.harness.runner import runner as run_module
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner import run as run_module
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
-from shadowbench.harness.runner.workers import GRADER, Workers
+from shadowbench.harness.runner.run import Run
+from shadowbench.harness.runner.workers.pool import GRADER, Workers
 
 
 def go(chosen):
@@ -183,7 +183,7 @@ def test_retry_measures_failed_points_only(troubled, scene, tmp_path):
 
 @pytest.mark.parametrize("change", [{"width": 9}, {"samples": 4}, {"frames": 1, "rounds": 1}])
 def test_another_configuration_is_another_point(troubled, scene, tmp_path, change):
-    from shadowbench.harness.runner.points import describe_method, make_point
+    from shadowbench.harness.runner.planning.planned_point import describe_method, make_point
 
     _, records = troubled
     entry, facts = Entry("steady", {}, "steady"), records["steady"].scene

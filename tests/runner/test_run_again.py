@@ -9,9 +9,9 @@ from helpers.experiment_records import record_of
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.schema import read_records
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.journal import Journal
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 
 
 def go(chosen):

@@ -7,8 +7,9 @@ import sys
 import tempfile
 
 import pytest
-from shadowbench.harness.runner import machine_lock, scratch
-from shadowbench.harness.runner.worker_process import Remote
+from shadowbench.harness.runner.machine import lock as machine_lock
+from shadowbench.harness.runner.workers.handle import Remote
+from shadowbench.harness.runner.workers import scratch
 
 LEAVE = (
     "import os, signal, sys; from shadowbench.harness.runner import scratch;"

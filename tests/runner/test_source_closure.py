@@ -11,7 +11,7 @@ import pytest
 from helpers.import_graph import PACKAGES, ROOT, imports, modules
 from shadowbench.harness.frame import registry
 from shadowbench.harness.runner import scene_cache
-from shadowbench.harness.runner.source_closure import (
+from shadowbench.harness.runner.source.closure import (
     MEASURING,
     PROJECT,
     closure_hash,
@@ -101,8 +101,8 @@ def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
         "harness.frame.alpha", "harness.frame.effects.mirrors", "harness.frame.effects.shading",
         "harness.frame.effects.receivers", "harness.frame.frame", "harness.frame.session",
         "harness.frame.schedule.passes", "harness.frame.schedule.needed", "harness.frame.effects.specialise",
-        "harness.frame.vectors", "harness.scene.prepared", "harness.scene.moment", "harness.runner.measure",
-        "harness.runner.timing", "harness.runner.memory", "methods.exact.hit_point",
+        "harness.frame.vectors", "harness.scene.prepared", "harness.scene.moment", "harness.runner.measuring.measured_point",
+        "harness.runner.measuring.timing", "harness.runner.measuring.memory", "methods.exact.hit_point",
     ],
 )  # fmt: skip
 def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> None:
@@ -126,7 +126,7 @@ def test_a_method_that_another_imports_makes_both_stale(stale, module, methods) 
 @pytest.mark.parametrize(
     "package", ["harness.judge", "harness.report", "harness.commands", "harness.hardcases", "harness.cli",
                 "harness.results", "harness.scene.readers", "harness.scene.standins", "harness.scene.catalogue",
-                "harness.frame.registry", "harness.runner.runner", "harness.runner.worker",
+                "harness.frame.registry", "harness.runner.run", "harness.runner.workers.executor",
 "experiments"],
 )  # fmt: skip
 def test_what_no_measurement_runs_makes_none_stale(stale, package) -> None:
@@ -259,7 +259,7 @@ def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) 
         ("cloth", "harness.scene.standins.cloth_solver", True),
         ("cloth", "harness.scene.standins.fairy", False),
         ("cloth", "harness.scene.prepared", True),
-        ("cloth", "harness.runner.timing", False),
+        ("cloth", "harness.runner.measuring.timing", False),
         ("declared.toml", "harness.scene.standins.fairy", True),
         ("declared.toml", "harness.scene.declaration", True),
     ],

@@ -9,11 +9,11 @@ import pytest
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.commands.run import dry, plan_run
 from shadowbench.harness.results.record import Record
-from shadowbench.harness.runner import survey
-from shadowbench.harness.runner.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning import survey
+from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.time_estimate import expected_work, guess
 from shadowbench.harness.runner.progress import Bar, Silent
-from shadowbench.harness.runner.runner import Run
-from shadowbench.harness.runner.workload import expected_work, guess
+from shadowbench.harness.runner.run import Run
 
 
 class Noted(Silent):

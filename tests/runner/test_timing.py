@@ -12,11 +12,11 @@ import pytest
 import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.runner.machine import clock_state
-from shadowbench.harness.runner.measure import spread_frames
-from shadowbench.harness.runner.memory import Memory
-from shadowbench.harness.runner.points import orders
-from shadowbench.harness.runner.timing import CompileClock, Sampling, sample_frame, stop_reason
+from shadowbench.harness.runner.machine.environment import clock_state
+from shadowbench.harness.runner.measuring.measured_point import spread_frames
+from shadowbench.harness.runner.measuring.memory import Memory
+from shadowbench.harness.runner.measuring.timing import CompileClock, Sampling, sample_frame, stop_reason
+from shadowbench.harness.runner.planning.planned_point import orders
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 

@@ -11,9 +11,9 @@ from shadowbench.harness.commands.run import plan_run, run
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.files import write_arrays
 from shadowbench.harness.results.newest import newest
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.facts import contents, scene_facts
 from shadowbench.harness.scene.overrides import Lighting

@@ -18,7 +18,7 @@ from ...frame.devices import device_for
 from ...frame.registry import make_method, method_class, method_names
 from ...frame.schedule.passes import Pass, run_passes
 from ...frame.session import Session
-from ...runner.machine_lock import MACHINE
+from ...runner.machine.lock import MACHINE
 from ...scene.light_paths import vector
 from ...scene.moment import Moment
 from ...scene.prepared import Prepared

@@ -10,11 +10,11 @@ from ...files import write_atomic, write_bytes
 from ...results.folder import ResultsFolder, image_name, read_json
 from ...results.record import Record, make_record
 from ...results.schema import read_record, read_records
-from ..job import Options
-from ..points import describe_method, make_point
-from ..protocol import load_command
+from ..planning.planned_point import describe_method, make_point
+from ..planning.run_options import Options
 from ..scene_cache import known_scene
-from ..unmade import forget_unmade, is_unmade, unmade_scene
+from ..unmade_scenes import forget_unmade, is_unmade, unmade_scene
+from ..workers.protocol import load_command
 from .shard import Outcome
 from .spool import Files, allowed
 

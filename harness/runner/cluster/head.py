@@ -18,12 +18,12 @@ from ...errors import UserError
 from ...results.disputes import charged_records
 from ...results.folder import ResultsFolder
 from ...results.record import Record
-from .. import scratch
-from ..experiment import Experiment
-from ..job import Options
-from ..machine_lock import MACHINE
+from ..machine.lock import MACHINE
+from ..planning.experiment import Experiment
+from ..planning.run_options import Options
+from ..planning.time_estimate import expected_work, points_of
 from ..progress import Silent
-from ..workload import expected_work, points_of
+from ..workers import scratch
 from . import spool
 from .delivery import Delivery
 from .ledger import LIMIT, Ledger, reference_of

@@ -20,13 +20,13 @@ from ...files import digest
 from ...frame.devices import device_title
 from ...frame.warp_init import start_warp
 from ...results.record import Record
-from ..job import Options
-from ..machine_lock import MACHINE, MachineLock
+from ..machine.lock import MACHINE, MachineLock
+from ..machine.sample_turns import CardTurns
+from ..planning.run_options import Options
+from ..planning.survey import survey
 from ..progress import Silent
-from ..runner import GRADERS, Run
-from ..source_closure import project
-from ..survey import survey
-from ..turns import CardTurns
+from ..run import GRADERS, Run
+from ..source.closure import project
 from . import spool
 from .calibration import Calibration, calibrate
 

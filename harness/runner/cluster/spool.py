@@ -19,7 +19,7 @@ from pathlib import Path, PurePosixPath
 
 from ...errors import UserError
 from ...files import digest, plain, write_bytes
-from ..job import Options
+from ..planning.run_options import Options
 
 PLACE = "SHADOWBENCH_SHARDS"
 """The environment variable that gives the folder of the shards of a machine."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..results.folder import ResultsFolder
-from ..scene.overrides import Lighting
-from .job import Job, Options
-from .machine_lock import MACHINE
+from ...results.folder import ResultsFolder
+from ...scene.overrides import Lighting
+from ..machine.lock import MACHINE
+from ..planning.run_options import Job, Options
+from .handle import Remote, WorkerError, WorkerLostError
 from .protocol import LOAD_S, UNWRITABLE, load_command, prepare_command
-from .worker_process import Remote, WorkerError, WorkerLostError
 
 GRADER = "grading"
 """The name of the worker that makes scenes and scores answers; no method may have this name. Further ones get a number."""

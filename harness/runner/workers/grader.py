@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..files import write_arrays
-from ..scene.effects import Effects
-from ..scene.moment import Moment
-from ..scene.prepared import Prepared
-from .machine_lock import MACHINE
-from .measure import Answers, hashes
+from ...files import write_arrays
+from ...scene.effects import Effects
+from ...scene.moment import Moment
+from ...scene.prepared import Prepared
+from ..machine.lock import MACHINE
+from ..measuring.measured_point import Answers, hashes
 
 
 def hand_over(path: Path, answers: Answers) -> None:
@@ -55,7 +55,7 @@ class Grader:
         The middle frame is drawn as ``picture``, unless there is a picture made from the same data (``shows``).
         ``wrong_maps``: also save a map of the wrong pixels of the last frame, and its FLIP difference.
         """
-        from ..report.picture import shown_in
+        from ...report.picture import shown_in
 
         frames = []
         last = list(self.moments)[-1]
@@ -84,10 +84,10 @@ class Grader:
 
     def _score(self, key: str, frame: int, answers: Answers, wrong_map: bool) -> dict[str, Any]:
         try:
-            from ..judge.context import Judge
-            from ..judge.score import score_answers
-            from ..report.flip import keep_wrong
-            from ..results.disputes import write_disputes
+            from ...judge.context import Judge
+            from ...judge.score import score_answers
+            from ...report.flip import keep_wrong
+            from ...results.disputes import write_disputes
         except ImportError as error:
             missing = error.name or str(error)
             reason = f"no exact reference: {missing} is not installed; shadowbench score adds it on a machine that has it"
@@ -112,7 +112,7 @@ class Grader:
 
     def _save_answers(self, key: str, frame: int, answers: Answers) -> None:
         try:
-            from ..judge.answer_files import save_raw
+            from ...judge.answer_files import save_raw
         except ImportError:
             # Without the packages of the reference the format of saved answers is not available: save plain arrays.
             hand_over(answer_path(self.folder, key, frame), answers)
@@ -132,7 +132,7 @@ def shadow_rays(answers: Answers, effects: Effects) -> int:
 
 def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path, shows: str) -> None:
     """Draw the frame with its shadows and a caption that says whether the scene is a stand-in."""
-    from ..report.picture import scene_picture
+    from ...report.picture import scene_picture
 
     path.parent.mkdir(parents=True, exist_ok=True)
     scene_picture(prepared, moment, answers, prepared.lights(moment.index), path, shows)

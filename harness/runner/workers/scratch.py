@@ -15,7 +15,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from . import machine_lock
+from ..machine import lock as machine_lock
 
 PREFIX = "shadowbench-scratch-"
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..results.journal import Journal
-from ..results.record import Record
-from ..scene.chosen_view import ChosenView
-from ..scene.overrides import Lighting
-from ..scene.scene import Scene
+from ...results.journal import Journal
+from ...results.record import Record
+from ...scene.chosen_view import ChosenView
+from ...scene.overrides import Lighting
+from ...scene.scene import Scene
 from .experiment import Experiment, Preset
-from .points import Point
+from .planned_point import Point
 
 
 @dataclass(frozen=True)

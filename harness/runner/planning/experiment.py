@@ -15,12 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError, did_you_mean
-from ..frame import registry
-from ..results.record import Record
-from ..scene.overrides import Lighting
+from ...errors import UserError, did_you_mean
+from ...frame import registry
+from ...results.record import Record
+from ...scene.overrides import Lighting
 
-PACKAGE = __name__.rsplit(".", 3)[0] + ".experiments"
+PACKAGE = __name__.rsplit(".", 4)[0] + ".experiments"
 
 MOST_PIXELS = 2**31 - 1
 """Largest number of pixels of an image: pixel indices are int32."""
@@ -41,7 +41,7 @@ class Preset:
 
     frames         number of frames of an animated scene, evenly spaced from the first to the last; 1: the middle frame
     samples        minimum number of whole-frame samples per frame and round; ``most``: the maximum (see
-                   :class:`.runner.timing.Sampling`)
+                   :class:`.runner.measuring.timing.Sampling`)
     rounds         number of times that every point is measured, interleaved with the others in balanced random order
     budget_s       time limit for the samples of a point, over all frames and rounds, seconds
     timeout_s      seconds without a reply after which a worker is stopped

@@ -2,7 +2,7 @@
 
 It reads one JSON command per line and writes one JSON reply per line. It works only on command; the parent waits for each
 reply, so that only one worker runs at a time. Output of methods goes to standard error. The worker ends when its input
-ends; :mod:`.runner.guard` starts it.
+ends; :mod:`.runner.workers.guard` starts it.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ import psutil
 import warp as wp
 from numpy.typing import NDArray
 
-from ..errors import CapacityRejected, UserError, one_line
-from ..files import plain
-from ..frame.method import Method
-from ..frame.registry import make_method
-from ..frame.warp_init import start_warp
-from ..results.folder import FULL
-from ..results.pixel_maps import map_path, write_map
-from ..scene.chosen_view import ChosenView
-from ..scene.facts import scene_facts
-from ..scene.moment import Moment
-from ..scene.overrides import Lighting
-from ..scene.prepared import Prepared, prepare
-from ..scene.shared import read_stored, store
+from ...errors import CapacityRejected, UserError, one_line
+from ...files import plain
+from ...frame.method import Method
+from ...frame.registry import make_method
+from ...frame.warp_init import start_warp
+from ...results.folder import FULL
+from ...results.pixel_maps import map_path, write_map
+from ...scene.chosen_view import ChosenView
+from ...scene.facts import scene_facts
+from ...scene.moment import Moment
+from ...scene.overrides import Lighting
+from ...scene.prepared import Prepared, prepare
+from ...scene.shared import read_stored, store
+from ..machine.environment import clock_state
+from ..machine.lock import MACHINE
+from ..measuring.measured_point import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
+from ..measuring.memory import give_back_memory, reset_peak_resident
+from ..measuring.timing import CompileClock, Sampling
 from .grader import Answers, Grader, hand_over, handed_path
-from .machine import clock_state
-from .machine_lock import MACHINE
-from .measure import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
-from .memory import give_back_memory, reset_peak_resident
 from .protocol import UNWRITABLE
-from .timing import CompileClock, Sampling
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ..results.record import FAILURES, Record
 from ..results.schema import whole_record
 from ..scene.catalogue import TITLES, name_in
 from ..scene.overrides import Lighting
-from .job import Options
+from .planning.run_options import Options
 
 
 def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, Any]:

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..errors import UserError, did_you_mean, one_line
-from ..files import digest, plain, require_storable
-from ..frame import registry
-from ..frame.devices import device_for, device_title
-from ..results.record import SCHEMA, MethodFacts
-from ..typed_json import checked
+from ...errors import UserError, did_you_mean, one_line
+from ...files import digest, plain, require_storable
+from ...frame import registry
+from ...frame.devices import device_for, device_title
+from ...results.record import SCHEMA, MethodFacts
+from ...typed_json import checked
+from ..source.closure import source_hash
 from .experiment import Entry, Preset
-from .source_closure import source_hash
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:

@@ -1,9 +1,10 @@
 """The process between a run and a worker: whatever ends one of the two, nothing that the worker has started stays.
 
-``python -m shadowbench.harness.runner.guard PID``, where PID is the run, becomes two processes: the worker, and this one,
-which waits for its end. A method is somebody else's code and may start processes of its own. These hold the pipe of the
-worker's replies, and would outlive it; here they are ended with it, also those that have made themselves orphans or a
-session of their own. The guard ends as the worker has ended: with its exit code or by its signal.
+``python -m shadowbench.harness.runner.workers.guard PID``, where PID is the run, becomes two processes: the worker,
+and this one, which waits for its end. A method is somebody else's code and may start processes of its own. These hold
+the pipe of the worker's replies, and would outlive it; here they are ended with it, also those that have made
+themselves orphans or a session of their own. The guard ends as the worker has ended: with its exit code or by its
+signal.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _prctl(PARENT_DIES, signal.SIGKILL)  # even during a launch
     if os.getppid() == here:
-        from .worker import main as work
+        from .executor import main as work
 
         work()
 

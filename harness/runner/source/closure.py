@@ -6,7 +6,7 @@ the method names (``sources``); and, for every method, the modules that load a f
 (:data:`MEASURING`). Import statements are read from the source, also
 those inside functions; nothing is run. Modules found by name at run time (the registry's methods, the catalogue's
 stand-ins) are not imported by a statement, and so one method's key does not depend on another method. Comments,
-docstrings and layout do not count (:mod:`.runner.code_tokens`).
+docstrings and layout do not count (:mod:`.runner.source.code_tokens`).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from pathlib import Path
 
 from .code_tokens import code_of
 
-HARNESS = __name__.rsplit(".", 2)[0]
+HARNESS = __name__.rsplit(".", 3)[0]
 PROJECT = HARNESS.rpartition(".")[0]
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
-SAMPLING = f"{HARNESS}.runner.timing"
-MEASURING = (f"{HARNESS}.runner.measure",)
+SAMPLING = f"{HARNESS}.runner.measuring.timing"
+MEASURING = (f"{HARNESS}.runner.measuring.measured_point",)
 """The modules that load the frames of every method, take the samples and count the memory."""
 
 

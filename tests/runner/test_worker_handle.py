@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shadowbench.harness.runner.worker_process import Remote, WorkerError, WorkerLostError
+from shadowbench.harness.runner.workers.handle import Remote, WorkerError, WorkerLostError
 
 
 @pytest.fixture

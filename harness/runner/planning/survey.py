@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError
-from ..frame.devices import device_title
-from ..results.folder import ResultsFolder
-from ..results.throttled import CROWDED
-from .job import Options
-from .points import describe_method, make_point
-from .protocol import load_command
-from .scene_cache import known_scene
-from .workload import expected_work, guess
+from ...errors import UserError
+from ...frame.devices import device_title
+from ...results.folder import ResultsFolder
+from ...results.throttled import CROWDED
+from ..scene_cache import known_scene
+from ..workers.protocol import load_command
+from .planned_point import describe_method, make_point
+from .run_options import Options
+from .time_estimate import expected_work, guess
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import psutil
 import shadowbench
 import warp as wp
 
-from ..files import digest, write_atomic
-from ..frame.devices import cpu_model
+from ...files import digest, write_atomic
+from ...frame.devices import cpu_model
 
 PACKAGES = (
     "warp-lang",

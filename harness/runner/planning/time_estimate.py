@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scene.names import ANIMATED, TRIANGLES
-from ..scene.standins import balls
+from ...scene.names import ANIMATED, TRIANGLES
+from ...scene.standins import balls
 from .experiment import Preset
 
 PIXEL = 1.75

@@ -3,7 +3,7 @@
 The points of a scene, of all methods and lightings, are first prepared and their answers scored, lighting by lighting.
 Then their rounds are taken in turn. Only one worker runs at a time: the parent sends a command and waits for its reply.
 Reading a prepared scene and scoring answers are not timed; several workers may do this at once. Other runs on the machine
-wait while this one takes samples, and this one waits for them: see :mod:`.runner.machine_lock`.
+wait while this one takes samples, and this one waits for them: see :mod:`.runner.machine.lock`.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from ..results.folder import ResultsFolder
 from ..results.record import SCORING_FAILED, Record, as_read, make_record
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
-from . import scratch
-from .experiment import Entry
-from .job import Job, Options
-from .machine import environment, keep
-from .machine_lock import MACHINE
-from .memory import NOT_STOPPED, stops_allocations
-from .points import describe_method, make_point, orders, seed_of
+from .machine.environment import environment, keep
+from .machine.lock import MACHINE
+from .machine.sample_turns import Turns
+from .measuring.memory import NOT_STOPPED, stops_allocations
+from .planning.experiment import Entry
+from .planning.planned_point import describe_method, make_point, orders, seed_of
+from .planning.run_options import Job, Options
+from .planning.survey import announcement, survey
+from .planning.time_estimate import Estimate, Unit, expected_work, points_of, steps_of
 from .progress import Silent
-from .protocol import grade_command, load_command
 from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
-from .survey import announcement, survey
-from .turns import Turns
-from .unmade import forget_unmade, unmade_scene
-from .worker_process import WorkerError, WorkerLostError
-from .workers import GRADER, Workers
-from .workload import Estimate, Unit, expected_work, points_of, steps_of
+from .unmade_scenes import forget_unmade, unmade_scene
+from .workers import scratch
+from .workers.handle import WorkerError, WorkerLostError
+from .workers.pool import GRADER, Workers
+from .workers.protocol import grade_command, load_command
 
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
 """Number of workers that score at the same time, before the timing of a scene. Each has the scene in memory."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
-from ..files import digest, require_storable
-from ..results.events import Finished, Prepared, Sampled
-from ..results.folder import ResultsFolder
-from ..results.record import SceneFacts
-from ..scene.facts import contents
-from ..scene.overrides import Lighting
-from ..typed_json import checked
-from .job import Job, Options
+from ...files import digest, require_storable
+from ...results.events import Finished, Prepared, Sampled
+from ...results.folder import ResultsFolder
+from ...results.record import SceneFacts
+from ...scene.facts import contents
+from ...scene.overrides import Lighting
+from ...typed_json import checked
+from ..planning.run_options import Job, Options
 
 LOAD_S = 300.0
 """Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import psutil
 
-from ..errors import UserError
+from ...errors import UserError
 
 FOLDER = "SHADOWBENCH_TURNS"
 """The environment variable that gives the folder of the lock files."""

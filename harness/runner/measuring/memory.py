@@ -18,7 +18,7 @@ from typing import Any
 import psutil
 import warp as wp
 
-from ..errors import CapacityRejected, one_line
+from ...errors import CapacityRejected, one_line
 
 
 class Memory:

@@ -1,7 +1,7 @@
 """Measure one point in its worker process: prepare it once, then take rounds of samples of every frame on request.
 
 This module and its imports contain everything that times a method or counts its memory, and nothing else, because a
-change of their code makes every record outdated (:mod:`.runner.source_closure`).
+change of their code makes every record outdated (:mod:`.runner.source.closure`).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..errors import CapacityRejected, UserError
-from ..frame.method import Method
-from ..frame.session import Session
-from ..scene.effects import Effects, Limits
-from ..scene.moment import Moment
-from ..scene.prepared import Prepared
+from ...errors import CapacityRejected, UserError
+from ...frame.method import Method
+from ...frame.session import Session
+from ...scene.effects import Effects, Limits
+from ...scene.moment import Moment
+from ...scene.prepared import Prepared
 from .memory import (
     ALLOWED_GROWTH,
     Memory,

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..frame.schedule.runner import PassRunner
+from ...frame.schedule.runner import PassRunner
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 
-from .job import Job
-from .machine_lock import MACHINE
+from ..planning.run_options import Job
+from .lock import MACHINE
 
 
 class Turns:

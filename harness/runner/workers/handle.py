@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
-from ..results.record import STATUSES
+from ...results.record import STATUSES
 from . import scratch
 from .protocol import UNWRITABLE, check_reply
 

@@ -1,0 +1,1 @@
+"""Which source files a measurement depends on, and one hash of their code."""
