@@ -8,8 +8,8 @@ import tempfile
 
 import pytest
 from shadowbench.harness.runner.machine import lock as machine_lock
-from shadowbench.harness.runner.workers.handle import Remote
 from shadowbench.harness.runner.workers import scratch
+from shadowbench.harness.runner.workers.handle import Remote
 
 LEAVE = (
     "import os, signal, sys; from shadowbench.harness.runner import scratch;"

@@ -52,7 +52,9 @@ class Frames:
             frame = prepared.frame_count // 2 if asked.frame is None else asked.frame
             answers = session.answers(prepared.moment(frame, asked.side, asked.side))
             found = hashlib.sha256()
-            for name in sorted(answers, key=lambda name: name.replace("visibility", "shadowed")):  # 0.1's name
+            for name in sorted(
+                answers, key=lambda name: name.replace("visibility", "shadowed")
+            ):  # 0.1's name
                 found.update(answers[name].tobytes())
             self._ready[key] = session, found.hexdigest()
         return self._ready[key]
