@@ -2,7 +2,7 @@
 
 A shard is one scene at one size with all its methods (and all its lights), because the product of an experiment is the
 ratio between methods, and that needs one card. The Dask worker has one thread, which runs the shard as
-:class:`~..runner.Run` does on a single machine, with worker processes of our own.
+:class:`~..run.Run` does on a single machine, with worker processes of our own.
 """
 
 from __future__ import annotations
