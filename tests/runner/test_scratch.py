@@ -12,7 +12,7 @@ from shadowbench.harness.runner.workers import scratch
 from shadowbench.harness.runner.workers.handle import Remote
 
 LEAVE = (
-    "import os, signal, sys; from shadowbench.harness.runner import scratch;"
+    "import os, signal, sys; from shadowbench.harness.runner.workers import scratch;"
     "place = scratch.folder(); (place / 'wp_pch_a').mkdir(); print(place, flush=True); {}"
 )
 

@@ -230,7 +230,7 @@ def test_peak_of_the_process_grows_with_what_it_holds():
     """In a process of its own: not every system lets the peak of a process that once was larger be reset."""
     code = (
         "import numpy as np\n"
-        "from shadowbench.harness.runner import memory\n"
+        "from shadowbench.harness.runner.measuring import memory\n"
         "memory.reset_peak_resident()\n"
         "before = memory.peak_resident_bytes()\n"
         "block = np.ones(8 << 20)\n"
