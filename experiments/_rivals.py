@@ -51,6 +51,7 @@ REBUILDS = {
     HYBRID.label: "sorts its rays, or rebuilds its tree",
     RASTERISED.label: "rasterises",
     "paper-faithful": "rebuilds its grids",
+    "Embree": "rebuilds its tree",
     "mesh rebuilt": "rebuilds its tree",
     **dict.fromkeys([entry.label for entry in REBUILT], "rebuilds its tree"),
     **dict.fromkeys([entry.label for entry in REFITTED], "refits its tree"),

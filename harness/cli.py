@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .commands.advise import advise
 from .commands.cache import cache
 from .commands.check import check
 from .commands.compare import compare
@@ -356,6 +357,7 @@ def render_(
 
 
 # These functions declare their own options.
+command("advise", "shadowbench advise mesh.ply --lights 4")(advise)
 command("check", "shadowbench check perspective_spherical --device cpu")(check)
 command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
 command("verify", "shadowbench verify cloth bunny.ply --method warp_bvh --json")(verify)

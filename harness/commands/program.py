@@ -61,6 +61,7 @@ EVERYWHERE = ("--debug", "--no-wait")
 
 
 SHORT = {
+    "advise": "Say which structure is the fastest for a scene, here.",
     "run": "Measure an experiment: every method on every scene.",
     "show": "Draw tables and figures of an experiment from its records.",
     "list": "List methods, scenes or experiments.",

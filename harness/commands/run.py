@@ -221,9 +221,11 @@ def newest(experiment: str) -> Path:
 
 
 def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:
-    """What ``--json`` prints: one row per point, and the files written."""
+    """What ``--json`` prints: one row per point, and the files written; ``answer``: what the experiment itself says for
+    programs, where it wrote a file of its name."""
     from ..results.means import point_rows
 
+    said = [file for file in files if file.name == f"{options.experiment.name}.json"]
     built = {record.key: record.method.get("built") for record in records}
     return {
         "experiment": options.experiment.name,
@@ -232,5 +234,6 @@ def report_json(options: Options, records: list[Record], files: list[Path]) -> d
         "out": str(options.out),
         "files": [str(file) for file in files],
         "warnings": warnings_of(records),
+        **({"answer": json.loads(said[0].read_text(encoding="utf-8"))} if said else {}),
         "points": [{**row, "built": built[row["key"]]} for row in point_rows(records)],
     }

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..files import plain
 from . import compare, document, style
 
 if TYPE_CHECKING:
@@ -73,6 +74,23 @@ def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
             "in each frame": [rebuilt.get(label, "-") for label in own["label"]],
         }
     )
+
+
+def as_json(table: DataFrame, rebuilt: Mapping[str, str]) -> list[dict[str, Any]]:
+    """What :func:`tables` and :func:`sentences` say, for programs: one entry per scene; None where a value is not known."""
+    names = {"label": "method", "method": "name", "total_ms": "total_ms", "times": "ratio", "exact": "exact",
+             "true_errors": "true_errors", "unscored": "unscored", "memory_bytes": "memory_bytes"}  # fmt: skip
+    found = []
+    for setting, own in settings(table):
+        rows = (
+            own[[*names]]
+            .rename(columns=names)
+            .assign(in_each_frame=own["label"].map(rebuilt))
+            .astype("object")
+        )
+        methods = [plain(row) for row in rows.where(rows.notna(), None).to_dict("records")]
+        found.append({"scene": setting, "sentences": sentences(own), "methods": methods})
+    return found
 
 
 def alike(one: Mapping[str, Any], two: Mapping[str, Any]) -> bool:

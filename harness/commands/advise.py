@@ -1,0 +1,114 @@
+"""``shadowbench advise``: which structure is the fastest for a scene on this machine, and whether its answers are right."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import UserError, did_you_mean
+from ..scene.overrides import Lighting
+from .options import (
+    AllowMissing,
+    CameraOf,
+    CameraPlace,
+    Device,
+    Fov,
+    FrameRate,
+    Json,
+    Lights,
+    LightsOf,
+    MemoryLimit,
+    SceneDir,
+    complete_scene,
+    view_of,
+)
+
+EXPERIMENT = "advise"
+MOVES = {
+    "camera": "the camera moves",
+    "light": "a light moves",
+    "part": "part of the geometry moves",
+    "all": "everything moves",
+}
+"""Words of ``--moves``, names of :data:`.scene.overrides.MOVED` that leave something to do, and what tables say."""
+MOST_LIGHTS = 1024
+
+
+def advise(
+    scene: Annotated[
+        str, typer.Argument(help="Name of a scene, or a mesh file.", autocompletion=complete_scene)
+    ],
+    lights: Annotated[
+        int | None,
+        typer.Option(
+            "--lights",
+            metavar="N",
+            help="Number of lights: copies of the scene's first one, spread around it.",
+        ),
+    ] = None,
+    moves: Annotated[
+        str | None,
+        typer.Option(
+            "--moves",
+            metavar="WHAT",
+            help=f"What has moved since the last frame: {', '.join(MOVES)}. Only what depends on it is rebuilt. "
+            "Default: all.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            "--size", metavar="WxH", help="Image size. Default: 256x256 on a CPU, 1024x1024 on a GPU."
+        ),
+    ] = None,
+    device: Device = None,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
+    rate: FrameRate = None,
+    allow_missing: AllowMissing = False,
+    scene_dir: SceneDir = None,
+    memory_limit: MemoryLimit = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="PATH", help="Results folder. Default: one in results/local."),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Measure a shortlist of structures on a scene and say which is the fastest: of the exact ones, and of all.
+
+    It takes about two minutes on a CPU and half a minute on a GPU, besides compiling kernels for the first time. The table is
+    sorted by time, with wrong answers, memory and what is rebuilt in each frame; below it stands what would change the
+    answer. A second call measures only what is not yet in the results folder. Exit code 1 if a point failed.
+    """
+    from .run import RESULTS, plan_run, run
+
+    if lights is not None and (light or light_of):
+        raise UserError("--lights and --light: give the number of lights or their places, not both")
+    view = view_of(camera, fov, light, None, rate, allow_missing, camera_of, light_of)
+    options = plan_run(
+        EXPERIMENT, device=device, scenes=[scene], scene_dir=scene_dir, out=out, size=size, view=view,
+        memory_limit=memory_limit,
+    )  # fmt: skip
+    lighting = lighting_of(lights, moves)
+    preset = dataclasses.replace(options.preset, lightings=(lighting,))
+    place = f"{options.device.replace(':', '')}-{preset.width}x{preset.height}"
+    words = [EXPERIMENT, Path(scene).stem, place, *lighting.label.replace(",", "").split()]
+    options = dataclasses.replace(options, preset=preset, out=out or RESULTS / "-".join(words))
+    return run(options, as_json)
+
+
+def lighting_of(lights: int | None, moves: str | None) -> Lighting:
+    """What ``--lights`` and ``--moves`` change. Raises :class:`UserError` for a number or a word that is not known."""
+    if lights is not None and not 1 <= lights <= MOST_LIGHTS:
+        raise UserError(f"--lights {lights}: must be 1 to {MOST_LIGHTS}")
+    if moves is not None and moves not in MOVES:
+        raise UserError(f"--moves {moves!r}: not one of {', '.join(MOVES)}{did_you_mean(moves, MOVES)}")
+    words = [] if lights is None else [f"{lights} light{'s' if lights > 1 else ''}"]
+    words += [] if moves is None else [MOVES[moves]]
+    return Lighting(", ".join(words), count=lights or 0, moved=moves)
