@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from ..harness.files import write_atomic
@@ -29,7 +28,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["in_each_frame"] = table["label"].map(_rivals.REBUILDS)
     said = {"scenes": ranking.as_json(done, _rivals.REBUILDS), "what_would_change_it": changes}
     path = folder / "advise.json"
-    write_atomic(path, json.dumps(said, indent=1) + "\n")
+    write_atomic(path, said)
     return document.write(
         folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), ranking.tables(done, _rivals.REBUILDS), [path],
         quiet, [ranking.ABOUT, *changes],

@@ -82,20 +82,20 @@ def advise(
 ) -> int:
     """Measure a shortlist of structures on a scene and say which is the fastest: of the exact ones, and of all.
 
-    It takes about two minutes on a CPU and half a minute on a GPU, besides compiling kernels for the first time. The table is
-    sorted by time, with wrong answers, memory and what is rebuilt in each frame; below it stands what would change the
-    answer. A second call measures only what is not yet in the results folder. Exit code 1 if a point failed.
+    It takes about two minutes on a CPU and half a minute on a GPU, besides compiling kernels for the first time. The
+    table is sorted by time, with wrong answers, memory and what is rebuilt in each frame; below it stands what would
+    change the answer. A second call measures only what is not yet in the results folder. Exit code 1 if a point failed.
     """
     from .run import RESULTS, plan_run, run
 
     if lights is not None and (light or light_of):
         raise UserError("--lights and --light: give the number of lights or their places, not both")
+    lighting = lighting_of(lights, moves)
     view = view_of(camera, fov, light, None, rate, allow_missing, camera_of, light_of)
     options = plan_run(
         EXPERIMENT, device=device, scenes=[scene], scene_dir=scene_dir, out=out, size=size, view=view,
         memory_limit=memory_limit,
     )  # fmt: skip
-    lighting = lighting_of(lights, moves)
     preset = dataclasses.replace(options.preset, lightings=(lighting,))
     place = f"{options.device.replace(':', '')}-{preset.width}x{preset.height}"
     words = [EXPERIMENT, Path(scene).stem, place, *lighting.label.replace(",", "").split()]

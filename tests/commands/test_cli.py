@@ -15,6 +15,7 @@ from shadowbench.harness.commands.program import spread_values
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = (
+    "advise",
     "run",
     "show",
     "list",
