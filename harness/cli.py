@@ -1,23 +1,21 @@
 """The command line: ``shadowbench COMMAND``. It only reads arguments; :mod:`.commands` does the work.
 
-Each command imports what it needs when it runs, so that ``--help`` is fast. What all commands share, such as exit codes, is
-in :mod:`.commands.program`.
+Each command imports what it needs when it runs; those that declare their own options are modules that are imported when they
+are asked for. What all commands share, such as exit codes, is in :mod:`.commands.program`.
 """
 
 from __future__ import annotations
 
+import functools
+import importlib
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .commands.advise import advise
-from .commands.cache import cache
-from .commands.check import check
-from .commands.compare import compare
-from .commands.keep import keep
-from .commands.new_method import new_method
+from .commands import program
 from .commands.options import (
     AllowMissing,
     CameraOf,
@@ -37,13 +35,8 @@ from .commands.options import (
     number_or_frames,
     view_of,
 )
-from .commands.plan import plan
 from .commands.program import app as app
-from .commands.program import command, main
-from .commands.report import report
-from .commands.scenes import scenes
-from .commands.verify import explain, score, verify
-from .commands.view import view
+from .commands.program import command
 from .errors import UserError, say
 
 if TYPE_CHECKING:
@@ -251,13 +244,14 @@ def show_(
     return 0
 
 
-@command("list", "shadowbench list methods --json")
+@command("list", "shadowbench list methods bvh2")
 def list_(
     kind: Annotated[str, typer.Argument(help="What to list: methods, scenes or experiments.")],
     files: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="FILE", help="Scenes or mesh files: what they hold, their cameras and lights."
+            metavar="NAME",
+            help="Methods: their parameters. Scenes or mesh files: what they hold, their cameras and lights.",
         ),
     ] = None,
     rate: FrameRate = None,
@@ -265,11 +259,12 @@ def list_(
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """List the methods, scenes or experiments; of a file its triangles and frames, its cameras and its lights."""
-    from .commands.listing import as_text, contents, listing
+    """List the methods, scenes or experiments; of a method its parameters; of a file its triangles and frames, its cameras
+    and its lights."""
+    from .commands.listing import as_text, rows_of
 
     seen = view_of(None, None, None, None, rate, allow_missing)
-    rows = contents(kind, files, seen, scene_dir) if files else listing(kind)
+    rows = rows_of(kind, files or [], seen, scene_dir, brief=not as_json)
     print(json.dumps(rows, indent=1) if as_json else as_text(rows))
     return 0
 
@@ -356,20 +351,48 @@ def render_(
     return 0
 
 
-# These functions declare their own options.
-command("advise", "shadowbench advise mesh.ply --lights 4")(advise)
-command("check", "shadowbench check perspective_spherical --device cpu")(check)
-command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
-command("verify", "shadowbench verify cloth bunny.ply --method warp_bvh --json")(verify)
-command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
-command("score", "shadowbench score results/local/table1-quick")(score)
-command("report", "shadowbench report results/nvidia-h200 --out report.html")(report)
-command("compare", "shadowbench compare results/local/old results/local/new --fail-on slower")(compare)
-command("view", "shadowbench view cloth --size 256x256")(view)
-command("scenes", "shadowbench scenes fetch sibenik buddha --scene-dir scenes")(scenes)
-command("new-method", "shadowbench new-method my_method")(new_method)
-command("cache", "shadowbench cache clear")(cache)
-command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
+ELSEWHERE = {
+    "advise": ("advise", "shadowbench advise mesh.ply --lights 4"),
+    "check": ("check", "shadowbench check perspective_spherical --device cpu"),
+    "plan": ("plan", "shadowbench plan cloth --method uniform_grid"),
+    "verify": ("verify", "shadowbench verify cloth bunny.ply --method warp_bvh --json"),
+    "explain": ("verify", "shadowbench explain cloth --pixel 120,80"),
+    "score": ("verify", "shadowbench score results/local/table1-quick"),
+    "report": ("report", "shadowbench report results/nvidia-h200 --out report.html"),
+    "compare": ("compare", "shadowbench compare results/local/old results/local/new --fail-on slower"),
+    "view": ("view", "shadowbench view cloth --size 256x256"),
+    "scenes": ("scenes", "shadowbench scenes fetch sibenik buddha --scene-dir scenes"),
+    "new-method": ("new_method", "shadowbench new-method my_method"),
+    "cache": ("cache", "shadowbench cache clear"),
+    "keep": ("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1"),
+}
+"""Commands whose functions declare their own options: the module of :mod:`.commands` and an example. The function is called
+as the command."""
+
+
+@functools.cache
+def register(name: str) -> None:
+    """Import a command of :data:`ELSEWHERE` and make it part of the program."""
+    module, example = ELSEWHERE[name]
+    found = importlib.import_module(f"{__package__}.commands.{module}")
+    command(name, example)(getattr(found, name.replace("-", "_")))
+
+
+def wanted(words: list[str]) -> list[str]:
+    """Which commands of :data:`ELSEWHERE` a command line needs: the one that it names; all, where it names none and is not
+    answered before, as for help, completion and misspelt names."""
+    first = next((word for word in words if not word.startswith("-")), "")
+    if first in ELSEWHERE:
+        return [first]
+    here = {info.name for info in app.registered_commands} - set(ELSEWHERE)
+    return [] if first in here or "--version" in words else [*ELSEWHERE]
+
+
+def main() -> None:
+    """The ``shadowbench`` command."""
+    for name in wanted(sys.argv[1:]):
+        register(name)
+    program.main()
 
 
 if __name__ == "__main__":

@@ -11,11 +11,12 @@ from typing import Any
 
 from ..errors import UserError, did_you_mean
 from ..files import plain
-from ..frame.registry import method_class, method_names, parameters
-from ..runner.planning.experiment import Preset, experiment_names, find_experiment
+from ..frame.registry import about, method_class, method_names, parameters
+from ..runner.experiment import Preset, experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
 from ..scene.chosen_view import ChosenView
 from ..scene.facts import triangles
+from ..scene.names import TRIANGLES
 from ..scene.standins import balls
 from ..texts import visible
 
@@ -29,34 +30,79 @@ def listing(kind: str) -> list[dict[str, Any]]:
     return {"methods": methods, "scenes": scenes, "experiments": experiments}[kind]()
 
 
-def methods() -> list[dict[str, Any]]:
-    """Every method with its devices and its parameters: default, meaning and allowed values."""
+def rows_of(
+    kind: str, names: list[str], seen: ChosenView, scene_dir: Path | None, brief: bool
+) -> list[dict[str, Any]]:
+    """The rows of ``list KIND NAME ...``. ``brief``: methods without names have a sentence each in place of parameters."""
+    if kind == "methods" and (names or brief):
+        return methods(names) if names else overview()
+    return contents(kind, names, seen, scene_dir) if names else listing(kind)
+
+
+def overview() -> list[dict[str, Any]]:
+    """Every method with what it is, in a sentence."""
     rows = []
     for name in method_names():
         try:
+            rows.append({"name": name, "title": about(name)})
+        except (Exception, SystemExit) as error:  # one broken method must not hide the others
+            rows.append({"name": name, "title": f"cannot be used: {error}"})
+    return rows
+
+
+def methods(names: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Every method, or those of ``names``, with its devices and its parameters: default, meaning and allowed values.
+
+    Raises :class:`UserError` for a name that is not known.
+    """
+    rows = []
+    for name in names:
+        if name not in method_names():
+            method_class(name)
+    for name in names or method_names():
+        try:
             cls = method_class(name)
+            what = about(name)
             found = {p.name: dataclasses.asdict(p) for p in parameters(cls)}
         except (Exception, SystemExit) as error:  # one broken method must not hide the others
             rows.append({"name": name, "title": f"cannot be used: {error}", "devices": [], "parameters": {}})
             continue
-        rows.append({"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": found})
+        rows.append(
+            {
+                "name": name,
+                "title": cls.title,
+                "about": what,
+                "devices": list(cls.devices),
+                "parameters": found,
+            }
+        )
     return rows
 
 
 def scenes() -> list[dict[str, Any]]:
     """The scenes of the catalogue and the family of balls; for a stand-in also what it replaces.
 
-    A mesh file can be given instead of a name.
+    A mesh file can be given instead of a name. ``triangles``: None where it is not known.
     """
     rows = []
     for name in scene_names():
+        row = {"name": name, "title": TITLES[name], "stand_in": None, "about": "", "triangles": None}
         try:
             found = resolve(name)
-            about = found.stand_in or found.notes
-            rows.append({"name": name, "title": TITLES[name], "stand_in": found.stand_in, "about": about})
+            # A stand-in is not made to be counted.
+            count = TRIANGLES[name] if found.stand_in else len(found.geometry().faces)
+            row |= {"stand_in": found.stand_in, "about": found.stand_in or found.notes, "triangles": count}
+            row["title"] = f"{TITLES[name]}: {triangles(count)}"
         except UserError as error:  # one broken original or a missing package must not hide the others
-            rows.append({"name": name, "title": f"{TITLES[name]}: {error}", "stand_in": None, "about": ""})
-    return [*rows, {"name": "balls-N", "title": "Balls over ground", "stand_in": None, "about": BALLS}]
+            row["title"] = f"{TITLES[name]}: {error}"
+        rows.append(row)
+    more = {
+        "name": "balls-N",
+        "title": "Balls over ground: about N triangles",
+        "stand_in": None,
+        "about": BALLS,
+    }
+    return [*rows, {**more, "triangles": None}]
 
 
 def contents(kind: str, files: list[str], seen: ChosenView, scene_dir: Path | None) -> list[dict[str, Any]]:
@@ -65,7 +111,10 @@ def contents(kind: str, files: list[str], seen: ChosenView, scene_dir: Path | No
     Raises :class:`UserError` unless ``kind`` is "scenes".
     """
     if kind != "scenes":
-        raise UserError(f"list {kind} {files[0]}: only scenes are files; write list scenes {files[0]}")
+        raise UserError(
+            f"list {kind} {files[0]}: only methods and scenes have details; leave out {files[0]}, or write list scenes "
+            f"{files[0]}"
+        )
     rows = []
     for name in files:
         found = seen.resolved(name, scene_dir)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import UserError
-from ..scene.chosen_view import ChosenView
-from ..scene.declared_views import FARTHEST
-from ..scene.readers.checks import Wanted, frames_of
-from ..scene.scene import Vector
+
+if TYPE_CHECKING:  # every command needs this module, and few need what makes scenes
+    from ..scene.chosen_view import ChosenView
+    from ..scene.scene import Vector
 
 FASTEST = 1e6
 """Largest rate of an animation, frames a second."""
@@ -160,6 +160,9 @@ def view_of(
     """What ``--camera``, ``--fov``, ``--light``, ``--frames``, ``--rate``, ``--allow-missing``, ``--camera-of`` and
     ``--light-of`` ask of a scene. Raises :class:`UserError` for a malformed value.
     """
+    from ..scene.chosen_view import ChosenView
+    from ..scene.readers.checks import Wanted, frames_of
+
     if camera is not None and camera_of is not None:
         raise UserError("--camera and --camera-of: give one of them")
     ends = None if camera is None else (_place("--camera", camera[0]), _place("--camera", camera[1]))
@@ -180,6 +183,8 @@ def number_or_frames(text: str | None) -> tuple[int | None, str | None]:
 
 
 def _place(option: str, text: str) -> Vector:
+    from ..scene.declared_views import FARTHEST
+
     try:
         x, y, z = (float(number) for number in text.split(","))
     except ValueError:

@@ -7,6 +7,7 @@ harness itself names no method. Another package declares
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import dataclasses
 import functools
@@ -14,14 +15,17 @@ import importlib
 import importlib.metadata
 import inspect
 import math
+import re
 import sys
 import typing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError, did_you_mean
-from .method import Method
+
+if TYPE_CHECKING:  # names are listed without importing Warp
+    from .method import Method
 
 GROUP = "shadowbench.methods"
 PACKAGE = __name__.rsplit(".", 3)[0] + ".methods"
@@ -32,12 +36,35 @@ def method_names() -> list[str]:
     return [*built_in_names(), *(name for name in sorted(_entry_points()) if name not in built_in_names())]
 
 
-@functools.cache
 def built_in_names() -> list[str]:
-    """The names of the methods that come with the project, from the sources: a method is imported when it is asked for."""
+    """The names of the methods that come with the project."""
+    return [*_built_in()]
+
+
+@functools.cache
+def _built_in() -> dict[str, str]:
+    """The source of the package of each built-in method, by name: a method is imported when it is asked for."""
     folders = importlib.import_module(PACKAGE).__path__
-    files = [file for folder in folders for file in Path(folder).glob("*/__init__.py")]
-    return sorted(file.parent.name for file in files if "\nMETHOD = " in file.read_text(encoding="utf-8"))
+    files = sorted(file for folder in folders for file in Path(folder).glob("*/__init__.py"))
+    sources = {file.parent.name: file.read_text(encoding="utf-8") for file in files}
+    return {name: text for name, text in sources.items() if "\nMETHOD = " in text}
+
+
+def about(name: str) -> str:
+    """What a method is: the first sentence of the docstring of its package, or its title where there is none.
+
+    Built-in methods are not imported for it. Raises :class:`UserError` for an unknown name.
+    """
+    if name in _built_in():
+        return first_sentence(ast.get_docstring(ast.parse(_built_in()[name])) or name)
+    cls = method_class(name)
+    return first_sentence(inspect.getdoc(sys.modules[cls.__module__]) or cls.title)
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence of a text, on one line."""
+    paragraph = " ".join(text.split("\n\n")[0].split())
+    return re.split(r"(?<=\.) (?=[A-Z])", paragraph)[0]
 
 
 def _entry_points() -> dict[str, Any]:
