@@ -28,7 +28,7 @@ def check(
         typer.Option(
             "--set",
             metavar="PARAM=VALUE",
-            help="Parameter of the method; see shadowbench list methods. Repeatable.",
+            help="Parameter of the method; see shadowbench list methods NAME. Repeatable.",
         ),
     ] = None,
     case: Annotated[

@@ -7,18 +7,17 @@ import shutil
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError, did_you_mean
 from ..files import plain
 from ..frame.registry import about, method_class, method_names, parameters
-from ..runner.experiment import Preset, experiment_names, find_experiment
-from ..scene.catalogue import TITLES, resolve, scene_names
-from ..scene.chosen_view import ChosenView
-from ..scene.facts import triangles
-from ..scene.names import TRIANGLES
-from ..scene.standins import balls
+from ..scene.names import TRIANGLES, scene_names
 from ..texts import visible
+
+if TYPE_CHECKING:  # each kind imports what it needs
+    from ..runner.experiment import Preset
+    from ..scene.chosen_view import ChosenView
 
 KINDS = ("methods", "scenes", "experiments")
 
@@ -84,6 +83,10 @@ def scenes() -> list[dict[str, Any]]:
 
     A mesh file can be given instead of a name. ``triangles``: None where it is not known.
     """
+    from ..scene.catalogue import TITLES, resolve
+    from ..scene.facts import triangles
+    from ..scene.standins import balls
+
     rows = []
     for name in scene_names():
         row = {"name": name, "title": TITLES[name], "stand_in": None, "about": "", "triangles": None}
@@ -100,9 +103,10 @@ def scenes() -> list[dict[str, Any]]:
         "name": "balls-N",
         "title": "Balls over ground: about N triangles",
         "stand_in": None,
-        "about": BALLS,
+        "about": BALLS.format(balls.EXAMPLE),
+        "triangles": None,
     }
-    return [*rows, {**more, "triangles": None}]
+    return [*rows, more]
 
 
 def contents(kind: str, files: list[str], seen: ChosenView, scene_dir: Path | None) -> list[dict[str, Any]]:
@@ -115,6 +119,8 @@ def contents(kind: str, files: list[str], seen: ChosenView, scene_dir: Path | No
             f"list {kind} {files[0]}: only methods and scenes have details; leave out {files[0]}, or write list scenes "
             f"{files[0]}"
         )
+    from ..scene.facts import triangles
+
     rows = []
     for name in files:
         found = seen.resolved(name, scene_dir)
@@ -158,13 +164,15 @@ def place_text(place: Sequence[float]) -> str:
 
 
 BALLS = (
-    f"procedural, with about N triangles, such as {balls.EXAMPLE} or balls-2m; {balls.EXAMPLE}-seen10: the ground is seen "
-    f"by 10 % of the pixels; {balls.EXAMPLE}-moving30: 30 % of the triangles move"
+    "procedural, with about N triangles, such as {0} or balls-2m; {0}-seen10: the ground is seen by 10 % of the pixels; "
+    "{0}-moving30: 30 % of the triangles move"
 )
 
 
 def experiments() -> list[dict[str, Any]]:
     """Every experiment with its presets."""
+    from ..runner.experiment import experiment_names, find_experiment
+
     rows = []
     for name in experiment_names():
         declared = find_experiment(name)

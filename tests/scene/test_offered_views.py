@@ -89,8 +89,8 @@ def test_a_file_is_listed_with_its_cameras_and_lights(path, capsys):
     assert "camera 'above': from 0,9,0 to 0,0,0, orthographic, 4 high" in text
     assert "light 'lamp': spot at 0,3,0" in text
     assert "light 'sun': directional, from 1,1,0" in text
-    with pytest.raises(UserError, match=r"only scenes are files; write list scenes"):
-        list_("methods", [str(path)])
+    with pytest.raises(UserError, match=r"only methods and scenes have details; .*write list scenes"):
+        list_("experiments", [str(path)])
 
 
 def test_frames_and_what_was_left_out_are_listed(tmp_path, capsys):

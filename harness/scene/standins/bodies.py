@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from .implicit import polygonise
 from .shapes import Mesh, rotation
@@ -223,6 +222,8 @@ def normals(mesh: Mesh) -> F64:
 
 def scales(mesh: Mesh, size: float, height: float, seed: int) -> F64:
     """Height of a skin of rounded scales about ``size`` wide at the vertices, shape [vertex_count]."""
+    from scipy.spatial import cKDTree  # here: a scene is listed without it
+
     seeds = spread_points(mesh.vertices, size, seed)
     near = cKDTree(seeds).query(mesh.vertices)[0]
     bump = 1.0 - np.minimum(near / (0.75 * size), 1.0) ** 2

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ..scene import Camera, Geometry, Light, Moves, Scene
 from .bodies import Blob, Body, ball, both, chain, curve, limb, normals, scales, spread_points
@@ -203,6 +202,8 @@ def _skinned(mesh: Mesh, scale: float) -> Mesh:
 
 def _broken(mesh: Mesh, size: float, seed: int) -> tuple[Mesh, NDArray[np.int64]]:
     """The mesh cut into patches about ``size`` wide with vertices of their own, and the patch of each vertex."""
+    from scipy.spatial import cKDTree  # here: a scene is listed without it
+
     middle = mesh.vertices[mesh.faces].mean(axis=1)
     jag = np.stack([noise(middle * 22, seed + axis, 1) for axis in range(3)], axis=-1)
     centres = spread_points(mesh.vertices, size, seed)

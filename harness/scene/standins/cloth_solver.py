@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 F64 = NDArray[np.float64]
 
@@ -125,6 +124,8 @@ class _Sheet:
 
     def _near_pairs(self) -> NDArray[np.int64]:
         """Pairs of vertices that may touch before the next search, shape [pair_count, 2], in a fixed order."""
+        from scipy.spatial import cKDTree  # here: a scene is listed without it
+
         count = self.place.shape[1]
         points = self.place.reshape(3, -1).T
         pairs = cKDTree(points).query_pairs(1.5 * self.settings.thickness * self.cell, output_type="ndarray")

@@ -1,0 +1,89 @@
+"""``list``: what each method is, the parameters of one, the triangles of scenes; and what a listing must not import."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from shadowbench.harness.frame import registry
+from shadowbench.harness.scene.names import TRIANGLES
+
+SLOW = {"warp", "pandas", "matplotlib", "scipy", "embreex"}
+LOADED = """
+import sys
+from shadowbench.harness.cli import main
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+print(sorted(set(sys.modules) & {names}), file=sys.stderr)
+"""
+
+
+def loaded(names, *words) -> str:
+    """Which of the packages a command has imported."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED.format(names=names), *words], capture_output=True, text=True
+    )
+    return done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (["--version"], SLOW | {"numpy", "trimesh", "rich"}),
+        (["list", "methods"], SLOW | {"pxr"}),
+        (["list", "scenes"], SLOW),
+    ],
+)
+def test_a_short_answer_imports_nothing_slow(words, names):
+    assert loaded(names, *words) == "[]"
+
+
+def test_methods_are_a_table_with_a_sentence_each(call, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    code, text, _ = call("list", "methods")
+    assert code == 0
+    lines = text.splitlines()
+    assert len(lines) < 40
+    assert " ".join(text.split()).count("Rays in grid cells, with the triangles streamed over them") == 1
+    assert [
+        name for name in registry.method_names() if not any(line.startswith(f"{name} ") for line in lines)
+    ] == []
+    assert "origin = " not in text, "parameters are asked for"
+
+
+def test_of_a_named_method_the_parameters_are_listed(call):
+    code, text, _ = call("list", "methods", "warp_bvh")
+    assert code == 0
+    assert "update = " in text
+    assert "Bounding volume hierarchies of Warp" in " ".join(text.split())
+    assert "kdtree" not in text
+    (row,) = json.loads(call("list", "methods", "warp_bvh", "--json")[1])
+    assert (row["name"], "update" in row["parameters"]) == ("warp_bvh", True)
+
+
+def test_a_name_that_is_not_known_is_one_line(call):
+    code, out, err = call("list", "methods", "warp_bhv")
+    assert (code, out) == (2, "")
+    assert "no method 'warp_bhv'; did you mean warp_bvh?" in err
+
+
+def test_scenes_have_their_triangle_counts(call):
+    rows = {row["name"]: row for row in json.loads(call("list", "scenes", "--json")[1])}
+    assert {name: rows[name]["triangles"] for name in TRIANGLES} == TRIANGLES
+    assert "174,114 triangles" in call("list", "scenes")[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("One thing. Another.", "One thing."),
+        ("By Wald et al. 2006, on\nthe CPU.\n\nMore.", "By Wald et al. 2006, on the CPU."),
+        ("No full stop", "No full stop"),
+    ],
+)
+def test_the_first_sentence_of_a_docstring(text, said):
+    assert registry.first_sentence(text) == said
