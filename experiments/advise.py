@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..harness.files import write_atomic
 from ..harness.report import document, ranking
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from . import _rivals, crossover
 
 COLUMNS = [*document.COMMON, "times_fastest_exact", "memory_bytes", "built", "in_each_frame"]

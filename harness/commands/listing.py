@@ -16,7 +16,7 @@ from ..scene.names import TRIANGLES, scene_names
 from ..texts import visible
 
 if TYPE_CHECKING:  # each kind imports what it needs
-    from ..runner.experiment import Preset
+    from ..runner.planning.experiment import Preset
     from ..scene.chosen_view import ChosenView
 
 KINDS = ("methods", "scenes", "experiments")
@@ -171,7 +171,7 @@ BALLS = (
 
 def experiments() -> list[dict[str, Any]]:
     """Every experiment with its presets."""
-    from ..runner.experiment import experiment_names, find_experiment
+    from ..runner.planning.experiment import experiment_names, find_experiment
 
     rows = []
     for name in experiment_names():

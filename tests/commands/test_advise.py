@@ -6,7 +6,7 @@ import dataclasses
 import json
 
 import pytest
-from shadowbench.harness.runner.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
 
 
 @pytest.fixture

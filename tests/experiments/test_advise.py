@@ -8,9 +8,9 @@ import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import advise
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.runner import survey
-from shadowbench.harness.runner.experiment import Entry, find_experiment
-from shadowbench.harness.runner.workload import guess
+from shadowbench.harness.runner.planning import survey
+from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.time_estimate import guess
 from shadowbench.harness.scene.overrides import Lighting
 
 OURS, TREE = Entry("ray_grids", {}, "ray grids"), Entry("bvh2", {}, "BVH2 rebuilt")

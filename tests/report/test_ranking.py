@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report import document, ranking
-from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.overrides import Lighting
 
 
