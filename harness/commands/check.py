@@ -60,7 +60,7 @@ def check(
     unknown = sorted(set(outside) - {one.name for one in all_cases(large=True)} - {SHADOWS})
     if unknown:
         raise UserError(f"{method}: its attribute 'outside' names {unknown[0]!r}, which is not a hard case")
-    MACHINE.share()
+    MACHINE.share_beside(place)
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
     warning = few_hits(sum(one.hits for one in findings), sum(one.pixels for one in findings))

@@ -86,7 +86,7 @@ def explain(
     entries = parse_settings(setting or [], names)
     view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     described = view.resolved(scene, scene_dir)
-    MACHINE.share()
+    MACHINE.share_beside(place)
     prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")

@@ -22,12 +22,19 @@ from ..scene.effects import Effects
 from ..scene.facts import triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
+from .listing import place_text
 from .options import (
     AllowMissing,
+    CameraOf,
+    CameraPlace,
     Device,
     FileFrames,
+    Fov,
+    Frame,
     FrameRate,
     Json,
+    Lights,
+    LightsOf,
     Methods,
     SceneDir,
     Settings,
@@ -46,6 +53,12 @@ def plan(
     setting: Settings = None,
     size: Size = "256x256",
     device: Device = None,
+    frame: Frame = 0,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
+    camera_of: CameraOf = None,
+    light_of: LightsOf = None,
     frames: FileFrames = None,
     rate: FrameRate = None,
     allow_missing: AllowMissing = False,
@@ -54,11 +67,11 @@ def plan(
 ) -> int:
     """List the effects of a scene and the passes of each method, with the reason why each pass runs.
 
-    The passes are listed for the first frame, and for a later frame in which only the camera, only one light, only the
-    geometry or nothing has changed.
+    The passes are listed for the first frame that is traced (--frame), and for a later one in which only the camera, only
+    one light, only the geometry or nothing has changed.
     """
-    view = view_of(None, None, None, frames, rate, allow_missing)
-    found = frame_plan(scene, method or [], size, device, scene_dir, setting or [], view)
+    view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
+    found = frame_plan(scene, method or [], size, device, scene_dir, setting or [], view, frame)
     if as_json:
         print(json.dumps(found, indent=1))
     else:
@@ -74,16 +87,20 @@ def frame_plan(
     scene_dir: Path | None = None,
     settings: Sequence[str] = (),
     view: ChosenView = AS_IT_IS,
+    frame: int = 0,
 ) -> dict[str, Any]:
-    """What the command prints, as JSON types. Raises :class:`UserError` for an unknown name."""
+    """What the command prints, as JSON types. Raises :class:`UserError` for an unknown name, or no such ``frame``."""
     width, height = parse_size(size)
     place = find_device(device)
     entries = parse_settings(list(settings), tuple(Entry(name) for name in methods or method_names()))
     described = view.resolved(scene, scene_dir)
     prepared = prepare(described)
+    if not 0 <= frame < prepared.frame_count:
+        raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     effects = Effects.of(described)
     return {
         "scene": described.name,
+        "frame": frame,
         "title": described.title,
         "stand_in": described.stand_in,
         "declared": declared(described, prepared),
@@ -109,11 +126,13 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
         words = ["directional" if light.directional else "spot" if light.spot else "point"]
         words.append("with shadows" if light.shadows else "without shadows")
         words.append("moving" if scene.light_path is not None else "fixed")
+        words.append(f"at {place_text(light.position)}")
         lights.append(", ".join(words))
     return {
         "geometry": f"{triangles(prepared.triangle_count)}, {moves}",
         "closed": scene.closed,
-        "camera": "moving" if scene.camera_moves else "fixed",
+        "camera": ("moving" if scene.camera_moves else "fixed") + f", from {place_text(scene.camera.eye)} to "
+        f"{place_text(scene.camera.target)}",
         "lights": lights,
         "shadow rays": shadow_rays(scene),
         "alpha": scene.alpha is not None,
@@ -207,7 +226,7 @@ def show(found: dict[str, Any]) -> None:
     from rich.padding import Padding
 
     console = Console(markup=False, highlight=False, emoji=False)
-    console.print(f"{found['title']}  ({found['scene']})")
+    console.print(f"{found['title']}  ({found['scene']}, frame {found['frame']})")
     facts = {key: value for key, value in found["declared"].items() if key != "lights"}
     facts |= {f"light {i}": words for i, words in enumerate(found["declared"]["lights"])}
     facts["calls for"] = found["calls_for"] or "primary rays alone"

@@ -77,7 +77,7 @@ def opened(
     reason = chosen.applies(described, place)
     if reason:
         raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
-    MACHINE.share()
+    MACHINE.share_beside(place)
     prepared = with_turning_light(described, turning) if turning else prepare(described)
     return Renderer(scene, method, prepared, Session(chosen, prepared, *size, place), size)
 

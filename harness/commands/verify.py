@@ -94,7 +94,7 @@ def verify(
     limit = checked_limit(memory_limit)
     if limit is not None and not stops_allocations():
         warn(NOT_STOPPED)
-    MACHINE.share()
+    MACHINE.share_beside(place)
     reports = []
     for name, described in zip(scene, scenes, strict=True):
         reports.append(
@@ -202,7 +202,7 @@ def score(
         raise UserError(
             f"{folder}: no saved answers in it; name a folder with files answers/*.npz, as `run --save-answers` writes them"
         )
-    MACHINE.share()
+    MACHINE.share_beside("cpu")
     rows = []
     for path in files:
         row = _score_file(path, folder, again, scene_dir)

@@ -167,6 +167,50 @@ def test_who_will_not_wait_is_refused(tmp_path: Path) -> None:
     assert lock.held == FREE
 
 
+def test_what_times_nothing_waits_for_nobody_on_a_cpu(tmp_path: Path, monkeypatch) -> None:
+    log, waiting, nicer = tmp_path / "log", tmp_path / "waiting", []
+    monkeypatch.setattr(os, "nice", nicer.append)
+    others = [other(tmp_path, log, MEASURE)]
+    lock, said = lock_on(tmp_path)
+    try:
+        until(lambda: noted(log, "measuring"))
+        lock.share_beside("cpu")
+        lock.give_way()
+        assert (lock.held, said, nicer) == (FREE, [], [19])
+        lock.release()
+        lock.wait = False
+        with pytest.raises(UserError, match="is in use"):
+            lock.share_beside("cpu")
+        others.append(other(tmp_path, waiting, "lock.share_beside('cuda:0')"))
+        until(lambda: noted(waiting, f"waiting until process {others[0].pid} ("))
+    finally:
+        for process in others:
+            process.kill()
+            process.wait(PATIENCE_S)
+    lock.wait = True
+    lock.share_beside("cpu")
+    assert (lock.held, nicer) == (SHARED, [19]), (
+        "alone it holds the lock, so that who measures next waits for its step"
+    )
+    lock.release()
+
+
+def test_what_times_nothing_goes_on_when_who_measures_comes_later(tmp_path: Path, monkeypatch) -> None:
+    log, nicer = tmp_path / "log", []
+    monkeypatch.setattr(os, "nice", nicer.append)
+    lock, said = lock_on(tmp_path)
+    lock.share_beside("cpu")
+    process = other(tmp_path, log, MEASURE)
+    try:
+        until(lambda: noted(log, STEP_ENDS))
+        lock.give_way()
+        until(lambda: noted(log, "measuring"))
+        assert (lock.held, said, nicer) == (FREE, [], [19])
+    finally:
+        process.kill()
+        process.wait(PATIENCE_S)
+
+
 def test_sharing_within_measuring_and_twice_does_nothing(tmp_path: Path) -> None:
     lock, log = MachineLock(tmp_path), tmp_path / "log"
     with lock.shared(), lock.shared():

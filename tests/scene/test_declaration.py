@@ -296,7 +296,7 @@ def test_plan_of_a_declared_scene(folder):
     path = str(declare(folder, FULL))
     found = frame_plan(path, ["uniform_grid", "embree"], "16x16", "cpu")
     assert found["calls_for"] == ["shadows", "receivers", "directional", "alpha", "mirror"]
-    assert found["declared"]["camera"] == "moving"
+    assert found["declared"]["camera"].startswith("moving, from ")
     assert found["declared"]["mirror bounces"] == 2
     grid, embree = found["methods"]
     assert "holes" in embree["cannot"] or "filter" in embree["cannot"]

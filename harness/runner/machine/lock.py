@@ -32,6 +32,9 @@ FOLDER = "SHADOWBENCH_TURNS"
 PASSING_S = 0.05
 """Seconds after which a message says that this process waits; passing the gate takes less."""
 
+LOWEST = 19
+"""What is added to the niceness of a process, so that it gets the time that others leave."""
+
 FREE, SHARED, EXCLUSIVE = 0, fcntl.LOCK_SH, fcntl.LOCK_EX
 
 WHAT_FOR = {SHARED: "has taken its samples", EXCLUSIVE: "has finished its current step"}
@@ -41,6 +44,10 @@ WHAT_FOR = {SHARED: "has taken its samples", EXCLUSIVE: "has finished its curren
 def _to_stderr(text: str) -> None:
     if text:
         print(f"shadowbench: {text}", file=sys.stderr)
+
+
+class InUse(UserError):
+    """Another process has the machine, and this one does not wait."""
 
 
 class MachineLock:
@@ -64,6 +71,7 @@ class MachineLock:
         self.wait = True
         self.held = FREE
         self.waited = 0.0
+        self._beside = False
         self._files: tuple[int, int] | None = None
 
     @contextlib.contextmanager
@@ -94,15 +102,38 @@ class MachineLock:
         """Hold the lock in shared mode until :meth:`release` or the end of the process."""
         self._change(self.held or SHARED)
 
+    def share_beside(self, device: str) -> None:
+        """As :meth:`share`, for a command that times nothing. On a CPU it waits for nobody: while another process measures
+        it goes on without the lock, at the lowest priority, and that process notes the load of the machine.
+
+        On a GPU it waits, since kernels of two processes take turns whatever their priority, and no load shows it.
+        """
+        self._beside = device == "cpu" and self.wait
+        if self.held == FREE:
+            self._share()
+
     def release(self) -> None:
         """Release the lock."""
+        self._beside = False
         self._change(FREE)
 
     def give_way(self) -> None:
         """Between two steps of shared work: let a waiting process measure first. In other modes it does nothing."""
         if self.held == SHARED:
             self._change(FREE)
+            self._share()
+
+    def _share(self) -> None:
+        """Take the lock in shared mode; beside a process that measures, go on without it."""
+        wait, self.wait = self.wait, self.wait and not self._beside
+        try:
             self._change(SHARED)
+        except InUse:
+            if not self._beside:
+                raise
+            os.nice(LOWEST)
+        finally:
+            self.wait = wait
 
     @contextlib.contextmanager
     def _holding(self, kind: int) -> Iterator[None]:
@@ -140,7 +171,7 @@ class MachineLock:
                 continue
             who, advice = in_the_way(file)
             if not self.wait:
-                raise UserError(
+                raise InUse(
                     f"the machine is in use by {who}{advice}; wait for its end, or leave out --no-wait"
                 )
             self.say(f"waiting until {who} {WHAT_FOR[kind]}{advice}")
