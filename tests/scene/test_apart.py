@@ -177,4 +177,9 @@ def test_only_numbers_and_known_classes_are_taken_from_a_reader():
             one.sendall(helper.HEAD.pack(len(text), 8) + text + bytes(8))
             one.shutdown(socket.SHUT_WR)
             with pytest.raises((ValueError, KeyError, TypeError)):
-                helper.received(other)
+                helper.received(other, most=100)
+    one, other = socket.socketpair()
+    with one, other:
+        one.sendall(helper.HEAD.pack(2, 1 << 60))
+        with pytest.raises(ValueError, match="bytes of arrays"):
+            helper.received(other, most=1 << 30)

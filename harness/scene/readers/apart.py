@@ -146,7 +146,7 @@ class _Helper:
             try:
                 wait()
                 helper.send(line, request)
-                reply = helper.received(line, wait)
+                reply = helper.received(line, wait, memory)
             except TimeoutError:
                 self.stop()
                 raise _beyond(path, f"takes more than {PATIENCE * seconds} s", TIME) from None

@@ -95,11 +95,14 @@ def send(line: socket.socket, value: Any) -> None:
             line.sendall(array.data.cast("B"))
 
 
-def received(line: socket.socket, wait: Callable[[], None] = lambda: None) -> Any:
-    """The next value. ``wait`` is called before each read. Raises EOFError at the end, ValueError for a wrong message."""
+def received(line: socket.socket, wait: Callable[[], None] = lambda: None, most: int = 0) -> Any:
+    """The next value. ``wait``: called before each read. ``most``: bytes of arrays that it may hold.
+
+    Raises EOFError at the end, ValueError, KeyError or TypeError for a wrong message.
+    """
     text_length, array_bytes = HEAD.unpack(_bytes(line, HEAD.size, wait))
-    if text_length > MOST_TEXT:
-        raise ValueError(f"a text of {text_length} bytes")
+    if text_length > MOST_TEXT or array_bytes > most:
+        raise ValueError(f"a text of {text_length} bytes with {array_bytes} bytes of arrays")
     unpacked = _Unpacked(line, wait, array_bytes)
     value = unpacked.value(json.loads(_bytes(line, text_length, wait)))
     if unpacked.left:
