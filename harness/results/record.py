@@ -128,12 +128,13 @@ class Round(TypedDict, total=False):
     """Facts of a round. Fields beyond these are passed on unchanged.
 
     run    the run that it belongs to; ``environment``: of that run
-    noted  when it was written, seconds since the epoch
+    noted  when it was written, seconds since the epoch; ``spent_s``: seconds that it took
     """
 
     round: Count
     run: str
     noted: float
+    spent_s: Annotated[float, 0.0]
     environment: Environment
     clock: Clock | None
 
