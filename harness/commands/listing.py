@@ -89,7 +89,8 @@ def scenes() -> list[dict[str, Any]]:
 
     rows = []
     for name in scene_names():
-        row = {"name": name, "title": TITLES[name], "stand_in": None, "about": "", "triangles": None}
+        row: dict[str, Any] = {"name": name, "title": TITLES[name]}
+        row |= {"stand_in": None, "about": "", "triangles": None}
         try:
             found = resolve(name)
             # A stand-in is not made to be counted.

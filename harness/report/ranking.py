@@ -71,9 +71,16 @@ def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
             "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map(
                 "{:.1f}".format, na_action="ignore"
             ),
-            "in each frame": [rebuilt.get(label, "-") for label in own["label"]],
+            "in each frame": in_each_frame(own, rebuilt),
         }
     )
+
+
+def in_each_frame(own: DataFrame, rebuilt: Mapping[str, str]) -> list[str]:
+    """What each method builds in a frame, in words; where only some inputs have moved, it may be nothing."""
+    idle = (own["moved"] != "") & (own["build_count"].fillna(1) == 0)
+    pairs = zip(own["label"], idle, strict=True)
+    return ["builds nothing" if nothing else rebuilt.get(label, "-") for label, nothing in pairs]
 
 
 def as_json(table: DataFrame, rebuilt: Mapping[str, str]) -> list[dict[str, Any]]:

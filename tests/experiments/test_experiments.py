@@ -78,9 +78,9 @@ def test_the_refusal_names_the_values_that_an_experiment_compares(tmp_path):
 
 
 def test_other_settings_reach_every_entry_of_their_method(tmp_path):
-    preset = plan_run("frame_time", "quick", "cpu", settings=["bvh2.radius=4"], out=tmp_path).preset
-    assert {entry.settings.get("radius") for entry in preset.methods if entry.method == "bvh2"} == {"4"}
-    assert not [entry for entry in preset.methods if entry.method != "bvh2" and "radius" in entry.settings]
+    preset = plan_run("frame_time", "quick", "cpu", settings=["bvh2.threads=4"], out=tmp_path).preset
+    assert {entry.settings.get("threads") for entry in preset.methods if entry.method == "bvh2"} == {"4"}
+    assert not [entry for entry in preset.methods if entry.method != "bvh2" and "threads" in entry.settings]
 
 
 def test_what_the_issue_asks_of_figure_11():

@@ -91,5 +91,14 @@ def test_lights_and_scenes_are_never_ranked_together(tmp_path):
     }
 
 
+def test_what_is_not_built_for_what_has_moved_is_said(tmp_path):
+    moved = Lighting("the camera moves", moved="camera")
+    idle = made("tree", 1.0, lighting=moved, passes=[("primary rays", "trace", 1.0)])
+    busy = made("grid", 2.0, lighting=moved, passes=[("cells", "build", 1.0), ("primary rays", "trace", 1.0)])
+    words = {"tree": "rebuilds its tree", "grid": "rebuilds its grid"}
+    (rows,) = ranking.tables(ranked(tmp_path, idle, busy), words).values()
+    assert list(rows["in each frame"]) == ["builds nothing", "rebuilds its grid"]
+
+
 def test_nothing_measured_is_said(tmp_path):
     assert said(tmp_path, made("a", 1.0, status="failed")) == "Nothing was measured."

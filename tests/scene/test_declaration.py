@@ -309,8 +309,9 @@ def test_plan_of_a_declared_scene(folder):
 
 
 def test_plan_command_prints_and_gives_json(folder):
-    from shadowbench.harness.cli import app
+    from shadowbench.harness.cli import app, register
 
+    register("plan")
     path = str(declare(folder, FULL))
     command = ["plan", path, "--method", "uniform_grid", "--size", "16x16"]
     narrow = CliRunner().invoke(app, command, env={"COLUMNS": "80"})

@@ -20,8 +20,12 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' helpers
 
 from helpers.asked_scene import AskedScene
 from shadowbench.harness import api
-from shadowbench.harness.runner.measuring.timing import Sampling, sample_frame
 from shadowbench.harness.scene.overrides import Lighting
+
+try:
+    from shadowbench.harness.runner.measuring.timing import Sampling, sample_frame
+except ModuleNotFoundError:  # version 0.1
+    from shadowbench.harness.runner.timing import Sampling, sample_frame
 
 SIDE = 1024
 
