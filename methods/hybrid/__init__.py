@@ -22,7 +22,7 @@ from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
-from ..streams.settings import Build as StreamsBuild
+from ..ray_grids.parameters import Build as GridBuild
 from ..trees import constants
 from ..trees.builders import built, tree_of
 from ..trees.trace.rays import TreeRays
@@ -48,7 +48,7 @@ class Hybrid(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._streams = RayGrids(StreamsBuild(threads=self.trace.threads))
+        self._streams = RayGrids(GridBuild(threads=self.trace.threads))
         self._capacity = 0
         self._memory = 0
         self._shadows = self.build.shadows
@@ -65,8 +65,8 @@ class Hybrid(BaseMethod):
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         starts = None
         if shadows:
-            streamed, camera = self._streams.camera_stream(frame, effects, limits, "rounded")
-            starts = camera.hit
+            camera = self._streams.camera(frame, effects, limits, "rounded")
+            streamed, starts = camera.passes(), camera.rounded
         else:
             streamed = self._streams.plan(frame, effects, limits)
         tree = tree_of(frame, self.build.update, self.build.builder)

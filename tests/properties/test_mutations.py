@@ -24,9 +24,7 @@ from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
 from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.streams.camera import pixels as camera_pixels
-from shadowbench.methods.streams.camera import stream as camera_stream
-from shadowbench.methods.streams.cube import footprint as light_cells
-from shadowbench.methods.streams.occlusion import groups as light_split
+from shadowbench.methods.streams.cube import footprint
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.rays import region as light_region
 from shadowbench.methods.warp_bvh import exact
@@ -257,26 +255,25 @@ MUTATIONS = (
                 camera_pixels,
                 "sign_bound",
                 (("24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])", "0.0 * tangents[0]"),),
-                camera_stream,
+                camera_pixels,
             ),
         ),
         "ray_grids",
-        (("queue", "never"),),
+        (),
         ("P29b",),
     ),
     Mutation(
         "cells of the light without a pad",
-        tuple(
+        (
             Planted(
-                light_cells,
+                footprint,
                 "on_bins",
                 (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
-                user,
-            )
-            for user in (light_stream, light_split)
+                light_stream,
+            ),
         ),
         "ray_grids",
-        (("region", "rays"),),
+        (("trial", "region=rays"),),
         ("S34", "S34b"),
     ),
     Mutation(
@@ -286,11 +283,11 @@ MUTATIONS = (
                 camera_pixels,
                 "edge_planes",
                 (("    planes.steep = ", "    planes.steep = True or "),),
-                camera_stream,
+                camera_pixels,
             ),
         ),
         "ray_grids",
-        (("region", "rays"),),
+        (("trial", "region=rays"),),
         ("P51 2^-42",),
     ),
     Mutation(
@@ -304,7 +301,7 @@ MUTATIONS = (
             ),
         ),
         "ray_grids",
-        (("queue", "always"), ("region", "triangles")),
+        (("trial", "region=triangles"),),
         ("P24",),
     ),
 )  # fmt: skip

@@ -50,9 +50,13 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.perspective_spherical.variants import Variant
     from shadowbench.methods.streams.camera import rows as camera_rows
     from shadowbench.methods.streams.camera import stream as camera_stream
+    from shadowbench.methods.streams.camera.resolve import make_resolve_kernel
     from shadowbench.methods.streams.occlusion import rows as light_rows
     from shadowbench.methods.streams.occlusion import stream as light_stream
     from shadowbench.methods.streams.occlusion import undecided as light_undecided
+    from shadowbench.methods.streams.rays import cone, region
+    from shadowbench.methods.streams.rays import sort as sort_rays
+    from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
     from shadowbench.methods.trees.trace import closest, shadow
     from shadowbench.methods.uniform_grid.method import Trace as GridTrace
@@ -65,17 +69,23 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "uniform_grid: primary": grid_primary.module,
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
-        "ray_grids camera: rows": camera_rows.make_item_kernel(True, False).module,
+        "ray_grids camera: rows": camera_rows.__name__,
         "ray_grids camera: parts": "shadowbench.methods.streams.camera.remainder",
         "ray_grids camera": "shadowbench.methods.streams.camera.stream",
-        "ray_grids camera: resolve": "shadowbench.methods.streams.camera.resolve",
+        "ray_grids camera: resolve": make_resolve_kernel("none").module,
         "ray_grids light: aim": "shadowbench.methods.streams.cube.aim",
-        "ray_grids light: bins": "shadowbench.methods.streams.rays.sort",
-        "ray_grids light: spots": "shadowbench.methods.streams.rays.cone",
+        "ray_grids light: region": region.__name__,
+        "ray_grids light: cone": cone.__name__,
+        "ray_grids light: place": make_place_kernel("hits").module,
+        "ray_grids light: place, region found": make_map_kernel("hits").module,
+        "ray_grids light: place, spot": make_place_kernel("marked", True).module,
+        "ray_grids light: sort": sort_rays.__name__,
+        "ray_grids light: scatter": sort_rays.make_scatter_kernel(False).module,
+        "ray_grids light: scatter, region found": sort_rays.make_scatter_kernel(True).module,
         "ray_grids light: stream": light_stream.make_stream_kernel(True, False).module,
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
         "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,
-        "ray_grids light: rows": light_rows.make_item_kernel(True, False).module,
+        "ray_grids light: rows": light_rows.make_rows_kernel(False).module,
         "ray_grids light: doubts": light_undecided.make_undecided_kernel(False, False).module,
         "ray_grids light: doubts of a spot": light_undecided.make_undecided_kernel(False, True).module,
         "ray_grids light: split": "shadowbench.methods.streams.occlusion.groups",
