@@ -62,7 +62,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
         "threads": ("1", "2", "3"),
     },
-    "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
+    "warp_bvh": {"leaf_size": ("0", "2", "8")},
 }
 """Settings that must change no answer: the first of each is the plainest."""
 
