@@ -58,7 +58,7 @@ def refusal(error: UserError) -> str:
     line = str(error)
     assert "\n" not in line, line
     assert len(line) < LONGEST_LINE, line[:200]
-    stopped = ("its reader ended", "its reader sent", "to read; make it smaller")
+    stopped = ("its reader ended", "its reader failed", "its reader sent", "to read; make it smaller")
     return STOPPED if any(words in line for words in stopped) else REFUSED
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import subprocess
 import sys
@@ -37,7 +38,7 @@ def test_a_row_a_point_and_frame(records, tmp_path):
 
 def test_the_columns_and_their_types_are_those_documented(records, tmp_path):
     table = tidy(write_records(tmp_path, records))
-    lines = re.findall(r"^    ([a-z_, \d]+?) +(?:text|Int64|float)", tidy.__doc__, re.MULTILINE)
+    lines = re.findall(r"^([a-z_, \d]+?) +(?:text|Int64|float)", inspect.getdoc(tidy), re.MULTILINE)
     assert {c for c in table if "." not in c} == set(re.findall(r"\w+", " ".join(lines)))
     assert {str(table[c].dtype) for c in COUNTS} == {"Int64"}
     assert {str(table[c].dtype) for c in NUMBERS} == {"float64"}

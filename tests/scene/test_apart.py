@@ -102,6 +102,25 @@ def test_a_reader_that_is_killed_is_one_line(tmp_path, fresh, monkeypatch):
     assert "its reader ended by SIGKILL" in refused(tmp_path / "a.obj")
 
 
+def test_a_fault_of_a_reader_is_one_line(tmp_path, monkeypatch):
+    def wrong(path):
+        raise KeyError("a\nb")
+
+    monkeypatch.setitem(helper.TASKS, "load", wrong)
+    assert helper.answer({"task": "load", "arguments": [tmp_path]}) == {"fault": r"KeyError: 'a\nb'"}
+
+    class Helper(apart._Helper):
+        def _started(self):
+            one, other = socket.socketpair()
+            helper.send(other, {"fault": "KeyError: 'a'"})
+            self.other = other
+            return one
+
+    monkeypatch.setattr(apart, "_HELPER", Helper())
+    (tmp_path / "a.obj").write_bytes(files.obj())
+    assert "its reader failed (KeyError: 'a'); this is a fault of the program" in refused(tmp_path / "a.obj")
+
+
 def test_memory_and_time_are_limited_and_the_line_names_the_way_out(tmp_path, fresh, monkeypatch):
     large = tmp_path / "large.obj"
     large.write_bytes(files.obj(np.zeros((100_000, 3)), [(0, 1, 2)] * 100_000))

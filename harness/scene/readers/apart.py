@@ -161,6 +161,9 @@ class _Helper:
         if "memory" in reply:
             self.stop()  # what it has taken is not all given back
             raise _beyond(path, f"needs more than {memory / GIB:.3g} GiB of memory", MEMORY)
+        if "fault" in reply:
+            problem = f"its reader failed ({reply['fault']:.160})"
+            raise broken(path, problem, "this is a fault of the program: report it with the file")
         if "error" in reply:
             raise UserError(reply["error"])
         return reply["result"]

@@ -61,7 +61,7 @@ def serve(handle: int) -> None:
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
-    """What came of a request: ``result``, or ``error`` with its one line, or ``memory`` that ran out."""
+    """What came of a request: ``result``, ``error`` with its one line, ``memory`` that ran out, or a reader's ``fault``."""
     try:
         return {"result": TASKS[request["task"]](*request["arguments"])}
     except UserError as error:
@@ -69,6 +69,8 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
         return {"memory": True} if short_of_memory else {"error": str(error)}
     except MemoryError:
         return {"memory": True}
+    except Exception as error:
+        return {"fault": f"{type(error).__name__}: {error}"}
 
 
 def limit_to(memory: int, seconds: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 
 import numpy as np
 import pytest
@@ -123,7 +124,7 @@ def test_what_cannot_be_set_is_named(setting):
 def test_every_parameter_is_documented():
     for block in (Build, Trace):
         for field in dataclasses.fields(block):
-            assert f"\n    {field.name} " in block.__doc__, field.name
+            assert f"\n{field.name} " in inspect.getdoc(block), field.name
 
 
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
