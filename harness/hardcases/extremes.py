@@ -116,10 +116,10 @@ def behind_the_light(seed: int, scale: float) -> Trial:
     roof = triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0))
     points, faces = joined(roof, plane(2, -1, 4))
     light, eye, towards = (
-        axes @ place for place in ((0.25, 0.125, height), (0.0, 0.0, -6.0), (0.0, 0.0, 1.0))
+        tuple(axes @ place) for place in ((0.25, 0.125, height), (0.0, 0.0, -6.0), (0.0, 0.0, 1.0))
     )
     return view(
-        (points @ axes.T, faces), [tuple(light)], eye, towards, 0.125, scale=scale, stated=Counts(256, (256,))
+        (points @ axes.T, faces), [light], eye, towards, 0.125, scale=scale, stated=Counts(256, (256,))
     )  # fmt: skip
 
 
