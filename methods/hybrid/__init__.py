@@ -20,10 +20,9 @@ from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.updates import refuse_static
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
-from ..ray_grids.parameters import Build as GridBuild
+from ..streams.settings import Build as StreamsBuild
 from ..trees import constants
 from ..trees.builders import built, tree_of
 from ..trees.trace.rays import TreeRays
@@ -49,7 +48,7 @@ class Hybrid(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._streams = RayGrids(GridBuild(threads=self.trace.threads))
+        self._streams = RayGrids(StreamsBuild(threads=self.trace.threads))
         self._capacity = 0
         self._memory = 0
         self._shadows = self.build.shadows
@@ -66,11 +65,10 @@ class Hybrid(BaseMethod):
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         starts = None
         if shadows:
-            camera = self._streams.camera(frame, effects, limits, "rounded")
-            streamed, starts = camera.passes(), camera.rounded
+            streamed, camera = self._streams.camera_stream(frame, effects, limits, "rounded")
+            starts = camera.hit
         else:
             streamed = self._streams.plan(frame, effects, limits)
-        refuse_static(self.name, self.build.update, frame.prepared)
         tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
         self._rays = rays = TreeRays(

@@ -118,15 +118,13 @@ def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
     With replaced texts it is removed at the end.
     """
     if replaced:
-        replaced_kernels = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
-        atexit.register(replaced_kernels.cleanup)
-        wp.config.kernel_cache_dir = replaced_kernels.name
+        folder = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
+        atexit.register(folder.cleanup)
+        wp.config.kernel_cache_dir = folder.name
         return
     files = sorted(path for path in HEADER.parent.iterdir() if path.suffix in (".h", ".py"))
     version = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
-    folder = Path(wp.config.kernel_cache_dir) / f"emulated-{version}"
-    folder.mkdir(exist_ok=True)
-    wp.config.kernel_cache_dir = str(folder)
+    wp.config.kernel_cache_dir = str(Path(wp.config.kernel_cache_dir) / f"emulated-{version}")
 
 
 def _asked_by_warp() -> bool:

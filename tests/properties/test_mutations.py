@@ -17,17 +17,19 @@ import warp as wp
 from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
-from shadowbench.methods.common import bounds, box_tree, grid, grid_build, ray_kernels
+from shadowbench.methods.common import bounds, grid, grid_build
 from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
 from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.streams.camera import pixels as camera_pixels
-from shadowbench.methods.streams.cube import footprint
+from shadowbench.methods.streams.camera import stream as camera_stream
+from shadowbench.methods.streams.cube import footprint as light_cells
+from shadowbench.methods.streams.occlusion import groups as light_split
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.rays import region as light_region
-from shadowbench.methods.warp_bvh import method as warp_bvh
+from shadowbench.methods.warp_bvh import exact
 
 PACKAGE = "shadowbench.methods."
 
@@ -118,16 +120,13 @@ MUTATIONS = (
         "a light traced from its far end",
         (
             Planted(
-                box_tree,
-                "walk",
+                exact,
+                "shadow_kernel",
                 (
-                    (
-                        "    return traverse(",
-                        "    if end == wp.float64(1.0):\n        start = start + direction\n        direction = -direction\n"
-                        "        found = nothing_found(1.0 - 1.0e-4)\n    return traverse(",
-                    ),
+                    ("segment.start, way, segment", "segment.light, -way, segment"),
+                    ("nothing_found(SLACK)", "nothing_found(1.0 - 1.0e-4)"),
                 ),
-                warp_bvh,
+                exact,
             ),
         ),
         "warp_bvh",
@@ -138,7 +137,7 @@ MUTATIONS = (
         "no rule for the own triangle",
         (
             Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
-            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), ray_kernels),
+            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), exact),
         ),
         "warp_bvh",
         EXACT_BVH,
@@ -258,25 +257,26 @@ MUTATIONS = (
                 camera_pixels,
                 "sign_bound",
                 (("24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])", "0.0 * tangents[0]"),),
-                camera_pixels,
+                camera_stream,
             ),
         ),
         "ray_grids",
-        (),
+        (("queue", "never"),),
         ("P29b",),
     ),
     Mutation(
         "cells of the light without a pad",
-        (
+        tuple(
             Planted(
-                footprint,
+                light_cells,
                 "on_bins",
                 (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
-                light_stream,
-            ),
+                user,
+            )
+            for user in (light_stream, light_split)
         ),
         "ray_grids",
-        (("trial", "region=rays"),),
+        (("region", "rays"),),
         ("S34", "S34b"),
     ),
     Mutation(
@@ -286,11 +286,11 @@ MUTATIONS = (
                 camera_pixels,
                 "edge_planes",
                 (("    planes.steep = ", "    planes.steep = True or "),),
-                camera_pixels,
+                camera_stream,
             ),
         ),
         "ray_grids",
-        (("trial", "region=rays"),),
+        (("region", "rays"),),
         ("P51 2^-42",),
     ),
     Mutation(
@@ -304,7 +304,7 @@ MUTATIONS = (
             ),
         ),
         "ray_grids",
-        (("trial", "region=triangles"),),
+        (("queue", "always"), ("region", "triangles")),
         ("P24",),
     ),
 )  # fmt: skip

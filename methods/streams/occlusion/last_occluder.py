@@ -9,24 +9,23 @@ an index of no triangle is passed over.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.effects.specialise import effects, specialised
+from ....harness.frame.effects.specialise import effects, specialised, with_type
 from ....harness.frame.frame import Frame
-from ....harness.frame.geometry import Mesh
-from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.geometry import Camera, Mesh, filled
+from ....harness.frame.schedule.passes import Hints, Pass
 from ...common.pixels import thread_count, tile_pixel
 from ...exact.triangle import largest, to_float32
 from ...gpu.entries import entry, set_entry
-from ..cube.lights import Light
+from ..light import LightStream
 from ..queues import BLOCK_DIM, WORDS
-from ..rays.hit_points import PrimaryHits, point_of
-from ..rays.light_rays import LightRays
+from ..rays.hit_points import Words, point_of
 from ..reads import corners_at
-from .planes import Occluder, set_planes, sign_bound
-from .ray_test import certain
+from .planes import YES, Occluder, RememberedBits, float32_verdict, set_planes, sign_bound
 
 
 @wp.func
@@ -55,16 +54,19 @@ def certainly_occludes(
     occluder.i = i
     occluder.bound = sign_bound(wp.max(size, wp.max(largest(h), largest(eye))))
     occluder.sure = occluder.bound
-    planes = set_planes(occluder, light, corners, False)
-    misses, hits = certain(wp.vec4f(h[0], h[1], h[2], 0.0), planes)
-    return hits and not misses
+    return (
+        float32_verdict(wp.vec4f(h[0], h[1], h[2], 0.0), set_planes(occluder, light, corners, False)) == YES
+    )
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def settle_kernel(
-    light: Light,
-    hits: PrimaryHits,
+    light: wp.int32,
+    camera: Camera,
+    lights: wp.array(dtype=wp.vec3f),
+    mesh: Mesh,
     alpha: Alpha,
+    rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
     last: wp.array(dtype=wp.int32),
     sought: wp.array2d(dtype=wp.uint8),
@@ -75,16 +77,15 @@ def settle_kernel(
     sought: uint8 [lights, pixels]: 1 = the pixel has a ray, to be placed in the grid. A pass of its own: in the pass that
     maps rays, the registers of this test would halve the number of threads.
     """
-    camera = hits.camera
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    point = point_of(hits, pixel, at)
+    point = point_of(rays, pixel, at, camera, mesh)
     remembered = entry(last, pixel)
     wanted = point.triangle >= 0
     if wp.static(effects.receivers):
-        wanted = receivers[light.index, pixel] != wp.uint8(0)
+        wanted = receivers[light, pixel] != wp.uint8(0)
     bit = wp.uint8(0)
     if wanted and remembered != 0:
         i = remembered - 1
@@ -92,69 +93,81 @@ def settle_kernel(
         if wp.static(effects.alpha):
             unsure = unsure or has_holes(alpha, i)
         h = to_float32(point.hit)
-        if not unsure and certainly_occludes(
-            i, point.triangle, h, camera.eye[0], light.position[light.index], hits.mesh
-        ):
+        if not unsure and certainly_occludes(i, point.triangle, h, camera.eye[0], lights[light], mesh):
             bit = wp.uint8(1)
             wanted = False
         else:
             set_entry(last, pixel, 0)
-    shadowed[light.index, pixel] = bit
-    sought[light.index, pixel] = wp.uint8(wanted)
+    shadowed[light, pixel] = bit
+    sought[light, pixel] = wp.uint8(wanted)
 
 
-def occluder_arrays(frame: Frame) -> tuple[wp.array, wp.array]:
-    """What the lights of a frame share: the receivers that are sought in the grid, uint8 [lights, pixels], and the last
-    occluders, int32 [lights, pixels], of which none is known yet."""
+def occluder_arrays(frame: Frame) -> dict[str, wp.array]:
+    """The arrays that the lights of a frame share: see :class:`RememberingLight`. No occluder is known yet."""
     shape = (frame.light_count, frame.pixels)
     with wp.ScopedDevice(frame.device):
-        return wp.zeros(shape, dtype=wp.uint8), wp.zeros(shape, dtype=wp.int32)
+        return {"sought": wp.zeros(shape, dtype=wp.uint8), "last": wp.zeros(shape, dtype=wp.int32)}
 
 
-class LastOccluder:
-    """The test of the last frame's occluders, of one light.
+class RememberingLight(LightStream):
+    """Shadow rays of one light that tests the last frame's occluders first.
 
-    last  int32 [pixels]: 1 + the occluder, or 0; kept from frame to frame. Rays that it leaves are ``rays.sought``: uint8
-    [lights, pixels]. The harness marks the receivers.
+    sought uint8 [lights, pixels]: rays that are placed in the grid; last int32 [lights, pixels]: 1 + the occluder, or 0.
+    Both belong to all lights; the second is kept from frame to frame. The harness marks the receivers.
     """
 
-    def __init__(self, rays: LightRays, last: wp.array):
-        self.rays, self.last = rays, last
+    marks = False
+
+    def __init__(self, frame: Frame, index: int, *given: Any, sought: wp.array, last: wp.array):
+        super().__init__(frame, index, *given)
+        self.sought, self.last = sought, last[index]
+        self.given = self.switches
+        self.receivers = sought
+        self.switches = replace(self.switches, receivers=True)
+        self.bits = filled(
+            RememberedBits,
+            light=index,
+            triangle=self.bits.triangle,
+            shadowed=self.bits.shadowed,
+            last=self.last,
+        )
 
     def settled(self) -> int:
         """Rays of the last frame that their remembered occluder still shadowed."""
-        r = self.rays
-        bits, sought = (array[r.index].numpy() for array in (r.frame.answers.shadowed, r.receivers))
-        return int(((bits == 1) & (sought == 0)).sum())
+        bits = self.frame.answers.shadowed[self.index].numpy()
+        return int(((bits == 1) & (self.sought[self.index].numpy() == 0)).sum())
 
-    def settling(self) -> Pass:
-        """The pass before the rays are placed."""
-        r = self.rays
-        memory, of_receivers = r.name("occluders"), r.effects.receiver_reads(r.index)
-        reads = (
-            "points",
-            "triangles",
-            "camera",
-            WORDS,
-            f"light/{r.index}",
-            memory,
-            *r.effects.surface_reads(),
+    def variant(self, kernel: wp.Kernel) -> wp.Kernel:
+        return with_type(kernel, "bits", RememberedBits)
+
+    def receiver_reads(self) -> tuple[str, ...]:
+        return (f"rays sought/{self.index}",)
+
+    def passes(self, branch: int = 0) -> list[Pass]:
+        """The light's passes: the rays' places follow from the occluders, which the stream's steps write."""
+        i, made = self.index, super().passes(branch)
+        memory, bits, effect = f"occluders/{i}", f"shadowed/{i}", f"shadows/{i}"
+        reads = ("points", "triangles", "camera", WORDS, f"light/{i}", memory, *self.effects.surface_reads())
+        settle = Pass(
+            f"light {i}: last occluders",
+            "shadow",
+            (*reads, *self.effects.receiver_reads(i)),
+            (memory, *self.receiver_reads(), bits),
+            self.launch_settle,
+            effect,
+            hints=Hints(parallel=(branch,)),
         )
-        writes = (memory, r.name("rays sought"), r.name("shadowed"))
-        name = f"{r.who}: last occluders"
-        return Pass(name, "shadow", (*reads, *of_receivers), writes, self.launch_settle, r.effect)
-
-    def noting(self, work: Pass) -> Pass:
-        """A pass that tests triangles: it notes the occluders."""
-        return replace(work, writes=(*work.writes, self.rays.name("occluders")))
+        made = [replace(w, writes=(*w.writes, memory)) if bits in w.reads else w for w in made]
+        place = next(k for k, work in enumerate(made) if not work.hints.early)
+        return [*made[:place], settle, *made[place:]]
 
     def launch_settle(self) -> None:
-        r, f = self.rays, self.rays.frame
+        f = self.frame
         wp.launch(
-            specialised(settle_kernel, r.effects.switches(r.index)),
+            specialised(settle_kernel, self.given),
             dim=thread_count(f.width, f.height, True),
-            inputs=[r.light, r.hits, f.alpha, f.receivers],
-            outputs=[self.last, r.receivers, f.answers.shadowed],
+            inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, self.rays, f.receivers],
+            outputs=[self.last, self.sought, f.answers.shadowed],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
