@@ -61,7 +61,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
     grid_primary, grid_shadow = make_kernels(GridTrace().registers)
     return {
-        "warp_bvh": importlib.import_module("shadowbench.methods.warp_bvh.exact").__name__,
+        "warp_bvh": "shadowbench.methods.warp_bvh.exact",
         "uniform_grid: primary": grid_primary.module,
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
@@ -112,6 +112,8 @@ def uses_of(module: wp.Module | str) -> dict[str, Use]:
 
 def binary_of(module: wp.Module | str) -> bytes:
     """A module compiled for the GPU, ahead of time and without one. Warp keeps it, by a hash of its source and options."""
+    if isinstance(module, str):
+        importlib.import_module(module)  # its kernels are known to Warp once it is imported
     (path,) = wp.compile_aot_module(module, arch=ARCH, use_ptx=False)
     return path.read_bytes()
 
