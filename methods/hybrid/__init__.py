@@ -20,6 +20,7 @@ from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
+from ..common.updates import refuse_static
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
 from ..streams.settings import Build as StreamsBuild
@@ -69,6 +70,7 @@ class Hybrid(BaseMethod):
             starts = camera.hit
         else:
             streamed = self._streams.plan(frame, effects, limits)
+        refuse_static(self.name, self.build.update, frame.prepared)
         tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
         self._rays = rays = TreeRays(

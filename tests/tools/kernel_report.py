@@ -45,6 +45,8 @@ def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
     from shadowbench.harness.frame.effects.specialise import specialised
     from shadowbench.harness.scene.effects import Switches
+    from shadowbench.methods.common.box_tree import Boxes, walk
+    from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
@@ -61,7 +63,8 @@ def hot_modules() -> dict[str, wp.Module | str]:
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
     grid_primary, grid_shadow = make_kernels(GridTrace().registers)
     return {
-        "warp_bvh": "shadowbench.methods.warp_bvh.exact",
+        "warp_bvh: primary": make_primary_kernel(Boxes, walk).module,
+        "warp_bvh: shadow": make_shadow_kernel(Boxes, walk).module,
         "uniform_grid: primary": grid_primary.module,
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
