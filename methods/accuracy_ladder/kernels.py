@@ -25,7 +25,7 @@ from ..exact.ray_queries import (
     with_hit,
 )
 from ..exact.segment import occludes
-from ..exact.triangle import hit_distance, nearer_of, to_float64, write_miss
+from ..exact.triangle import nearer_of, to_float64, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
@@ -44,12 +44,10 @@ class Rung:
 def closest_hit_by(test: str) -> Any:
     """A test of a traversal (:mod:`..exact.ray_queries`) that finds the closest hit by the triangle test named ``test``.
 
-    Those in float64 leave the weights to the end: in the loop their divisions would change its layout.
+    The float64 test leaves the weights to the end: in the loop their divisions would change its layout.
     """
     if test == "exact":
         return closest_hit
-    if test == "float64":
-        return closest_hit_in_float64
     triangle_test = TESTS[test]
 
     @wp.func
@@ -64,17 +62,6 @@ def closest_hit_by(test: str) -> Any:
         return found
 
     return closest_hit_of_ray
-
-
-@wp.func
-def closest_hit_in_float64(
-    records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
-) -> Found:
-    """:func:`..exact.ray_queries.closest_hit` without its test in float32."""
-    t = hit_distance(ray, corners_in(records, i), weld_in(records, i))
-    if t > wp.float64(0.0) and nearer_of(triangles_in(records), t, i, found.t, found.triangle):
-        found = with_hit(found, i, t)
-    return found
 
 
 def any_hit_by(test: str) -> Any:

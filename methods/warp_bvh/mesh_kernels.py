@@ -21,7 +21,6 @@ CUT = wp.constant(1.0e-6)
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
 def mesh_primary_kernel(
-    blocks: wp.bool,
     tree: wp.uint64,
     names: wp.array(dtype=wp.int32),
     camera: Camera,
@@ -31,7 +30,7 @@ def mesh_primary_kernel(
     """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it. ``names``: the triangle of each of its
     faces; empty where a face has its triangle's number.
     """
-    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
     if pixel < 0:
         return
     ray = ray_of(camera, pixel)
@@ -68,7 +67,6 @@ def make_mesh_shadow_kernel(origin: str) -> Any:
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def mesh_shadow_kernel(
-        blocks: wp.bool,
         light: wp.int32,
         tree: wp.uint64,
         camera: Camera,
@@ -80,7 +78,7 @@ def make_mesh_shadow_kernel(origin: str) -> Any:
         receivers: wp.array2d(dtype=wp.uint8),
         shadowed: wp.array2d(dtype=wp.uint8),
     ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
         if pixel < 0:
             return
         best = hits.triangle[pixel]

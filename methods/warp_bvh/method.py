@@ -70,7 +70,6 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     origin   where shadow rays start. "exact": at the exact hit point, with update=bvh_rebuild, or off the surface by a bound
              of the query's rounding, computed in float64; "plain": float32 throughout, as users of Warp write it, off the
              surface by the rule of Waechter and Binder (Ray Tracing Gems, chapter 6); "plain_cut": after 1e-6 of the way to
@@ -78,7 +77,6 @@ class Trace:
     threads  of a CPU: each traces a band of the image; 0: one for each core that this process may use, at most 16
     """
 
-    swizzle: bool = True
     origin: str = "exact"
     threads: int = 0
 
@@ -128,14 +126,9 @@ class WarpBvh(BaseMethod):
         if self.build.update == "bvh_rebuild":
             self._tree = tree = BoxTree(frame, self._constructor, self.build.leaf_size or 1)
             kernels = make_primary_kernel(Boxes, walk), make_shadow_kernel(Boxes, walk)
+            threads = self.trace.threads
             self._rays = PixelRays(
-                frame,
-                effects,
-                tree.boxes(),
-                *kernels,
-                self.trace.swizzle,
-                threads=self.trace.threads,
-                block=QUERY_BLOCK,
+                frame, effects, tree.boxes(), *kernels, swizzle=True, threads=threads, block=QUERY_BLOCK
             )
             self._bands = self._rays.bands
             return [*tree.passes(), *self._rays.passes(("bvh",))]
@@ -230,13 +223,11 @@ class WarpBvh(BaseMethod):
         assert self._triangles is not None
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.thread_count(self.trace.swizzle),
-            inputs=[
-                self.trace.swizzle, self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce)),
-            ],
+            dim=band.thread_count(True),
+            inputs=[self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce))],
             outputs=[band.fields_of(frame.hits(bounce))],
             device=frame.device,
-        )  # fmt: skip
+        )
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
@@ -254,9 +245,9 @@ class WarpBvh(BaseMethod):
             launch_shadow_origins(frame, light, self._origins, True, bounce, part)
         wp.launch(
             specialised(make_mesh_shadow_kernel(origin), self._effects.switches(light, bounce)),
-            dim=band.thread_count(self.trace.swizzle),
+            dim=band.thread_count(True),
             inputs=[
-                self.trace.swizzle, light, self._mesh.id, band.camera, frame.mesh, frame.lights,
+                light, self._mesh.id, band.camera, frame.mesh, frame.lights,
                 band.fields_of(frame.rays(bounce)), band.fields_of(frame.hits(bounce)), band.of(self._origins),
                 band.of(frame.masks(bounce)),
             ],

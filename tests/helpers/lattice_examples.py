@@ -64,7 +64,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "groups": ("split", "stream"),
         "streamed": ("after", "beside"),
     },
-    "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
+    "warp_bvh": {"leaf_size": ("0", "2", "8")},
 }
 """Settings that must change no answer: the first of each is the plainest."""
 

@@ -28,7 +28,7 @@ MESHES = [
     {"update": "static"},
     {"update": "rebuild", "constructor": "sah"},
     {"update": "rebuild", "constructor": "median", "leaf_size": "1"},
-    {"update": "rebuild", "constructor": "lbvh", "swizzle": "false"},
+    {"update": "rebuild", "constructor": "lbvh"},
     {"update": "refit", "constructor": "cubql"},
 ]
 PLAIN = [{"update": "rebuild", "origin": "plain"}, {"update": "refit", "origin": "plain_cut"}]
@@ -290,7 +290,6 @@ def test_only_the_mesh_made_anew_cannot_be_captured_and_only_the_bvh_is_exact():
         {"constructor": "bsp"},
         {"leaf_size": "-1"},
         {"update": "bvh_rebuild", "constructor": "cubql"},
-        {"swizzle": "maybe"},
         {"origin": "epsilon"},
         {"origin": "plain", "update": "bvh_rebuild"},
     ],
