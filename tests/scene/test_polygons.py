@@ -120,3 +120,10 @@ def test_an_index_out_of_range_is_left_to_the_check():
         [0, 1, 2],
         [0, 2, 7],
     ]
+
+
+def test_a_polygon_of_more_corners_than_a_block():
+    count = 70_000
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    assert triangulate(circle, np.array([count]), np.arange(count)).shape == (count - 2, 3)

@@ -88,7 +88,7 @@ def _alike(counts: NDArray[np.integer]) -> Iterator[NDArray[np.int64]]:
     sizes, firsts = np.unique(counts[order], return_index=True)
     for size, group in zip(sizes.tolist(), np.split(order, firsts[1:]), strict=True):
         if size > 3:
-            yield from np.array_split(group, -(-len(group) * size // _BLOCK))
+            yield from np.array_split(group, min(len(group), -(-len(group) * size // _BLOCK)))
 
 
 def _wrong_fans(points: NDArray[np.floating]) -> NDArray[np.bool_]:
