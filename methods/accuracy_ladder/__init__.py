@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
@@ -44,7 +45,10 @@ class AccuracyLadder(BaseMethod):
         self._frame = frame
         constructor = "sah" if wp.get_device(frame.device).is_cpu else "lbvh"
         self._threads = thread_count(frame.width, frame.height, True)
-        self._primary_kernel, self._shadow_kernel = make_kernels(self.trace.test, self.build.fast_math)
+        kernels = make_kernels(self.trace.test, self.build.fast_math)
+        self._primary_kernel, self._shadow_kernel = (
+            specialised(kernel, effects.switches()) for kernel in kernels
+        )
         padding = PADDED_UNITS[self.build.padding]
         self._tree = BoxTree(frame, constructor, self.build.leaf_size, padding)
         self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d, device=frame.device)

@@ -340,7 +340,7 @@ class LightStream:
         f, q = self.frame, self.queues
         threads = int(light_split.SPLITTERS) * q.few_threads
         wp.launch(
-            light_split.split_kernel,
+            specialised(light_split.split_kernel, self.switches),
             dim=threads,
             inputs=[threads, self.index, f.lights, self.aims.cubes, self.cells.table, f.mesh],
             outputs=[self.queue[share]],

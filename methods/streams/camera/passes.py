@@ -151,7 +151,7 @@ class CameraStream:
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
         wp.launch(
-            camera_resolve.resolve_kernel,
+            specialised(camera_resolve.resolve_kernel, self.effects.switches()),
             dim=band.thread_count(True),
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
             outputs=[band.fields_of(f.hits(0)), band.of(self._points)],
