@@ -171,7 +171,7 @@ def run_(
     and figures.
 
     Points that have a record in the results folder are not measured again, so an interrupted run continues where it
-    stopped. Exit code 1 if a point failed.
+    stopped. Exit code 1 if a point failed, or could not be scored.
     """
     from .commands.run import dry, plan_run, run, run_on_cluster
 

@@ -15,7 +15,7 @@ from ..errors import UserError, say, warn
 from ..frame.devices import find_device
 from ..results.folder import ResultsFolder
 from ..results.newest import prefer
-from ..results.record import FAILURES, Record
+from ..results.record import Record
 from ..runner.machine.lock import MACHINE
 from ..runner.planning import survey
 from ..runner.planning.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
@@ -176,13 +176,13 @@ def with_whole_paths(options: Options) -> Options:
 
 
 def shown(options: Options, records: list[Record], as_json: bool) -> int:
-    """Draw, and print what a run has made. Return 1 if a point failed, else 0."""
+    """Draw, and print what a run has made. Return 1 if a point failed, or the scoring of its answers, else 0."""
     files: list[Path] = []
     if options.experiment.draw is not None:
         with ResultsFolder(options.out).writing():
             prefer(options.out, records)
         files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
-    bad = [record for record in records if record.status in FAILURES]
+    bad = [record for record in records if record.says_nothing]
     for text in warnings_of(records):
         warn(text)
     if as_json:
@@ -193,7 +193,8 @@ def shown(options: Options, records: list[Record], as_json: bool) -> int:
         say(f"records: {options.out / 'records'}")
         for record in bad:
             who = f"{record.scene['name']}, {record.method['label']}"
-            say(f"{who}: {record.status}: {record.reason}")
+            unscored = next((frame.unscored for frame in record.frames if frame.unscored), "")
+            say(f"{who}: {unscored if record.status == 'ok' else f'{record.status}: {record.reason}'}")
         if bad:
             print(f"{len(bad)} of {len(records)} points failed; --retry measures them again", file=sys.stderr)
     return 1 if bad else 0

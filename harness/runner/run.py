@@ -42,6 +42,10 @@ from .workers.protocol import grade_command, load_command
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
 """Number of workers that score at the same time, before the timing of a scene. Each has the scene in memory."""
 
+GRADERS_LOST = 3
+"""How many scoring processes may be killed with the answers of one point before it stays without a score. The first may have
+died unseen, before it was asked."""
+
 Described = list[tuple[Entry, dict[str, Any]]]
 
 
@@ -277,29 +281,33 @@ class Run:
         try:
             self.workers.ensure_loaded(grader, job)
         except WorkerError as error:
-            self._ungraded(job, error)
+            self._ask_another(job, grader, error)
             return
         command = grade_command(self.options, self.folder, job)
         self.workers.send(self.workers.get(grader), **command, wrong_maps=self.options.preset.wrong_maps)
 
-    def _take_grades(self, job: Job, grader: str, again: bool = True) -> None:
-        """Note the scores. If the scoring process was killed, another one is asked, once: the answers are still there."""
-        if job.journal.first("finished"):
-            return
-        try:
-            reply = self.workers.reply(self.workers.get(grader), self.options.preset.timeout_s)
-        except WorkerError as error:
-            if again and isinstance(error, WorkerLostError) and error.status == "failed":
-                self._ask_grades(job, grader)
-                self._take_grades(job, grader, again=False)
+    def _ask_another(self, job: Job, grader: str, error: WorkerError) -> None:
+        """Where the scoring process was killed, have another one score the answers, which are still there."""
+        killed = isinstance(error, WorkerLostError) and error.status == "failed"
+        job.graders_lost += 1
+        if killed and job.graders_lost < GRADERS_LOST:
+            self._ask_grades(job, grader)
+        else:
+            self._ungraded(job, error)
+
+    def _take_grades(self, job: Job, grader: str) -> None:
+        """Note the scores."""
+        while not job.journal.first("finished"):
+            try:
+                reply = self.workers.reply(self.workers.get(grader), self.options.preset.timeout_s)
+            except WorkerError as error:
+                self._ask_another(job, grader, error)
             else:
-                self._ungraded(job, error)
-            return
-        self.once += reply["compile_s"]
-        self._note(job, {"event": "finished", "frames": reply["frames"]})
+                self.once += reply["compile_s"]
+                self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _ungraded(self, job: Job, error: WorkerError) -> None:
-        """Record that scoring failed; the times remain valid."""
+        """Record that scoring failed: the times remain valid, and ``--retry`` measures the point again."""
         unscored = {"score": None, "unscored": f"{SCORING_FAILED}: {error.reason}"}
         answered = (job.journal.first("prepared") or {}).get("frames", ())
         graded = [{"frame": frame["frame"], **unscored} for frame in answered]

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.commands.render import render
+from shadowbench.harness.commands.run import shown
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner import run as run_module
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
-from shadowbench.harness.runner.workers.pool import GRADER, Workers
+from shadowbench.harness.runner.workers.pool import GRADER, Workers, grades
 
 
 def go(chosen):
@@ -235,30 +236,48 @@ def test_a_scene_that_is_made_at_last_has_no_column_of_its_failure(package, tmp_
     assert {r.reason for r in found.values()} == {"", "ArithmeticError: tired"}
 
 
-def test_answers_of_a_scoring_process_that_is_killed_are_scored_by_another(scene, tmp_path, monkeypatch):
-    """If that is killed too, the point has times without a score, and --retry measures it again."""
+def test_answers_of_a_scoring_process_that_is_killed_are_scored_by_another(
+    scene, tmp_path, monkeypatch, capsys
+):
+    """Twice: unseen, before it is asked, and while it loads. After one more there is no score, and the run says so."""
     pytest.importorskip("embreex", reason="the reference needs Embree")
-    ask, kills = Run._ask_grades, []
+    ask, send, kills = Run._ask_grades, Workers.send, []
 
-    def killing(run, job, grader):
+    def killed(workers, name, when):
+        if kills and kills[0] == when:
+            kills.pop(0)
+            process = workers.get(name)._process
+            process.kill()
+            process.wait()
+
+    def asking(run, job, grader):
+        killed(run.workers, grader, "idle")
         ask(run, job, grader)
-        if kills:
-            os.kill(run.workers.get(grader)._process.pid, kills.pop())
 
-    monkeypatch.setattr(Run, "_ask_grades", killing)
-    for count in (1, 2):
-        out, kills = tmp_path / str(count), [signal.SIGKILL] * count
+    def sending(workers, worker, **command):
+        send(workers, worker, **command)
+        if grades(worker.name) and not command.get("make"):
+            killed(workers, worker.name, command["do"])
+
+    monkeypatch.setattr(Run, "_ask_grades", asking)
+    monkeypatch.setattr(Workers, "send", sending)
+    for number, planned in enumerate((["idle", "load"], ["idle", "load", "grade"])):
+        out, kills = tmp_path / str(number), planned.copy()
         chosen = options(out, [scene], ["warp_bvh"], score=True, frames=1)
         (measured,) = Run(chosen, Silent()).go()
+        assert not kills
         assert measured.status == "ok"
         assert not list((out / "journal").iterdir())
-        if count == 1:
+        if len(planned) == 2:
             assert measured.frames[0].score.true_errors == 0
             continue
         assert measured.frames[0].unscored.startswith("scoring failed: the worker was killed by signal 9")
         assert Run(chosen, Silent()).go() == [measured]
+        assert shown(chosen, [measured], as_json=False) == 1
+        assert "1 of 1 points failed; --retry measures them again" in capsys.readouterr().err
         (again,) = Run(replace(chosen, retry=True), Silent()).go()
         assert again.frames[0].score.true_errors == 0
+        assert shown(chosen, [again], as_json=False) == 0
 
 
 def test_answers_of_a_method_that_goes_elsewhere_are_found(package, tmp_path, monkeypatch):

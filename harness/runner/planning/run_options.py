@@ -37,7 +37,10 @@ class Options:
 
 @dataclass(eq=False)
 class Job:
-    """A point being measured: ``scene`` as given, the generation of the worker that prepared it, remaining steps."""
+    """A point being measured: ``scene`` as given, the generation of the worker that prepared it, remaining steps.
+
+    graders_lost  scoring processes that were killed with its answers
+    """
 
     point: Point
     scene: str
@@ -45,6 +48,7 @@ class Job:
     steps: int
     lighting: Lighting = field(default_factory=Lighting)
     generation: int = 0
+    graders_lost: int = 0
     record: Record | None = None
 
     @property
