@@ -251,7 +251,8 @@ def list_(
         list[str] | None,
         typer.Argument(
             metavar="NAME",
-            help="Methods: their parameters. Scenes or mesh files: what they hold, their cameras and lights.",
+            help="Methods: their parameters. Experiments: their presets. Scenes or mesh files: what they hold, their "
+            "cameras and lights.",
         ),
     ] = None,
     rate: FrameRate = None,
@@ -259,13 +260,21 @@ def list_(
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """List the methods, scenes or experiments; of a method its parameters; of a file its triangles and frames, its cameras
-    and its lights."""
-    from .commands.listing import as_text, rows_of
+    """List the methods, scenes or experiments; of a method its parameters; of an experiment its presets; of a file its
+    triangles and frames, its cameras and its lights."""
+    from .commands.listing import rows_of, show
 
-    seen = view_of(None, None, None, None, rate, allow_missing)
-    rows = rows_of(kind, files or [], seen, scene_dir, brief=not as_json)
-    print(json.dumps(rows, indent=1) if as_json else as_text(rows))
+    rows = rows_of(
+        kind,
+        files or [],
+        lambda: view_of(None, None, None, None, rate, allow_missing),
+        scene_dir,
+        not as_json,
+    )
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        show(rows)
     return 0
 
 

@@ -268,9 +268,7 @@ def test_the_package_runs_as_a_module_and_states_its_version(monkeypatch, capsys
         return capsys.readouterr().out
 
     assert said("shadowbench.harness.cli", "--version") == version
-    told = said("shadowbench.__main__", "list", "experiments")
-    assert "table1" in told
-    assert "paper: 256x256 to 4096x4096" in told, "of several sizes the range"
+    assert "table1" in said("shadowbench.__main__", "list", "experiments")
 
 
 def test_completion_is_installed_and_completes_names(tmp_path):

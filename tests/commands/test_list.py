@@ -34,7 +34,8 @@ def loaded(names, *words) -> str:
     ("words", "names"),
     [
         (["--version"], SLOW | {"numpy", "trimesh", "rich"}),
-        (["list", "methods"], SLOW | {"pxr"}),
+        (["list", "methods"], SLOW | {"pxr", "trimesh"}),
+        (["list", "experiments"], SLOW | {"pxr", "trimesh"}),
         (["list", "scenes"], SLOW),
     ],
 )
@@ -65,10 +66,27 @@ def test_of_a_named_method_the_parameters_are_listed(call):
     assert (row["name"], "update" in row["parameters"]) == ("warp_bvh", True)
 
 
-def test_a_name_that_is_not_known_is_one_line(call):
-    code, out, err = call("list", "methods", "warp_bhv")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("methods", "warp_bhv"), "no method 'warp_bhv'; did you mean warp_bvh?"),
+        (("experiments", "tabel1"), "no experiment 'tabel1'; did you mean table1?"),
+    ],
+)
+def test_a_name_that_is_not_known_is_one_line(call, words, said):
+    code, out, err = call("list", *words)
     assert (code, out) == (2, "")
-    assert "no method 'warp_bhv'; did you mean warp_bvh?" in err
+    assert said in err
+
+
+def test_experiments_have_a_sentence_each_and_a_named_one_its_presets(call, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    text = call("list", "experiments")[1]
+    assert "Where one structure becomes faster than another" in text
+    assert "256x256" not in text, "presets are asked for"
+    assert "quick: 64x64 to 256x256" in call("list", "experiments", "crossover")[1], (
+        "of several sizes the range"
+    )
 
 
 def test_scenes_have_their_triangle_counts(call):

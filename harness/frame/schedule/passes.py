@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import warp as wp
+if TYPE_CHECKING:  # the parts of a frame are read where nothing is launched
+    import warp as wp
 
 PARTS = ("build", "trace", "light build", "shadow")
 BUILD_PARTS = ("build", "light build")
@@ -93,6 +94,8 @@ def run_passes(passes: Sequence[Pass]) -> None:
         if only_if is None:
             launch_all(together)
         else:
+            import warp as wp
+
             wp.capture_if(only_if, lambda together=together: launch_all(together))
 
 

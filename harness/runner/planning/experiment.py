@@ -6,19 +6,23 @@ hash of the whole configuration, so that every change that would invalidate a re
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib
+import importlib.util
 import pkgutil
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import UserError, did_you_mean
 from ...frame import registry
-from ...results.record import Record
 from ...scene.overrides import Lighting
+
+if TYPE_CHECKING:  # experiments are listed without what reads records
+    from ...results.record import Record
 
 PACKAGE = __name__.rsplit(".", 4)[0] + ".experiments"
 
@@ -100,6 +104,15 @@ def experiment_names() -> list[str]:
     package = importlib.import_module(PACKAGE)
     names = [module.name for module in pkgutil.iter_modules(package.__path__)]
     return sorted(name for name in names if not name.startswith("_"))
+
+
+def about(name: str) -> str:
+    """What an experiment shows: the first sentence of its module, which is not imported for it."""
+    if name not in experiment_names():
+        find_experiment(name)
+    found = importlib.util.find_spec(f"{PACKAGE}.{name}")
+    source = Path(found.origin).read_text(encoding="utf-8") if found and found.origin else ""
+    return registry.first_sentence(ast.get_docstring(ast.parse(source)) or name)
 
 
 def find_experiment(name: str) -> Experiment:
