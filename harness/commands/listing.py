@@ -81,20 +81,27 @@ def scenes() -> list[Row]:
 
     A mesh file can be given instead of a name. ``triangles``: None where it is not known.
     """
-    from ..scene.catalogue import TITLES, original, resolve
+    from ..scene.catalogue import BUNNY_NOTES, TITLES, bunny_file, original, resolve
     from ..scene.facts import triangles
-    from ..scene.names import TRIANGLES, scene_names
+    from ..scene.names import BUNNY, TRIANGLES, scene_names
     from ..scene.standins import balls
 
     rows: list[Row] = []
     for name in scene_names():
         row: Row = {"name": name, "title": TITLES[name], "stand_in": None, "about": "", "triangles": None}
-        try:
-            found = resolve(name)
-            # What comes with the project is not made, or read, to be counted.
-            count = len(found.geometry().faces) if original(name) else TRIANGLES[name]
-            row |= {"stand_in": found.stand_in, "about": found.stand_in or found.notes, "triangles": count}
-            row["title"] = f"{TITLES[name]}: {triangles(count)}"
+        try:  # what comes with the project is not made, or read, to be counted
+            if name == BUNNY and not original(name):
+                bunny_file()
+                row |= {"about": BUNNY_NOTES, "triangles": TRIANGLES[name]}
+            else:
+                found = resolve(name)
+                count = TRIANGLES[name] if found.stand_in else len(found.geometry().faces)
+                row |= {
+                    "stand_in": found.stand_in,
+                    "about": found.stand_in or found.notes,
+                    "triangles": count,
+                }
+            row["title"] = f"{TITLES[name]}: {triangles(row['triangles'])}"
         except UserError as error:  # one broken original or a missing package must not hide the others
             row["title"] = f"{TITLES[name]}: {error}"
         rows.append(row)

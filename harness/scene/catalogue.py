@@ -40,6 +40,8 @@ TITLES = {
     BUNNY: "Bunny",
 }
 
+BUNNY_NOTES = "a real mesh, bunny.usd of the warp-lang package"
+
 View = Callable[[Shape], tuple[Camera, tuple[Light, ...]]]
 
 VIEWS: dict[str, View] = {
@@ -73,7 +75,7 @@ def resolve(
         if files:
             return _from_files(files, text, TITLES[text], wanted)
         if text == BUNNY:
-            return _bunny(wanted)
+            return replace(_from_files(bunny_file(), BUNNY, TITLES[BUNNY], wanted), notes=BUNNY_NOTES)
         _without_file(text, wanted)
         return importlib.import_module(f".standins.{text}", __package__).scene()
     if balls.count_of(text) is not None:
@@ -185,8 +187,8 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
     )
 
 
-def _bunny(wanted: Wanted) -> Scene:
-    """The bunny of the warp-lang package."""
+def bunny_file() -> Path:
+    """The bunny of the warp-lang package. Raises :class:`UserError` where it is missing or cannot be read."""
     spec = importlib.util.find_spec("warp")
     if spec is None or not spec.submodule_search_locations:
         raise UserError(
@@ -199,10 +201,7 @@ def _bunny(wanted: Wanted) -> Scene:
         )
     if not usd.available():
         raise UserError(f"bunny: {usd.missing()}")
-    return replace(
-        _from_files(path, BUNNY, TITLES[BUNNY], wanted),
-        notes="a real mesh, bunny.usd of the warp-lang package",
-    )
+    return path
 
 
 def name_in(path: Path) -> str:
