@@ -27,6 +27,7 @@ from .commands.options import (
     Lights,
     LightsOf,
     MemoryLimit,
+    OneMethod,
     SceneDir,
     Settings,
     complete_experiment,
@@ -278,7 +279,7 @@ def list_(
     return 0
 
 
-@command("render", "shadowbench render cloth --method warp_bvh --out cloth.png --size 512x512")
+@command("render", "shadowbench render cloth --out cloth.png --size 512x512")
 def render_(
     scene: Annotated[
         list[str],
@@ -286,9 +287,7 @@ def render_(
             help="Name of a scene, or a mesh file. With --animate there may be several, side by side."
         ),
     ],
-    method: Annotated[
-        str, typer.Option("--method", metavar="NAME", help="The method that traces the picture.")
-    ],
+    method: OneMethod = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="PATH", help="PNG file to write; its folder is created if missing."),
@@ -339,12 +338,10 @@ def render_(
 
     The picture of a stand-in scene has a caption that says so.
     """
+    from .commands.default_method import settings_by_method
     from .commands.render import animate, render
-    from .runner.planning.experiment import Entry
-    from .runner.planning.planned_point import parse_settings
 
-    (entry,) = parse_settings(setting or [], (Entry(method),))
-    settings = dict(entry.settings)
+    settings = settings_by_method(setting or [])
     count, of_file = number_or_frames(frames)
     seen = view_of(camera, fov, light, of_file, rate, allow_missing, camera_of, light_of)
     if (out is None) == (animation is None):

@@ -144,8 +144,9 @@ def light_text(light: Row) -> str:
     return f"{kind} {place_text(light['position'])}"
 
 
-def place_text(place: Sequence[float]) -> str:
-    return ",".join(f"{x:.6g}" for x in place)
+def place_text(place: Sequence[float], exact: bool = False) -> str:
+    """A place as options take it, with six digits, or with as many as give the same number again."""
+    return ",".join(repr(float(x)).removesuffix(".0") if exact else f"{x:.6g}" for x in place)
 
 
 BALLS = (

@@ -55,6 +55,15 @@ def method_option(default: str) -> Any:
 
 
 Methods = Annotated[list[str] | None, method_option("all methods")]
+OneMethod = Annotated[
+    str | None,
+    typer.Option(
+        "--method",
+        metavar="NAME",
+        help="The method that traces it. Default: ray_grids, or where it cannot trace the scene the first that can.",
+        autocompletion=complete_method,
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="METHOD.PARAM=VALUE", help="Parameter of a method. Repeatable."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
+from .default_method import default_method
 
 SECONDS, MOST_SECONDS = 4.0, 3600.0
 """Length of an animation whose file does not say its rate, and of any at most."""
@@ -62,18 +64,27 @@ class Renderer:
 def opened(
     scene: str,
     described: Scene,
-    method: str,
+    method: str | None,
     size: tuple[int, int],
     device: str | None,
-    settings: dict[str, str] | None,
+    settings: Mapping[str, dict[str, str]] | None = None,
     turning: int = 0,
 ) -> Renderer:
-    """A scene prepared for pictures with a method. ``turning``: places of the light where nothing moves; 0: it is still.
+    """A scene prepared for pictures with a method, by default the :func:`.default_method.default_method`.
 
-    Raises :class:`UserError` if the method cannot trace the scene.
+    settings  parameters by method
+    turning   places of the light where nothing moves; 0: it is still
+
+    Raises :class:`UserError` if the method cannot trace the scene, and for settings of another one.
     """
-    chosen = make_method(method, settings)
-    place = device_for(type(chosen), find_device(device))
+    place = find_device(device)
+    method = method or default_method(described, place)
+    if others := set(settings or ()) - {method}:
+        raise UserError(
+            f"--set {min(others)}: {method} traces the picture; give --method {min(others)}, or leave it out"
+        )
+    chosen = make_method(method, (settings or {}).get(method))
+    place = device_for(type(chosen), place)
     reason = chosen.applies(described, place)
     if reason:
         raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
@@ -99,13 +110,13 @@ def with_turning_light(described: Scene, places: int) -> Prepared:
 @MACHINE.restored()
 def render(
     scene: str,
-    method: str,
+    method: str | None,
     out: Path,
     size: str = "512x512",
     frame: int = 0,
     device: str | None = None,
     scene_dir: Path | None = None,
-    settings: dict[str, str] | None = None,
+    settings: Mapping[str, dict[str, str]] | None = None,
     view: ChosenView = AS_IT_IS,
 ) -> Path:
     """Draw one frame into a PNG file, with a caption if the scene is a stand-in.
@@ -130,14 +141,14 @@ def render(
 @MACHINE.restored()
 def animate(
     scenes: list[str],
-    method: str,
+    method: str | None,
     out: Path,
     size: str = "512x512",
     frames: int | None = None,
     seconds: float | None = None,
     device: str | None = None,
     scene_dir: Path | None = None,
-    settings: dict[str, str] | None = None,
+    settings: Mapping[str, dict[str, str]] | None = None,
     view: ChosenView = AS_IT_IS,
 ) -> Path:
     """Draw the frames of scenes into one looping WebP file; several scenes stand side by side.

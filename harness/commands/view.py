@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
+import shlex
 import sys
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..errors import UserError
 from ..runner.machine.lock import MACHINE
-from ..runner.planning.experiment import PACKAGE, parse_size
 from .options import (
     AllowMissing,
     CameraOf,
@@ -21,32 +20,26 @@ from .options import (
     FrameRate,
     Lights,
     LightsOf,
+    OneMethod,
     SceneDir,
+    Settings,
     Size,
     view_of,
 )
 
-if TYPE_CHECKING:
-    from .viewer.frames import Frames
-
 DEFAULT_SCENE = "cloth"
-LARGEST = 1 << 22
-"""Pixels of a frame on the page."""
 
 
 @MACHINE.restored()
 def view(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")] = DEFAULT_SCENE,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            "--method",
-            metavar="NAME",
-            help="The method to begin with. Default: ray_grids, or where it cannot trace the scene the first that can.",
-        ),
-    ] = None,
+    method: OneMethod = None,
+    setting: Settings = None,
     size: Size = "256x256",
-    frame: Annotated[int, typer.Option("--frame", metavar="N", help="Frame to begin with, from 0.")] = 0,
+    frame: Annotated[
+        int | None,
+        typer.Option("--frame", metavar="N", help="Frame to begin with, from 0. Default: the middle."),
+    ] = None,
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
@@ -62,37 +55,41 @@ def view(
     ] = 0,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> int:
-    """Show a scene on a page on this machine: drag the light and the camera, play the animation, switch the method.
+    """Show a scene on a page on this machine: drag the light and the camera, walk, play the animation, compare two methods.
 
     The page shows what the method answers, the time of its passes, and on request its wrong pixels. Only this machine
     reaches it, with the token in the address. The command ends when the page is closed.
     """
     from ..frame.devices import find_device
+    from ..frame.registry import about, method_names
+    from ..runner.planning.experiment import parse_size
     from ..scene.prepared import prepare
-    from .viewer.frames import Frames
+    from .default_method import default_method, settings_by_method
+    from .viewer.frames import LARGEST, Frames, Wish
     from .viewer.server import Server, listen
 
     width, height = parse_size(size)
     if width * height > LARGEST:
         raise UserError(f"--size {size}: more than {LARGEST:,} pixels; choose fewer for a page")
-    place = find_device(device)
-    listening = listen(port)
-    try:
-        described = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of).resolved(
-            scene, scene_dir
-        )
-        MACHINE.share()
+    place, settings = find_device(device), settings_by_method(setting or [])
+    with listen(port) as listening:
+        chosen_view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
+        described = chosen_view.resolved(scene, scene_dir)
+        chosen = method or default_method(described, place)
+        MACHINE.share_beside(place)
         prepared = prepare(described)
-        if not 0 <= frame < prepared.frame_count:
+        start = prepared.frame_count // 2 if frame is None else frame
+        if not 0 <= start < prepared.frame_count:
             raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
-        shown = Frames(prepared, width, height, place)
-        chosen = method or default_method(shown)
-        shown.session(chosen)
+        shown = Frames(prepared, place, settings)
+        shown.session(Wish(chosen, (width, height)))
         MACHINE.release()
         facts = {
-            "title": described.title, "stand_in": described.stand_in,
-            "left_out": described.source.left_out, "method": chosen, "frame": frame,
-            "frames": prepared.frame_count, "methods": shown.methods(),
+            "title": described.title, "stand_in": described.stand_in, "left_out": described.source.left_out,
+            "state": {"method": chosen, "frame": start, "size": [width, height]}, "largest": LARGEST,
+            "frames": prepared.frame_count, "box": shown.box(), "scene": shlex.quote(scene),
+            "fov": "" if fov is None else f" --fov {fov:g}",
+            "methods": [{"name": name, "title": about(name), "reason": ""} for name in method_names()],
         }  # fmt: skip
         server = Server(shown, facts, listening)
         print(server.address, flush=True)
@@ -104,13 +101,4 @@ def view(
 
             webbrowser.open(server.address)
         server.run()
-    finally:
-        listening.close()
     return 0
-
-
-def default_method(frames: Frames) -> str:
-    """The default method of the page (see the list of rivals); if it cannot trace the scene, the first one that can."""
-    proposed = importlib.import_module(f"{PACKAGE}._rivals").OURS.method
-    able = [row["name"] for row in frames.methods() if not row["reason"]]
-    return proposed if proposed in able or not able else able[0]

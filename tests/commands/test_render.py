@@ -22,6 +22,17 @@ def test_render_draws_what_a_method_answers(call, scene, tmp_path):
     assert "frames 0 to 0" in err
 
 
+def test_without_a_method_the_first_of_the_rivals_draws(call, scene, tmp_path):
+    pictures = [tmp_path / "a.png", tmp_path / "b.png"]
+    for picture, words in zip(pictures, ([], ["--method", "ray_grids"]), strict=True):
+        code, _, err = call("render", scene, *words, "--out", picture, "--size", "16x16")
+        assert (code, err.count("written")) == (0, 1)
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+    code, _, err = call("render", scene, "--set", "embree.threads=1", "--out", pictures[0])
+    assert (code, err.count("\n")) == (2, 1)
+    assert "--set embree: ray_grids traces the picture; give --method embree" in err
+
+
 def test_a_picture_of_nothing_is_drawn_with_a_warning(call, tmp_path):
     flat = tmp_path / "flat.obj"
     flat.write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n")

@@ -8,18 +8,20 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
+import uvicorn
 import websocket
 from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
+from shadowbench.harness.commands.default_method import default_method
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.commands.render import opened
-from shadowbench.harness.commands.view import default_method, view
+from shadowbench.harness.commands.view import view
 from shadowbench.harness.commands.viewer.frames import Frames, Wish
-from shadowbench.harness.commands.viewer.orbit import turned
 from shadowbench.harness.commands.viewer.server import Server, listen
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.files import array_hash
@@ -29,6 +31,9 @@ from shadowbench.harness.scene.prepared import prepare
 
 SIZE = (48, 32)
 METHOD, OTHER = "embree", "uniform_grid"
+ROOM = "".join(f"v {x} {y} {z}\n" for x in (-3, 3) for y in (-0.2, 4) for z in (-3, 3)) + "".join(
+    f"f {face}\n" for face in ("5 6 8 7", "9 10 12 11", "5 6 10 9", "7 8 12 11", "5 7 11 9", "6 8 12 10")
+)
 FLOOR = "v -3 -0.2 -3\nv 3 -0.2 -3\nv 3 -0.2 3\nv -3 -0.2 3\nf 5 6 7\nf 5 7 8\n"
 
 
@@ -40,51 +45,62 @@ def scene(tmp_path):
     return str(path)
 
 
+def view_like(facts):
+    """The options that the page gives of a frame, as a command reads them."""
+    words = facts["options"].split()
+    lights = [words[i + 1] for i, word in enumerate(words) if word == "--light"]
+    return view_of((words[1], words[2]), None, lights)
+
+
 def made_by_render(scene, facts):
-    """What ``render`` makes its picture with, under the camera and the light of a frame."""
-
-    def text(place):
-        return ",".join(map(repr, place))
-
-    view = view_of((text(facts["eye"]), text(facts["target"])), None, [text(facts["light"])])
-    described = view.applied(resolve(scene))
-    return opened(scene, described, facts["method"], SIZE, "cpu", None)
+    """What ``render`` makes its picture with, given the options that the page has copied."""
+    described = view_like(facts).resolved(scene)
+    return opened(scene, described, facts["method"], tuple(facts["size"]), "cpu")
 
 
 def rendered(scene, facts):
     """The hash of the answers that ``render`` makes its picture from."""
     made = made_by_render(scene, facts)
-    answers = made.session.answers(made.prepared.moment(0, *SIZE))
+    answers = made.session.answers(made.prepared.moment(0, *facts["size"]))
     return array_hash(answers["triangle"], answers["shadowed"])
 
 
 def test_partial_frames_have_the_bits_of_render(scene):
-    frames = Frames(prepare(resolve(scene)), *SIZE, "cpu")
+    frames = Frames(prepare(resolve(scene)), "cpu")
+    light, camera = (-1.5, 1.25, -2.0), ((1.5, 1.0, 2.5), (0.0, 0.25, 0.0))
     hashes = []
     for wish in (
-        Wish(METHOD),
-        Wish(METHOD, light=(120.0, -30.0, 0.7)),
-        Wish(METHOD, light=(120.0, -30.0, 0.7), camera=(40.0, 15.0, 0.8)),
-        Wish(OTHER, light=(120.0, -30.0, 0.7), camera=(40.0, 15.0, 0.8), show="tests", judge=True),
+        Wish(METHOD, SIZE),
+        Wish(METHOD, SIZE, light=light),
+        Wish(METHOD, SIZE, light=light, camera=camera),
+        Wish(OTHER, SIZE, light=light, camera=camera, show="tests", judge=True, beside=METHOD),
     ):
         facts, picture = frames.show(wish)
         assert picture.startswith(b"RIFF")
         assert facts["answers"] == rendered(scene, facts)
         hashes.append((facts["answers"], facts["changed"]))
+        if wish == Wish(METHOD, SIZE):
+            assert all(stage["first"] and stage["ran"] for stage in facts["stages"]), "kernels are loaded"
     assert len({found for found, _ in hashes}) == 3, "the light, then the camera, changed the answers"
     assert hashes[1][1] == ["light/0"]
     assert hashes[2][0] == hashes[3][0], "two exact methods"
     assert facts["tests"]["most"] >= 1
     assert facts["wrong"] == {"classes": {}, "unjudged": 0, "pixels": SIZE[0] * SIZE[1]}
-    again, _ = frames.show(Wish(OTHER, light=(120.0, -30.0, 0.7), camera=(40.0, 15.0, 0.8)))
-    assert again["changed"] == []
-    assert {stage["ms"] for stage in again["stages"]} == {None}, "nothing ran again"
+    again, _ = frames.show(Wish(OTHER, SIZE, light=light, camera=camera, beside=METHOD))
+    assert (again["changed"], any(stage["ran"] for stage in again["stages"])) == ([], False)
+    assert [s["ms"] for s in again["stages"]] == [s["ms"] for s in facts["stages"]], "times are kept"
+    warm, _ = frames.show(Wish(OTHER, SIZE, light=light, camera=camera, beside=METHOD, again=True))
+    assert all(stage["ran"] and not stage["first"] for stage in warm["stages"])
+    assert warm["answers"] == facts["answers"]
+    assert set(frames._sessions) == {METHOD, OTHER}, "both of a comparison are kept"
+    small, _ = frames.show(Wish(OTHER, (8, 8)))
+    assert (small["size"], set(frames._sessions)) == ([8, 8], {OTHER}), "and nothing else"
 
 
 def test_wrong_pixels_are_found(scene, monkeypatch):
     """Answers with a wrong row of pixels: the judge counts that row."""
-    frames = Frames(prepare(resolve(scene)), *SIZE, "cpu")
-    frames.show(Wish(METHOD))
+    frames = Frames(prepare(resolve(scene)), "cpu")
+    frames.show(Wish(METHOD, SIZE))
     whole = Session.advance
 
     def spoiled(self, moment):
@@ -95,41 +111,36 @@ def test_wrong_pixels_are_found(scene, monkeypatch):
         return changed
 
     monkeypatch.setattr(Session, "advance", spoiled)
-    facts, _ = frames.show(Wish(METHOD, judge=True))
+    facts, _ = frames.show(Wish(METHOD, SIZE, judge=True))
     assert sum(facts["wrong"]["classes"].values()) == SIZE[0]
-
-
-def test_a_place_is_turned_and_never_upright():
-    start, up = (0.0, 0.0, 2.0), (0.0, 1.0, 0.0)
-    assert turned(start, (0.0, 0.0, 0.0), up, 0.0, 0.0, 1.0) is start
-    assert np.allclose(turned(start, (0.0, 0.0, 0.0), up, 90.0, 0.0, 0.5), (1.0, 0.0, 0.0))
-    high = turned(start, (0.0, 0.0, 0.0), up, 0.0, 500.0, 1.0)
-    assert np.allclose(np.linalg.norm(high), 2.0)
-    assert 0.01 < high[2] < 0.1
-    above = turned((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up, 30.0, 0.0, 1.0)
-    assert np.allclose(above, (0.0, 2.0, 0.0))
 
 
 @pytest.mark.parametrize(
     "text",
-    ["[]", "{", '{"camera": [0, 0]}', '{"light": [0, 0, 1e9]}', '{"show": "all"}', '{"method": "nobody"}',
-     '{"camera": [1e999, 0, 1]}', '{"frame": null}'],
+    ["[]", "{", '{"method": "nobody"}', "{}", '"nothing"', *(
+        json.dumps({"method": METHOD, "size": SIZE, **wrong})
+        for wrong in (
+            {"camera": [0, 0]}, {"light": [0, 0, 1e99]}, {"show": "all"}, {"camera": [[1e999, 0, 1], [0, 0, 0]]},
+            {"frame": None}, {"size": [9999, 9999]}, {"size": [0, 4]}, {"camera": [[1, 1, 1], [1, 1, 1]]},
+        )
+    )],
 )  # fmt: skip
 def test_a_bad_message_gets_one_line_and_the_page_lives_on(scene, text):
     with listen(0) as listening:
-        server = Server(Frames(prepare(resolve(scene)), *SIZE, "cpu"), {"title": "a"}, listening)
+        server = Server(Frames(prepare(resolve(scene)), "cpu"), {"title": "a"}, listening)
         reply = server.answer(text)
         facts = json.loads(reply[4:])
         assert set(facts) == {"error"}
         assert "\n" not in facts["error"]
-        good = server.answer(json.dumps({"method": METHOD}))
+        good = server.answer(json.dumps({"method": METHOD, "size": SIZE}))
         assert b"WEBP" in good
 
 
 @pytest.mark.parametrize(
     ("changed", "said"),
     [({"port": 70000}, "--port 70000"), ({"size": "9999x9999"}, "choose fewer"), ({"frame": 7}, "frames 0 to 0"),
-     ({"method": "nobody"}, "no method 'nobody'"), ({"device": "cuda:99"}, "cuda:99")],
+     ({"method": "nobody"}, "no method 'nobody'"), ({"device": "cuda:99"}, "cuda:99"),
+     ({"setting": ["bvh2.nothing=1"]}, "bvh2 has no parameter 'nothing'")],
 )  # fmt: skip
 def test_what_cannot_be_shown_is_one_line(scene, changed, said):
     with pytest.raises(UserError, match=said) as refused:
@@ -140,11 +151,27 @@ def test_what_cannot_be_shown_is_one_line(scene, changed, said):
 def test_it_begins_with_a_method_that_can_trace_the_scene(scene, tmp_path):
     camera = '[camera]\neye = [0, 1, 6]\ntarget = [0, 0, 0]\nkind = "orthographic"\nheight = 4\n'
     (tmp_path / "parallel.toml").write_text('mesh = "tetra.obj"\n' + camera)
-    parallel = Frames(prepare(resolve(str(tmp_path / "parallel.toml"))), *SIZE, "cpu")
-    assert default_method(Frames(prepare(resolve(scene)), *SIZE, "cpu")) == "ray_grids"
-    able = {row["name"]: not row["reason"] for row in parallel.methods()}
+    parallel = resolve(str(tmp_path / "parallel.toml"))
+    assert default_method(resolve(scene), "cpu") == "ray_grids"
+    able = {row["name"]: not row["reason"] for row in Frames(prepare(parallel), "cpu").methods()}
     assert not able["ray_grids"]
-    assert able[default_method(parallel)]
+    assert able[default_method(parallel, "cpu")]
+
+
+def test_the_first_frame_is_made_before_a_page_asks(scene, monkeypatch):
+    """With what was set, and without importing the other methods, which takes longer than the frame."""
+    made, done = [], threading.Event()
+
+    def shown(self, wish):
+        made.append((wish, self.settings))
+        done.set()
+        return {}, b""
+
+    monkeypatch.setattr(uvicorn.Server, "run", lambda self, sockets: done.wait(60))
+    monkeypatch.setattr(Frames, "show", shown)
+    monkeypatch.setattr(Frames, "methods", lambda self: pytest.fail("the methods were asked for"))
+    assert view(scene, METHOD, ["embree.threads=1"], "16x16", device="cpu") == 0
+    assert made == [(Wish(METHOD, (16, 16)), {"embree": {"threads": "1"}})]
 
 
 def test_a_port_in_use_is_one_line(scene):
@@ -152,13 +179,35 @@ def test_a_port_in_use_is_one_line(scene):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with pytest.raises(UserError, match="cannot listen there"):
-            view(scene, METHOD, "16x16", device="cpu", port=taken.getsockname()[1])
+            view(scene, METHOD, size="16x16", device="cpu", port=taken.getsockname()[1])
 
 
 @pytest.fixture
-def running(scene):
-    """The command in a process of its own, and its address."""
-    words = ["view", scene, "--method", METHOD, "--size", f"{SIZE[0]}x{SIZE[1]}", "--device", "cpu"]
+def room(tmp_path):
+    """A tetrahedron in a closed room."""
+    path = tmp_path / "room.obj"
+    path.write_text(TETRAHEDRON + ROOM)
+    return str(path)
+
+
+@pytest.fixture
+def running(room):
+    """The command in a process of its own, and its address; the camera is in the room."""
+    words = [
+        "view",
+        room,
+        "--camera",
+        "0.5,1,2.5",
+        "0.5,0.2,0",
+        "--light",
+        "2,3,2",
+        "--method",
+        METHOD,
+        "--size",
+        f"{SIZE[0]}x{SIZE[1]}",
+        "--device",
+        "cpu",
+    ]
     process = subprocess.Popen(
         [sys.executable, "-m", "shadowbench", *words],
         stdout=subprocess.PIPE,
@@ -205,7 +254,7 @@ def test_other_pages_are_refused_and_any_message_is_answered(running):
             assert b'"error"' in connection.recv()
         connection.send("[" * 4000)
         assert b'"error"' in connection.recv()
-        connection.send_binary(json.dumps({"method": METHOD}).encode())
+        connection.send_binary(json.dumps({"method": METHOD, "size": SIZE}).encode())
         assert b"WEBP" in connection.recv()
         connection.close()
     assert process.wait(timeout=120) == 0
@@ -213,7 +262,7 @@ def test_other_pages_are_refused_and_any_message_is_answered(running):
 
 
 @pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
-def test_the_page_in_a_browser(running, scene, tmp_path):
+def test_the_page_in_a_browser(running, room, tmp_path):
     process, address = running
     token = address.split("=")[1]
     upgrade = {
@@ -227,7 +276,7 @@ def test_the_page_in_a_browser(running, scene, tmp_path):
     assert asked(address, f"/frames?token={token}", Host="elsewhere.example", **upgrade)[0] == 400
     driver = browser.start(tmp_path / "profile")
     try:
-        checked_page(driver, address, scene)
+        checked_page(driver, address, room)
         messages = [entry["message"] for entry in driver.get_log("browser")]
     finally:
         driver.quit()
@@ -262,7 +311,17 @@ def checked_page(driver, address, scene):
         script = "const c = arguments[0]; return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data]"
         return driver.execute_script(script, canvas)
 
-    count, first = facts()
+    def settled(after=0):
+        """As :func:`facts`, of the frame whose kernels are loaded."""
+        count, found = facts(after)
+        while any(stage["first"] for stage in found["stages"]):
+            count, found = facts(count)
+        return count, found
+
+    def text(name):
+        return driver.find_element("id", name).text
+
+    count, first = settled()
     assert first["answers"] == rendered(scene, first)
     before = pixels()
     assert len(before) == 4 * SIZE[0] * SIZE[1]
@@ -270,7 +329,8 @@ def checked_page(driver, address, scene):
     count, lit = facts(count)
     assert lit["eye"] == first["eye"]
     assert lit["light"] != first["light"]
-    assert lit["answers"] == rendered(scene, lit) != first["answers"]
+    assert lit["answers"] == rendered(scene, lit) != first["answers"], "by what the page gives to copy"
+    assert lit["options"] == text("options")
     after = pixels()
     shown = np.array(after, dtype=np.uint8).reshape(SIZE[1], SIZE[0], 4)
     assert (shown[..., :3] == made_by_render(scene, lit).picture(0)).all(), "the pixels are those of render"
@@ -278,16 +338,60 @@ def checked_page(driver, address, scene):
     canvas.send_keys(Keys.SHIFT, Keys.ARROW_LEFT)
     count, seen = facts(count)
     assert (seen["light"], seen["changed"]) == (lit["light"], ["camera"])
-    assert seen["eye"] != lit["eye"]
+    assert seen["eye"] == lit["eye"], "indoors the camera looks around"
+    assert seen["target"] != lit["target"]
     assert seen["answers"] == rendered(scene, seen)
+    canvas.send_keys("w")
+    count, walked = facts(count)
+    steps = [np.subtract(walked[end], seen[end]) for end in ("eye", "target")]
+    assert np.linalg.norm(steps[0]) > 0.01
+    assert np.allclose(*steps, atol=1e-4)
+    canvas.send_keys("d" * 40 + "++++")
+    count, walked = facts(count)
+    assert walked["eye"] != seen["eye"]
+    assert all(-3 < walked["eye"][axis] < 3 for axis in (0, 2)), "nobody leaves the room"
+    canvas.send_keys(Keys.ARROW_LEFT * 9, "-" * 30)
+    count, walked = facts(count)
+    assert np.all(np.less([-3, -0.2, -3], walked["light"]) & np.less(walked["light"], [3, 4, 3])), (
+        "nor does the light"
+    )
+    driver.find_element("css selector", f"#other option[value={OTHER}]").click()
+    beside = driver.find_element("id", "beside")
+    count, _ = facts(count)
+    for _ in range(600):
+        if "times as long as" in text("ratio"):
+            break
+        time.sleep(0.1)
+    found = json.loads(beside.get_attribute("data-facts"))
+    assert (found["method"], found["answers"]) == (OTHER, walked["answers"])
+    assert "Both find the same triangles and shadows." in text("ratio")
+    rows = driver.find_elements("css selector", ".side:last-of-type .stages tr")
+    assert [row.text.split()[-1] for row in rows] == [f"{stage['ms']:.2f}" for stage in found["stages"]]
+    assert beside.value_of_css_property("clip-path").endswith("50%)")
+    driver.find_element("css selector", "#other option[value='']").click()
+    count, _ = facts(count)
     driver.find_element("css selector", f"#method option[value={OTHER}]").click()
-    count, other = facts(count)
-    assert (other["method"], other["answers"]) == (OTHER, seen["answers"])
-    rows = driver.find_elements("css selector", "#stages tr")
-    assert [row.text.split()[-1] for row in rows] == [f"{stage['ms']:.2f}" for stage in other["stages"]]
+    count, other = settled(count)
+    driver.find_element("id", "tests").click()
+    count, heat = facts(count)
+    assert heat["tests"]["most"] > 0
+    legend = driver.find_element("css selector", ".legend").text
+    assert legend.split()[:2] == ["0", str(heat["tests"]["most"])]
+    assert [stage["ms"] for stage in heat["stages"]] == [stage["ms"] for stage in other["stages"]], "kept"
     driver.find_element("id", "judge").click()
     count, judged = facts(count)
     assert judged["wrong"]["classes"] == {}
-    assert "no pixel is wrong" in driver.find_element("id", "verdict").text
-    driver.find_element("id", "tests").click()
-    assert facts(count)[1]["tests"]["most"] > 0
+    assert "no pixel is wrong" in text("verdict")
+    driver.find_element("id", "size").find_elements("tag name", "option")[0].click()
+    count, small = facts(count)
+    assert small["size"] == [SIZE[0] // 4, SIZE[1] // 4]
+    driver.execute_script("HTMLAnchorElement.prototype.click = function () { window.saved = this.download; }")
+    driver.find_element("id", "save").click()
+    for _ in range(100):
+        if saved := driver.execute_script("return window.saved"):
+            break
+        time.sleep(0.05)
+    assert saved == f"room.obj-{OTHER}.png"
+    for width in (360, 1920):
+        browser.look(driver, width, 800, dark=width == 360)
+        assert driver.execute_script("return document.documentElement.scrollWidth") <= width

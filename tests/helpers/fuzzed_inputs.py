@@ -21,9 +21,9 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
+from shadowbench.harness.commands import listing
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep
-from shadowbench.harness.commands.listing import as_text, listing
 from shadowbench.harness.commands.report import report
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.commands.viewer.frames import Wish
@@ -39,6 +39,7 @@ from shadowbench.harness.results.table import samples
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.archives import unpack
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.chosen_view import ChosenView
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 
@@ -314,8 +315,10 @@ def packages(rng: Random, folder: Path) -> str:
     registry.current_name.cache_clear()
     here = os.getcwd()
     try:
-        rows = listing("methods")
-        assert "\x1b" not in as_text(rows)
+        rows = listing.rows_of("methods", [], ChosenView, None, brief=False)
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            listing.show(rows)
+        assert "\x1b" not in said.getvalue()
         json.dumps(rows, default=str)
         assert {row["name"] for row in rows} >= set(points)
         record = record_of("table1", Entry("nobody", {}, "x"))
@@ -379,7 +382,8 @@ def messages(rng: Random, folder: Path) -> str:
     wish = {
         "method": "embree",
         "frame": 0,
-        "camera": [0, 0, 1],
+        "size": [8, 8],
+        "camera": [[0, 0, 1], [0, 0, 0]],
         "light": [0, 0, 1],
         "show": "shaded",
         "judge": False,
@@ -389,7 +393,7 @@ def messages(rng: Random, folder: Path) -> str:
         found = Wish.read(json.loads(text))
     except (ValueError, TypeError, KeyError, OverflowError):
         return REFUSED
-    assert all(np.isfinite([*found.camera, *found.light]))
+    assert np.isfinite([*(found.camera or ()), found.light or (0, 0, 0)]).all()
     return READ
 
 

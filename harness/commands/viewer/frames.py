@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import time
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,181 +17,212 @@ from PIL import Image
 from ...errors import CapacityRejected, UserError
 from ...files import array_hash
 from ...frame.devices import device_for
-from ...frame.registry import make_method, method_class, method_names
-from ...frame.schedule.passes import Pass, run_passes
+from ...frame.registry import about, make_method, method_class, method_names
+from ...frame.schedule.passes import run_passes
 from ...frame.session import Session
 from ...runner.machine.lock import MACHINE
-from ...scene.light_paths import vector
+from ...scene.chosen_view import ChosenView
+from ...scene.declared_views import FARTHEST
 from ...scene.moment import Moment
-from ...scene.prepared import Prepared
-from ...scene.scene import Camera, Light
-from .orbit import turned
+from ...scene.prepared import Prepared, finite_bounds
+from ...scene.scene import Camera, Light, Vector
+from ..listing import place_text
 
 JUDGED = 2000
 """Largest number of disputed pixels of a frame that the exact referee decides."""
+
+LARGEST = 1 << 22
+"""Pixels of a frame on the page."""
 
 COLOURS = ("shaded", "tests")
 
 
 @dataclass(frozen=True)
 class Wish:
-    """The requested view. Angles in degrees, relative to the scene's own camera and light.
+    """The requested frame.
 
-    method  name                      frame  of an animation
-    camera, light  (azimuth, elevation, distance as a factor)
+    method  name                      beside  name of the method whose frame is shown beside it, or ""
+    frame   of an animation           size    pixels, width and height
+    camera  eye and target, or None: the scene's
+    light   place of the first light (of a directional one the way to it), or None: the scene's, which may move
     show    "shaded", or "tests": tests of each primary ray as a heat map
     judge   whether the answers are compared with the exact reference
+    again   whether every pass runs, although nothing has changed
     """
 
     method: str
+    size: tuple[int, int]
+    beside: str = ""
     frame: int = 0
-    camera: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    light: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    camera: tuple[Vector, Vector] | None = None
+    light: Vector | None = None
     show: str = "shaded"
     judge: bool = False
+    again: bool = False
 
     @staticmethod
     def read(facts: Any) -> Wish:
         """From JSON. Raises ValueError for an invalid request."""
         if not isinstance(facts, dict):
             raise ValueError("not an object")
+        camera, light = facts.get("camera"), facts.get("light")
+        width, height = map(int, facts["size"])
         wish = Wish(
-            str(facts.get("method", "")),
+            str(facts["method"]),
+            (width, height),
+            str(facts.get("beside", "")),
             int(facts.get("frame", 0)),
-            _place(facts.get("camera", (0, 0, 1))),
-            _place(facts.get("light", (0, 0, 1))),
+            None if camera is None else (_place(camera[0]), _place(camera[1])),
+            None if light is None else _place(light),
             str(facts.get("show", "shaded")),
             facts.get("judge") is True,
+            facts.get("again") is True,
         )
         if wish.show not in COLOURS:
             raise ValueError(f"show is one of {', '.join(COLOURS)}")
+        if width < 1 or height < 1 or width * height > LARGEST:
+            raise ValueError(f"size {width}x{height}: 1 to {LARGEST:,} pixels")
         return wish
 
 
-def _place(values: Any) -> tuple[float, float, float]:
-    azimuth, elevation, scale = (float(value) for value in values)
-    if not np.isfinite([azimuth, elevation]).all() or not 1e-3 <= scale <= 1e3:
+def _place(values: Any) -> Vector:
+    x, y, z = (float(value) for value in values)
+    if not all(abs(value) <= FARTHEST for value in (x, y, z)):
         raise ValueError(f"no place: {values}")
-    return azimuth, elevation, scale
+    return x, y, z
 
 
 class TimedSession(Session):
-    """A session that notes how long each pass of the last frame took: the clock around it, milliseconds.
+    """A session that notes how long each pass took when it ran last: the clock around it, milliseconds.
 
     For display only: each pass is waited for before the next one begins, so nothing runs concurrently.
+
+    took  milliseconds by pass      runs  how often each pass has run: the first time its kernels are loaded
+    ran   passes of the last frame
     """
 
-    def run(self) -> None:
+    def __init__(self, *given: Any):
+        super().__init__(*given)
         self.took: dict[str, float] = {}
+        self.runs: Counter[str] = Counter()
+        self.ran: set[str] = set()
+
+    def run(self) -> None:
         with wp.ScopedDevice(self.device):
             for work in self.passes:
                 start = time.perf_counter()
                 run_passes([work])
                 wp.synchronize_device(self.device)
                 self.took[work.name] = (time.perf_counter() - start) * 1e3
+                self.ran.add(work.name)
+        self.runs.update({work.name for work in self.passes})
 
     def stages(self) -> list[dict[str, Any]]:
-        """Every pass of a complete frame: its name, its column, and its time; None where it did not run again."""
-
-        def row(work: Pass) -> dict[str, Any]:
-            return {"name": work.name, "part": work.part, "ms": self.took.get(work.name)}
-
-        return [row(work) for work in self.all_passes]
+        """Every pass of a complete frame: its name, its column, the time of its last run, whether it ran in this frame,
+        and whether that time is of its first run."""
+        return [
+            {
+                "name": work.name, "part": work.part, "ms": self.took.get(work.name), "ran": work.name in self.ran,
+                "first": self.runs[work.name] < 2,
+            }
+            for work in self.all_passes
+        ]  # fmt: skip
 
 
 class Frames:
-    """The frames of one scene at one size. Not for several threads at once."""
+    """The frames of one scene. Not for several threads at once.
 
-    def __init__(self, prepared: Prepared, width: int, height: int, device: str):
+    settings  parameters of each method that has some, as texts
+    """
+
+    def __init__(self, prepared: Prepared, device: str, settings: Mapping[str, dict[str, str]] | None = None):
         self.prepared = prepared
-        self.width, self.height = width, height
         self.device = device
-        self._method = ""
-        self._session: TimedSession | None = None
+        self.settings = settings or {}
+        self._sessions: dict[str, TimedSession] = {}
 
-    def methods(self) -> list[dict[str, str]]:
-        """Every method, with the reason if it cannot trace the scene here."""
+    def box(self) -> tuple[list[float], list[float]]:
+        """The lowest and the highest corner of the first frame, in scene coordinates."""
+        low, high = finite_bounds(self.prepared.points(0)[0].astype(np.float64))
+        return (low + self.prepared.centre).tolist(), (high + self.prepared.centre).tolist()
+
+    def methods(self) -> list[dict[str, Any]]:
+        """Every method, with the reason if it cannot trace the scene here, and whether it counts its tests. It imports them
+        all."""
         rows = []
         for name in method_names():
             try:
                 kind = method_class(name)
-                reason = make_method(name).applies(self.prepared.scene, device_for(kind, self.device))
-                rows.append({"name": name, "title": kind.title, "reason": reason or ""})
+                made = make_method(name, self.settings.get(name))
+                reason = made.applies(self.prepared.scene, device_for(kind, self.device))
+                counts = hasattr(made, "tests_per_pixel")
+                rows.append({"name": name, "title": about(name), "reason": reason or "", "counts": counts})
             except Exception as error:  # one broken method must not hide the others
-                rows.append({"name": name, "title": name, "reason": " ".join(str(error).split())})
+                reason = " ".join(str(error).split())
+                rows.append({"name": name, "title": name, "reason": reason, "counts": False})
         return rows
 
-    def session(self, method: str) -> TimedSession:
-        """The session of a method. Raises :class:`UserError` if it cannot trace the scene."""
-        if method != self._method or self._session is None:
-            chosen = make_method(method)
-            place = device_for(type(chosen), self.device)
-            reason = chosen.applies(self.prepared.scene, place)
+    def session(self, wish: Wish) -> TimedSession:
+        """The session of a method at a size. Raises :class:`UserError` if it cannot trace the scene."""
+        shown = (wish.method, wish.beside)
+        # The memory of what is not shown any more is free before more is taken.
+        self._sessions = {
+            name: one
+            for name, one in self._sessions.items()
+            if name in shown and (one.frame.width, one.frame.height) == wish.size
+        }
+        if wish.method not in self._sessions:
+            made = make_method(wish.method, self.settings.get(wish.method))
+            place = device_for(type(made), self.device)
+            reason = made.applies(self.prepared.scene, place)
             if reason:
-                raise UserError(f"{method}: {reason}")
-            self._session = None  # the memory of the last method is free before the next one takes its own
-            self._session = TimedSession(chosen, self.prepared, self.width, self.height, place)
-            self._method = method
-        return self._session
+                raise UserError(f"{wish.method}: {reason}")
+            self._sessions[wish.method] = TimedSession(made, self.prepared, *wish.size, place)
+        return self._sessions[wish.method]
 
     def camera(self, wish: Wish) -> Camera:
-        """The scene's camera, turned about its target."""
-        known = self.prepared.scene.camera
-        return replace(known, eye=turned(known.eye, known.target, known.up, *wish.camera))
+        """The scene's camera, or one like it at the wished place, as ``--camera`` has it."""
+        return ChosenView(camera=wish.camera).applied(self.prepared.scene).camera
 
     def lights(self, wish: Wish, frame: int) -> tuple[Light, ...]:
-        """The lights of a frame, the first one turned about the scene's middle; a directional one's way to it."""
+        """The lights of a frame, the first one at the wished place."""
         lights = self.prepared.lights(frame)
-        if not lights:
-            return lights
-        first, up = lights[0], self.prepared.scene.camera.up
-        middle = vector(self.prepared.middle + self.prepared.centre)
-        centre = (0.0, 0.0, 0.0) if first.directional else middle
-        return (first.moved(turned(first.position, centre, up, *wish.light)), *lights[1:])
+        return (lights[0].moved(wish.light), *lights[1:]) if lights and wish.light else lights
 
     def show(self, wish: Wish) -> tuple[dict[str, Any], bytes]:
         """The facts of a frame and its picture as lossless WebP. Raises :class:`UserError` if the method cannot make it."""
         from ...report.picture import shade
 
-        with MACHINE.shared():  # a run that measures has priority
-            session = self.session(wish.method)
+        MACHINE.share_beside(self.device)
+        try:
+            session = self.session(wish)
             frame = wish.frame % self.prepared.frame_count
             camera, lights = self.camera(wish), self.lights(wish, frame)
-            moment = self.prepared.moment(frame, self.width, self.height, camera, lights)
-            start = time.perf_counter()
+            moment = self.prepared.moment(frame, *wish.size, camera, lights)
+            if wish.again:
+                session.made = None
+            session.ran.clear()
             try:
                 changed = session.advance(moment)
             except CapacityRejected as error:
                 raise UserError(f"{wish.method}: rejected: {error}") from error
-            whole = (time.perf_counter() - start) * 1e3
             answers = session.frame.answers.to_host()
             facts: dict[str, Any] = {
-                "method": wish.method, "frame": frame, "changed": sorted(changed), "ms": whole,
+                "method": wish.method, "frame": frame, "size": list(wish.size), "changed": sorted(changed),
                 "stages": session.stages(), "answers": array_hash(answers["triangle"], answers["shadowed"]),
-                "eye": list(camera.eye), "target": list(camera.target),
+                "eye": list(camera.eye), "target": list(camera.target), "up": list(camera.up),
                 "light": list(lights[0].position) if lights else None,
+                "directional": bool(lights) and lights[0].directional, "options": options(wish, camera, lights),
+                "missed": int((answers["triangle"] < 0).sum()), "counts": hasattr(session.method, "tests_per_pixel"),
             }  # fmt: skip
             picture = shade(self.prepared, moment, answers, lights)
-            if wish.show == "tests":
-                heat, facts["tests"] = self._heat(session, moment)
-                picture = picture if heat is None else heat
+            if wish.show == "tests" and facts["counts"]:
+                picture, facts["tests"] = heat(session.method, moment)
             if wish.judge:
                 facts["wrong"] = self._mark_wrong(moment, answers, picture)
+        finally:
+            MACHINE.release()
         return facts, webp(picture)
-
-    def _heat(
-        self, session: TimedSession, moment: Moment
-    ) -> tuple[NDArray[np.uint8] | None, dict[str, Any] | None]:
-        """The heat map of a method that counts its tests, and its scale; None where it does not count them."""
-        import matplotlib
-
-        count = getattr(session.method, "tests_per_pixel", None)
-        if count is None:
-            return None, None
-        counts = np.asarray(count()[0]).reshape(moment.height, moment.width)
-        most = int(counts.max(initial=0))
-        colours = matplotlib.colormaps["viridis"](counts / max(1, most))[..., :3]
-        return (colours * 255).round().astype(np.uint8), {"most": most, "mean": float(counts.mean())}
 
     def _mark_wrong(
         self, moment: Moment, answers: dict[str, NDArray], picture: NDArray[np.uint8]
@@ -208,6 +241,27 @@ class Frames:
             "unjudged": int((classes == -1).sum()),
             "pixels": int(classes.size),
         }
+
+
+def options(wish: Wish, camera: Camera, lights: tuple[Light, ...]) -> str:
+    """The options that give a command the camera of a frame, and its lights where ``--light`` gives the same, or one was
+    moved. ``--light`` gives point lights: a directional light or a spotlight has no such option.
+    """
+    words = [f"--camera {place_text(camera.eye, exact=True)} {place_text(camera.target, exact=True)}"]
+    same = all(light == Light(light.position) for light in lights)
+    if same or (wish.light and not any(light.directional or light.spot for light in lights)):
+        words += [f"--light {place_text(light.position, exact=True)}" for light in lights]
+    return " ".join(words)
+
+
+def heat(method: Any, moment: Moment) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+    """The tests of each primary ray of a method that counts them as a picture, and its scale."""
+    import matplotlib
+
+    counts = np.asarray(method.tests_per_pixel()[0]).reshape(moment.height, moment.width)
+    most = int(counts.max(initial=0))
+    colours = matplotlib.colormaps["viridis"](counts / max(1, most))[..., :3]
+    return (colours * 255).round().astype(np.uint8), {"most": most, "mean": float(counts.mean())}
 
 
 def webp(picture: NDArray[np.uint8]) -> bytes:

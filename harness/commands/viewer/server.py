@@ -35,7 +35,10 @@ TOKEN_NEEDED = "Open the whole address that shadowbench view has printed, with i
 
 
 class Server:
-    """The server of a page for ``frames``. ``facts``: what the page shows from the beginning."""
+    """The server of a page for ``frames``.
+
+    facts  what the page shows from the beginning: the state that it begins with, and the scene
+    """
 
     def __init__(self, frames: Frames, facts: dict[str, Any], listening: socket.socket):
         self.frames = frames
@@ -60,7 +63,8 @@ class Server:
         return f"http://{HOST}:{self.port}/?token={self.token}"
 
     def run(self) -> None:
-        """Serve until the page is closed, or the process is interrupted."""
+        """Serve until the page is closed, or the process is interrupted. The first frame is made before a page asks."""
+        self._worker.submit(self.answer, json.dumps(self.facts["state"]))
         try:
             self._uvicorn.run(sockets=[self.listening])
         finally:
@@ -109,9 +113,17 @@ class Server:
             self._uvicorn.should_exit = True
 
     def answer(self, wish: str | bytes) -> bytes:
-        """The reply to a message: the length of the facts, uint32 little-endian, the facts as JSON, the picture."""
+        """The reply to a message: the length of the facts, uint32 little-endian, the facts as JSON, the picture.
+
+        A message is the wish of a frame, or "methods": which ones can trace the scene.
+        """
+        facts: dict[str, Any]
         try:
-            facts, picture = self.frames.show(Wish.read(json.loads(wish)))
+            asked = json.loads(wish)
+            if asked == "methods":
+                facts, picture = {"methods": self.frames.methods()}, b""
+            else:
+                facts, picture = self.frames.show(Wish.read(asked))
         except (UserError, ValueError, TypeError, KeyError) as error:
             facts, picture = {"error": " ".join(str(error).split())}, b""
         except Exception as error:  # the failure of one method must not end the page
