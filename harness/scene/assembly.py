@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
+from ..errors import UserError, note
 from .declared_values import known, listed, number, typed, vector
 from .light_paths import vector as to_vector
 from .readers.checks import LARGEST, MAX_TRIANGLES, Wanted, frames_of
@@ -134,14 +134,19 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
     sources = [scene.source for scene in scenes]
     named = [one.file or scene.name for one, scene in zip(sources, scenes, strict=True)]
     hashes = [f"{name} {one.sha256}" for name, one in zip(named, sources, strict=True)]
+    left_out = [f"{name}: {one.left_out}" for name, one in zip(named, sources, strict=True) if one.left_out]
+    rates = list(dict.fromkeys(scene.rate for scene in scenes if scene.rate))
+    if len(rates) > 1:
+        said = f"rates of {' and '.join(f'{rate:g}' for rate in rates)} frames a second read frame by frame"
+        note(f"{path}: {said}")
+        left_out.append(said)
+    step = wanted.frames[2] if wanted.frames else 1
     source = Source(
         "file",
         " + ".join(named),
         hashlib.sha256("\n".join(hashes).encode()).hexdigest(),
         wanted.facts(),
-        "; ".join(
-            f"{name}: {one.left_out}" for name, one in zip(named, sources, strict=True) if one.left_out
-        ),
+        "; ".join(left_out),
     )
     return Scene(
         path.stem,
@@ -154,7 +159,7 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
         source=source,
         cameras=_offers(parts, "cameras"),
         lamps=_offers(parts, "lamps"),
-        rate=next((scene.rate for scene in scenes if scene.rate), None),
+        rate=rates[0] / step if rates and geometry.frame_count > 1 else None,
     )
 
 
@@ -169,7 +174,10 @@ def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
             f"{path}: meshes: {triangles:,} triangles together are more than can be indexed; leave out some"
         )
     faces = np.concatenate(
-        [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=False)]
+        [
+            _outwards(mesh.faces, matrix) + np.int32(start)
+            for mesh, matrix, start in zip(meshes, matrices, starts, strict=False)
+        ]
     )
     chosen = wanted.chosen(path, max(mesh.frame_count for mesh in meshes))
 
@@ -188,6 +196,11 @@ def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
         first, end = (int(start) for start in starts[moving[0] : moving[0] + 2])
         motion = Moves(own.kind if own else "deforming", (first, end))
     return Geometry(faces, positions, len(chosen), motion)
+
+
+def _outwards(faces: NDArray[np.int32], matrix: MATRIX) -> NDArray[np.int32]:
+    """The triangles of a mesh, turned round where the matrix mirrors: the front of a closed mesh stays its outside."""
+    return faces[:, [0, 2, 1]] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces
 
 
 def _placed(points: NDArray[np.floating], matrix: MATRIX) -> NDArray[np.float64]:

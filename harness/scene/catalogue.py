@@ -54,21 +54,28 @@ VIEWS: dict[str, View] = {
 """Camera and lights of original scenes, by name; buildings are seen from inside. Others get the default view."""
 
 
-def resolve(
-    name: str | Path,
-    scene_dir: str | Path | None = None,
-    wanted: Wanted = ALL,
-    within: tuple[Path, ...] = (),
-) -> Scene:
+def resolve(name: str | Path, scene_dir: str | Path | None = None, wanted: Wanted = ALL) -> Scene:
     """The scene of a catalogue name, a mesh file, a folder of numbered frames, a pattern of their names, or a file
     that declares one (TOML).
 
     A name such as ``balls-300k`` is a scene of that many triangles (:mod:`.scene.standins.balls`). An original replaces
     its stand-in if ``scene_dir``, or the folder in the environment variable SHADOWBENCH_SCENES, has a file of its name.
     Raises :class:`UserError` for an unknown name, a missing folder and an unusable file: a broken original is never
-    replaced by its stand-in. ``wanted``: what is asked of the file; frames of what has no file are refused. ``within``: the
-    declarations that refer to this one, to detect a cycle.
+    replaced by its stand-in. ``wanted``: what is asked of the file; frames of what has no file are refused.
     """
+    scene = _found(name, scene_dir, wanted)
+    if wanted.rate is None or scene.rate is not None:
+        return scene
+    said = "--rate does nothing, because there is one frame"
+    note(f"{scene.title}: {said}")
+    left_out = "; ".join(filter(None, (scene.source.left_out, said)))
+    return replace(scene, source=replace(scene.source, left_out=left_out))
+
+
+def _found(
+    name: str | Path, scene_dir: str | Path | None, wanted: Wanted, within: tuple[Path, ...] = ()
+) -> Scene:
+    """What :func:`resolve` finds. ``within``: the declarations that refer to this one, to detect a cycle."""
     text = str(name)
     if text in scene_names():
         files = original(text, scene_dir)
@@ -90,7 +97,7 @@ def resolve(
         if here in within:
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
         scene = declared_scene(
-            path, lambda mesh, asked: resolve(mesh, scene_dir, asked, (*within, here)), wanted
+            path, lambda mesh, asked: _found(mesh, scene_dir, asked, (*within, here)), wanted
         )
         return replace(scene, name=name_in(path))
     if is_pattern(text):

@@ -55,7 +55,7 @@ from .declared_values import MOST, known, made, number, typed, whole
 from .declared_views import CAMERA, camera_of, lights_of, named_cameras
 from .effects import OUTPUTS
 from .light_paths import Orbit
-from .readers.checks import ALL, Wanted, exists
+from .readers.checks import ALL, Wanted, exists, refuse_pointer
 from .readers.sequences import is_pattern
 from .scene import Scene
 from .surface_rules import largest_triangles, perforated
@@ -84,6 +84,7 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
         raise UserError(f"{path}: not a file")
     try:
         data = read_regular(path, MOST_BYTES)
+        refuse_pointer(path, data)
         table = tomllib.loads(data.decode("utf-8-sig"))  # some editors write a byte order mark
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shadowbench.harness.scene.readers.checks import Loaded
 
 COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -54,6 +55,13 @@ class Gltf:
         return self.add(
             "accessors", {"bufferView": self.view(array.tobytes()), "count": len(array), **kind, **more}
         )
+
+    def sparse(self, count: int, index: int, value: list[float]) -> int:
+        """An accessor of ``count`` zero vectors but one."""
+        places = {"bufferView": self.view(np.uint16(index).tobytes()), "componentType": 5123}
+        values = {"bufferView": self.view(np.float32(value).tobytes())}
+        said = {"count": 1, "indices": places, "values": values}
+        return self.add("accessors", {"componentType": 5126, "count": count, "type": "VEC3", "sparse": said})
 
     def mesh(self, points: Any = SQUARE, corners: Any = CORNERS, **more: Any) -> int:
         """A mesh of one primitive; ``more`` goes into the primitive."""
@@ -122,3 +130,9 @@ def square(**node: Any) -> Gltf:
     made = Gltf()
     made.node(mesh=made.mesh(), **node)
     return made
+
+
+def bounds(loaded: Loaded, frame: int = 0) -> tuple[list[float], list[float]]:
+    """Lowest and highest corner of the triangles."""
+    points = loaded.frames[frame][loaded.faces].reshape(-1, 3)
+    return points.min(axis=0).tolist(), points.max(axis=0).tolist()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers.gltf_files import square
 from helpers.mesh_files import written
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.assembly import matrix_of
@@ -49,6 +50,29 @@ def test_meshes_stand_in_their_places_in_order(folder):
     assert (scene.name, scene.title) == ("scene", "room.obj + quad.ply + quad.ply (scene.toml)")
     assert scene.source.file == "scene.toml: room.obj + quad.ply + quad.ply"
     assert np.isfinite(prepare(scene).moment(0, 4, 4).eye).all()
+
+
+def test_a_mirrored_mesh_is_turned_round(folder):
+    """So that the front of a closed mesh stays its outside."""
+    for transform in (
+        "scale = [1, -1, 1]",
+        "scale = -2",
+        "matrix = [[0,1,0,0],[1,0,0,0],[0,0,1,0],[0,0,0,1]]",
+    ):
+        mesh = resolve(declared(folder, f'file = "quad.ply"\ntransform = {{{transform}}}')).geometry()
+        assert mesh.faces.tolist() == [[a, c, b] for a, b, c in files.FACES]
+    turned = resolve(declared(folder, 'file = "quad.ply"\ntransform = {scale = [-1, -1, 1]}')).geometry()
+    assert turned.faces.tolist() == [list(face) for face in files.FACES]
+
+
+def test_meshes_of_several_rates_are_named(folder):
+    for name, last in (("fast", 0.5), ("slow", 1.0)):
+        moving = square()
+        moving.animate(translation=(0, np.linspace(0, last, 31), np.zeros((31, 3)) + np.arange(31)[:, None]))
+        moving.write(folder, f"{name}.glb")
+    scene = resolve(declared(folder, 'file = "fast.glb"', 'file = "slow.glb"'))
+    assert scene.rate == 60.0
+    assert scene.source.left_out.endswith("rates of 60 and 30 frames a second read frame by frame")
 
 
 @pytest.mark.parametrize("pattern", ["wave", "wave/%02d.ply", "wave/*.ply"])

@@ -2,16 +2,13 @@
 
 import sys
 
-import DracoPy
 import meshopt
 import numpy as np
 import pytest
-from helpers.gltf_files import CORNERS, SQUARE, Gltf, square
+from helpers.gltf_files import CORNERS, SQUARE, Gltf, bounds, square
+from helpers.gltf_samples import DRACO, FACES, POINTS, draco, packed
 from helpers.mesh_files import refused, written
-from scene.test_load_gltf import bounds
 from shadowbench.harness.scene.readers.load import load
-
-DRACO = "KHR_draco_mesh_compression"
 
 
 def test_sparse_positions(tmp_path):
@@ -88,12 +85,7 @@ def test_default_weights_of_morph_targets(tmp_path):
 
 def test_a_sparse_morph_target_of_no_weight_is_read(tmp_path):
     made = square()
-    sparse = {
-        "count": 1,
-        "indices": {"bufferView": made.view(b"\2\0"), "componentType": 5123},
-        "values": {"bufferView": made.view(np.float32([0, 0, 5]).tobytes())},
-    }
-    target = made.add("accessors", {"componentType": 5126, "count": 4, "type": "VEC3", "sparse": sparse})
+    target = made.sparse(4, 2, [0, 0, 5])
     made.primitive()["targets"] = [{"POSITION": target}]
     for weight in (0, 1):
         made.head["meshes"][0]["weights"] = [weight]
@@ -195,34 +187,6 @@ def test_unknown_extensions_of_what_is_not_read_do_nothing(tmp_path):
 # --- compression ----------------------------------------------------------------------------------------------
 
 
-def draco(points: np.ndarray, corners: np.ndarray, **attributes: np.ndarray) -> Gltf:
-    """A file of one mesh that is compressed without loss of order."""
-    made = Gltf()
-    packed = DracoPy.encode(
-        points,
-        corners.reshape(-1, 3),
-        quantization_bits=24,
-        preserve_order=True,
-        generic_attributes={i: values for i, values in enumerate(attributes.values())} or None,
-    )
-    ids = {a["attribute_type"]: a["unique_id"] for a in DracoPy.decode(packed).attributes}
-    named = {"POSITION": ids[0], **{name: i for i, name in enumerate(attributes)}}
-    made.node(mesh=made.mesh(points, corners))
-    for name, values in attributes.items():
-        made.primitive()["attributes"][name] = made.accessor(values, values.dtype.str[1:])
-    for accessor in made.head["accessors"]:
-        accessor.pop("bufferView")
-    made.data.clear()
-    made.head["bufferViews"] = []
-    said = {"bufferView": made.view(packed), "attributes": named}
-    made.extend(made.primitive(), DRACO, said, required=True)
-    return made
-
-
-POINTS = np.random.default_rng(5).random((50, 3)).astype("f4")
-FACES = np.random.default_rng(6).permutation(np.arange(150) % 50).astype("u4")
-
-
 def test_draco(tmp_path):
     loaded = load(draco(POINTS, FACES).write(tmp_path))
     found, expected = loaded.frames[0][loaded.faces], POINTS[FACES.reshape(-1, 3)]
@@ -245,28 +209,6 @@ def test_broken_draco(tmp_path):
     made = draco(POINTS, FACES)
     made.head["bufferViews"][0]["byteLength"] = 60
     refused(made.write(tmp_path), "cannot be decompressed")
-
-
-def packed(points: np.ndarray, corners: np.ndarray, name: str = "EXT_meshopt_compression") -> Gltf:
-    """A file of one square whose buffer views are compressed by meshoptimizer, with an empty buffer to fall back on."""
-    made = square()
-    made.head["accessors"][0]["count"], made.head["accessors"][1]["count"] = len(points), len(corners)
-    made.head["accessors"][1]["componentType"] = 5125
-    plain = [(points, "ATTRIBUTES"), (corners, "TRIANGLES")]
-    made.data.clear()
-    made.head["bufferViews"], made.head["buffers"] = [], [{}, {"byteLength": 1 << 20}]
-    made.extend(made.head["buffers"][1], name, {"fallback": True}, required=True)
-    for values, mode in plain:
-        stride = values.nbytes // len(values)
-        view = made.view(meshopt.encode_gltf_buffer(values, mode))
-        said = {**made.head["bufferViews"][view], "byteStride": stride, "count": len(values), "mode": mode}
-        made.head["bufferViews"][view] = {
-            "buffer": 1,
-            "byteOffset": 1 << 15,
-            "byteLength": values.nbytes,
-            "extensions": {name: said},
-        }
-    return made
 
 
 @pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])

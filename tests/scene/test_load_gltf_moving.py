@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.gltf_files import CORNERS, SQUARE, Gltf, square
+from helpers.gltf_files import CORNERS, SQUARE, Gltf, bounds, square
+from helpers.gltf_samples import skinned
 from helpers.mesh_files import refused
-from scene.test_load_gltf import bounds
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 from shadowbench.harness.scene.readers.checks import Wanted
@@ -119,34 +119,6 @@ def test_morph_targets_that_move(tmp_path):
         assert np.allclose(frame, SQUARE + [2 * (1 - share), 0, 2 * share])
     made.head["animations"][0]["samplers"][0]["output"] = made.accessor([0, 1, 2])
     refused(made.write(tmp_path), "3 numbers for 2 keys of the weights, not 4")
-
-
-def skinned(points=SQUARE, influences=1) -> Gltf:
-    """A square between two joints, one above the other; its own node is far away, which means nothing."""
-    rng = np.random.default_rng(4)
-    made = Gltf()
-    joints, weights = (
-        rng.integers(0, 2, (influences, len(points), 4)),
-        rng.random((influences, len(points), 4)),
-    )
-    attributes = {}
-    for i in range(influences):
-        attributes[f"JOINTS_{i}"] = made.accessor(joints[i], "u1")
-        attributes[f"WEIGHTS_{i}"] = made.accessor(weights[i])
-    mesh = made.mesh(points, CORNERS, attributes=attributes)
-    first = made.node(translation=[0, 1, 0])
-    second = made.node(first, rotation=[0, 0, 0.6, 0.8])
-    inverse = rng.normal(size=(2, 4, 4))
-    inverse[:, 3] = [0, 0, 0, 1]
-    made.add(
-        "skins",
-        {
-            "joints": [second, first],
-            "inverseBindMatrices": made.accessor(inverse.transpose(0, 2, 1).reshape(2, 16)),
-        },
-    )
-    made.node(mesh=mesh, skin=0, translation=[1000, 0, 0], scale=[-1, 1, 1])
-    return made
 
 
 def bent_by_hand(made, points, world):
@@ -277,6 +249,7 @@ def test_chosen_frames_and_rates(tmp_path):
     some = load(path, Wanted(frames=(3, 11, 4)))
     assert [frame[0, 0] for frame in some.frames] == pytest.approx([3, 7, 11])
     assert some.rate == 6
+    assert some.notes == ("animation 0 at 24 frames a second, 3 of its 25 frames",)
     one = load(path, Wanted(frames=(12, 12, 1)))
     assert [frame[0, 0] for frame in one.frames] == pytest.approx([12])
     assert one.rate is None
@@ -309,7 +282,7 @@ def test_an_animation_of_what_is_not_drawn_moves_nothing(tmp_path):
 def test_an_animation_of_one_key_is_one_frame(tmp_path):
     loaded = load(moved(translation=([3], [[4, 0, 0]])).write(tmp_path))
     assert bounds(loaded) == ([4, 0, 0], [5, 1, 0])
-    assert (len(loaded.frames), loaded.rate) == (1, None)
+    assert (len(loaded.frames), loaded.rate, loaded.notes) == (1, None, ("animation 0 has one key",))
 
 
 def pointer(made: Gltf, text: object) -> Gltf:

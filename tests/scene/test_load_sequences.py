@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers.gltf_files import square
 from helpers.mesh_files import refused, written
+from helpers.usd_stages import HEAD, mesh
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
@@ -201,8 +203,34 @@ def test_numbers_that_are_missing_are_noted(frames):
 def test_two_files_of_one_number_are_refused(tmp_path):
     for name in ("wave_1.ply", "wave_01.ply"):
         written(tmp_path, name, files.ply_binary())
-    with pytest.raises(UserError, match=r"wave_01\.ply and wave_1\.ply have one number"):
-        load(tmp_path)
+    for given in (tmp_path, tmp_path / "wave_%d.ply", tmp_path / "*.ply"):
+        with pytest.raises(UserError, match=r"wave_01\.ply and wave_1\.ply have one number"):
+            resolve(given)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".usda"] if usd.available() else [".glb"])
+def test_a_sequence_of_animated_files_says_that_it_reads_their_first_frames(tmp_path, suffix):
+    moving = square()
+    moving.animate(translation=(0, [0, 1], [[0, 0, 0], [0, 0, 4]]))
+    points = "point3f[] points.timeSamples = {0: [(0,0,0),(1,0,0),(0,1,0)], 24: [(0,0,4),(1,0,4),(0,1,4)]}\n"
+    for number in (1, 2):
+        content = moving.glb() if suffix == ".glb" else HEAD + mesh("M", points=points)
+        written(tmp_path, f"w_{number}{suffix}", content)
+    (noted,) = load(tmp_path).notes
+    assert "1 of" in noted
+    assert "25 frames" in noted
+
+
+def test_a_frame_that_is_too_large_is_named(tmp_path):
+    """Of a sequence by its own file; of an animation, whose buffers are further files, by that which was given."""
+    for number in (1, 2, 3):
+        written(tmp_path, f"w_{number}.ply", files.ply_ascii(files.QUAD * (1e38 if number == 2 else 1)))
+    with pytest.raises(UserError, match=r"w_2\.ply: has coordinates of 1e\+38"):
+        resolve(tmp_path)
+    moving = square()
+    moving.animate(translation=(0, [0, 1], [[0, 0, 0], [1e38, 0, 4]]))
+    with pytest.raises(UserError, match=r"a\.gltf: has coordinates of"):
+        resolve(moving.write(tmp_path, "a.gltf"))
 
 
 def test_a_folder_with_two_sequences_is_ambiguous(tmp_path):

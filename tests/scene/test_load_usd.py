@@ -137,6 +137,9 @@ def Material "Red" {{
 }}
 {mesh("Hidden", '    token visibility = "invisible"' + chr(10))}
 {mesh("Guide", '    uniform token purpose = "guide"' + chr(10))}
+def Xform "Card" (prepend apiSchemas = ["GeomModelAPI"]) {{
+    uniform token model:drawMode = "cards"
+}}
 def SphereLight "Sun" {{
 }}
 def DomeLight "Sky" {{
@@ -151,6 +154,7 @@ def DomeLight "Sky" {{
         "subdivision surfaces read as their cages: 1",
         "left out: 1 BasisCurves, 1 Points, 1 Unheard, 1 Volume",
         "left out: 1 invisible, 1 of purpose guide or proxy",
+        "draw modes not used: 1",
         "materials not read: 1",
         "lengths in units of 0.01 m",
     )
@@ -170,7 +174,7 @@ def test_a_plain_mesh_has_no_notes(tmp_path):
     [
         (mesh("A", points=""), "/A: a face names vertex 2, but there are 0"),
         (mesh("A").replace("[0, 1, 2]", "[0, 1, -2]"), "vertex -2"),
-        (mesh("A").replace("[3]", "[2]"), "face 0 has 2 vertices"),
+        (mesh("A").replace("[3]", "[2]"), "/A: face 0 has 2 vertices"),
         (mesh("A").replace("[3]", "[-1]"), "face 0 has -1 vertices"),
         (mesh("A").replace("[3]", "[3, 3]"), "6 corners are declared, but there are 3"),
         ('def BasisCurves "B" {\n}\n', "no visible mesh (1 BasisCurves left out)"),

@@ -162,4 +162,3 @@ def test_views_of_several_meshes_stand_in_their_places(path):
     assert scene.cameras["above 2"].height == pytest.approx(8.0)
     assert np.allclose(scene.lamps["lamp 2"].position, (10, 6, 0))
     assert np.allclose(scene.lamps["sun 2"].position, (0, 2, -2))
-    assert scene.rate == 24.0

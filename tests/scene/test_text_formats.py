@@ -8,7 +8,9 @@ import pytest
 import trimesh
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
-from shadowbench.harness.scene.readers.load import load
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.readers.load import SUFFIXES, load
 from shadowbench.harness.scene.readers.text import first_wrong, numbers
 
 CORNER = "v 0 0 0\nv 4 0 0\nv 0 1 0\nv 4 1 0\nv 0 8 0\n"
@@ -36,6 +38,7 @@ OBJ = {
     "words after a position": CORNER.replace("v 4 1 0", "v 4 1 0 red") + FACES,
     "colours of some": CORNER.replace("v 4 1 0", "v 4 1 0 1 0 0") + FACES,
     "an object named with a hash": "o part#1\\\n\n" + CORNER + FACES,
+    "outlines of old programs": CORNER + FACES.replace("f 2", "fo 2").replace("f 3", " fo\t3"),
 }  # fmt: skip
 
 
@@ -61,10 +64,13 @@ def test_a_text_in_another_encoding_is_read_by_its_mark(tmp_path, encoding, suff
     assert np.array_equal(load(coded).frames[0], right.frames[0])
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "usda"])
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".toml"])
 def test_a_git_lfs_pointer_is_called_what_it_is(tmp_path, suffix):
-    text = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
-    refused(written(tmp_path, f"a.{suffix}", text), "is a Git LFS pointer", "git lfs pull")
+    path = written(
+        tmp_path, f"a{suffix}", "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+    )
+    with pytest.raises(UserError, match=rf"a{suffix}: is a Git LFS pointer.*git lfs pull"):
+        resolve(path)
 
 
 @pytest.mark.parametrize(
@@ -97,21 +103,31 @@ def test_continued_lines_take_time_in_proportion_to_their_number(tmp_path):
     assert len(load(written(tmp_path, "b.obj", CORNER + inner)).faces) == 300_000
 
 
-def test_what_an_obj_leaves_out_is_noted(tmp_path):
-    skipped = {
-        "l 1 2": "lines",
-        "p\t1": "points",
-        "call other.obj": "files that it calls",
-        "curv 0 1 1 2": "free-form curves",
-        "surf 0 1 0 1 1 2 3": "free-form surfaces",
-        "usemtl red": "materials",
-    }
-    for line, what in skipped.items():
-        for text in (f"{line}\n{CORNER}{FACES}", f"mtllib a.mtl\n{CORNER}  {line}\n{FACES}"):
-            assert load(written(tmp_path, "a.obj", text)).notes == (f"{what} left out",)
-    every = load(written(tmp_path, "a.obj", CORNER + "\n".join(skipped) + "\n" + FACES)).notes
-    assert every == tuple(f"{what} left out" for what in skipped.values())
-    assert load(written(tmp_path, "b.obj", CORNER + FACES)).notes == ()
+LEFT_OUT = {
+    "l 1 2": "lines left out",
+    "p\t1": "points left out",
+    "call other.obj": "files that it calls left out",
+    "curv 0 1 1 2": "free-form curves left out",
+    "surf 0 1 0 1 1 2 3": "free-form surfaces left out",
+    "usemtl red": "materials left out",
+    "bzp 1 2 3": "free-form surfaces left out",
+    "F 1 2 3": "unknown statements left out: F",
+    "\0\0f 1 2 3": "unknown statements left out: \0\0f",
+    "q\nr 1\nq 2\nu\nt": "unknown statements left out: q, r, t and 1 more",
+}
+
+
+@pytest.mark.parametrize("line", LEFT_OUT)
+def test_what_an_obj_leaves_out_is_noted(tmp_path, line):
+    plain = f"mtllib a.mtl\no b\ng c d\ns 1\nvt 0 0\nvn 0 0 1\nvp 1\n{CORNER}{FACES}"
+    for text in (f"{line}\n{plain}", f"{plain}  {line}\n"):
+        assert load(written(tmp_path, "a.obj", text)).notes == (LEFT_OUT[line],)
+    assert load(written(tmp_path, "a.obj", plain)).notes == ()
+
+
+def test_all_that_an_obj_leaves_out_is_noted_once(tmp_path):
+    every = load(written(tmp_path, "a.obj", CORNER + "\n".join([*LEFT_OUT, *LEFT_OUT]) + "\n" + FACES)).notes
+    assert every == (*list(LEFT_OUT.values())[:6], "unknown statements left out: \0\0f, F, q and 3 more")
 
 
 ARROW = [(0, 0, 0), (4, -3, 0), (1, 0, 0), (4, 3, 0)]
@@ -252,6 +268,12 @@ def test_a_wrong_row_of_a_ply_is_named(tmp_path, old, new, word):
     refused(written(tmp_path, "a.ply", PLAIN.replace(old, new, 1)), word)
 
 
+def test_other_elements_are_noted(tmp_path):
+    element = "element polygons 1\nproperty list uchar int vertex_indices\nelement edge 0\nend_header"
+    loaded = load(written(tmp_path, "a.ply", PLAIN.replace("end_header", element) + "3 0 1 2\n"))
+    assert loaded.notes == ("elements left out: polygons",)
+
+
 def test_a_header_of_many_elements_takes_no_time(tmp_path):
     elements = "".join(f"element e{i} 0\n" for i in range(60_000))
     assert len(load(written(tmp_path, "a.ply", with_line(elements))).faces) == 4
@@ -276,6 +298,10 @@ STL = {
     "a name with keywords": SOLID.replace("hand", "facet vertex hand"),
     "all in one line": "solid hand\n" + ONE_LINE,
     "an empty name": SOLID.replace(" hand", ""),
+    "all in the first line": "solid hand " + ONE_LINE,
+    "a facet in the first line": SOLID.replace("hand\n", "hand ", 1),
+    "a facet in one line": " ".join(SOLID.split("\n", 8)[:8]) + "\n" + SOLID.split("\n", 8)[8],
+    "no solid": SOLID.partition("\n")[2],
 }
 
 

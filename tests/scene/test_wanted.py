@@ -115,3 +115,16 @@ def test_frames_of_what_is_no_file_are_refused(name):
     with pytest.raises(UserError, match="--rate is for files"):
         resolve(name, None, Wanted(rate=24.0))
     assert resolve(name, None, Wanted(allow_missing=True)).stand_in or name != "cloth"
+
+
+def test_a_rate_of_one_frame_is_said_to_do_nothing(tmp_path, capsys):
+    still = written(tmp_path, "a.ply", files.ply_binary())
+    scene = resolve(still, None, Wanted(rate=12.0))
+    assert scene.source.left_out == "--rate does nothing, because there is one frame"
+    assert "note: a.ply: --rate does nothing" in capsys.readouterr().err
+    waves(tmp_path / "waves")
+    both = written(tmp_path, "a.toml", b'[[meshes]]\nfile = "a.ply"\n[[meshes]]\nfile = "waves"\n')
+    for path in (tmp_path / "waves", both):
+        scene = resolve(path, None, Wanted(rate=12.0))
+        assert (scene.source.left_out, scene.rate) == ("", 12.0)
+    assert resolve(both, None, Wanted((0, None, 4), rate=12.0)).rate == 3.0

@@ -86,8 +86,8 @@ class Wanted:
         return range(first, last + 1, step)
 
     def rate_of(self, chosen: range) -> float | None:
-        """The rate of :meth:`chosen` frames of an animation whose file does not say its rate."""
-        return self.rate and self.rate / chosen.step
+        """The rate of :meth:`chosen` frames of an animation whose file does not say its rate; None for one frame."""
+        return self.rate / chosen.step if self.rate and len(chosen) > 1 else None
 
     def text(self) -> str:
         """The wanted frames as on the command line; "" for all."""
@@ -128,8 +128,9 @@ def frames_of(text: str | None) -> tuple[int, int | None, int] | None:
 class Loaded:
     """A file, or a sequence of files with the same connectivity.
 
-    frames   one array of positions [vertex_count, 3] per frame
-    files    every file read: those of the frames in their order, then what these refer to. All count in the record's key
+    frames    one array of positions [vertex_count, 3] per frame
+    files     every file read: those of the frames in their order, then what these refer to. All count in the record's key
+    sequence  whether each frame has a file of its own
     up, rate, notes, cameras, lights   as in :class:`Mesh`
     """
 
@@ -141,6 +142,7 @@ class Loaded:
     notes: tuple[str, ...] = ()
     cameras: dict[str, Camera] = field(default_factory=dict)
     lights: dict[str, Light] = field(default_factory=dict)
+    sequence: bool = False
 
     def geometry(self) -> Geometry:
         """The mesh over time."""
@@ -200,17 +202,23 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         raise UserError(
             f"{path}: cannot be read ({error.strerror or error}); check the path and its permissions"
         ) from None
+    refuse_pointer(path, blob)
+    return blob
+
+
+def refuse_pointer(path: Path, blob: bytes) -> None:
+    """Raise :class:`UserError` for the contents of a Git LFS pointer."""
     if blob.startswith(_LFS):
         raise broken(
             path, "is a Git LFS pointer, not the file that it stands for", "fetch that with git lfs pull"
         )
-    return blob
 
 
 def within_range(loaded: Loaded) -> None:
     """Raise :class:`UserError` if the used vertices exceed :data:`LARGEST` or extend less than :data:`SMALLEST`.
 
-    Vertices that are NaN or infinite in the file are ignored: their triangles are never hit.
+    It names the file of the frame where each has one. Vertices that are NaN or infinite in the file are ignored: their
+    triangles are never hit.
     """
     used = np.unique(loaded.faces)
     way_out = f"scale it to coordinates between {SMALLEST:g} and {LARGEST:g}"
@@ -219,7 +227,7 @@ def within_range(loaded: Loaded) -> None:
         finite = points[np.isfinite(points).all(axis=1)]
         if not len(finite):
             continue
-        path = loaded.files[min(k, len(loaded.files) - 1)]
+        path = loaded.files[k if loaded.sequence else 0]
         most = np.abs(finite).max()
         if most > LARGEST:
             raise broken(path, f"has coordinates of {most:.3g}, too large for float32 rays", way_out)

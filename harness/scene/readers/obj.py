@@ -27,22 +27,33 @@ _VERTEX, _FACE = (
 )
 """How the lines of vertices and of faces begin."""
 
+_OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")
+"""A face as old programs write it."""
+
 _BLOCK = 1 << 15
 """Lines that are parsed at a time."""
 
 _INDEX_LIMIT = 1 << 31
 
-_SKIPPED = {
+_LEFT_OUT = {
     b"l": "lines",
     b"p": "points",
     b"call": "files that it calls",
-    b"curv": "free-form curves",
-    b"surf": "free-form surfaces",
+    **dict.fromkeys((b"curv", b"cdc", b"cdp"), "free-form curves"),
+    **dict.fromkeys((b"surf", b"bsp", b"bzp"), "free-form surfaces"),
     b"usemtl": "materials",
 }
 """Statements that are left out with a note."""
 
-_SKIPPED_LINE = re.compile(rb"(?:\A|\n)[ \t]*(" + b"|".join(_SKIPPED) + rb")[ \t]")
+_PASSED_OVER = set(
+    b"""
+    vp g o s mg mtllib deg bmat cstype step parm trim hole scrv sp end con curv2 res bevel c_interp d_interp lod maplib
+    usemap shadow_obj trace_obj ctech stech csh
+    """.split()
+)
+"""Statements without triangles. Others are not known, and noted by name."""
+
+_NO_STATEMENT = _VERTEX | _FACE | {b"vt", b"vn"}
 
 
 def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
@@ -53,8 +64,8 @@ def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
     face of fewer than 3 vertices and for a file without faces.
     """
     text = without_comments(plain_lines(decoded(read_bytes(path))))
-    found = {match[1] for match in _SKIPPED_LINE.finditer(text)}
-    notes = tuple(f"{what} left out" for word, what in _SKIPPED.items() if word in found)
+    if b"fo" in text:
+        text = _OUTLINE.sub(rb"\1f", text)
     lines = text.split(b"\n")
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MAX_LINE:
@@ -65,7 +76,21 @@ def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
     points = np.concatenate([np.zeros((0, 3)), *_parsed(path, lines, _VERTEX, _positions)])
     counts, corners = _faces(path, lines)
     mesh = checked(path, points, triangulate(points, counts, corners))
-    return dataclasses.replace(mesh, notes=notes)
+    return dataclasses.replace(mesh, notes=_notes(lines))
+
+
+def _notes(lines: Sequence[bytes]) -> tuple[str, ...]:
+    """What the statements of a file hold beside vertices and faces."""
+    others = (line.split(None, 1)[:1] for line in lines if line[:2] not in _NO_STATEMENT)
+    found = {words[0] for words in others if words} - _PASSED_OVER
+    notes = [
+        f"{what} left out" for what in dict.fromkeys(_LEFT_OUT[word] for word in _LEFT_OUT if word in found)
+    ]
+    unknown = sorted(word[:20].decode("latin-1") for word in found - _LEFT_OUT.keys())
+    if unknown:
+        more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
+        notes.append(f"unknown statements left out: {', '.join(unknown[:3])}{more}")
+    return tuple(notes)
 
 
 def _parsed(

@@ -8,6 +8,7 @@ of triangles with what trimesh reads.
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ from .ply_data import Column, Columns, Records, Rows
 from .ply_header import CORNERS, Element, read_header
 from .polygons import polygon_sizes, triangulate
 from .text import decoded
+
+_DRAWN = ("vertex", "face", "tristrips")
+"""The elements that are read; others are left out with a note."""
 
 _RESTART = -1
 """Ends a triangle strip, after which another begins."""
@@ -43,7 +47,9 @@ def read_ply(path: Path, wanted: Wanted = ALL) -> Mesh:
     polygon_sizes(path, polygons.counts)
     faces = triangulate(points, polygons.counts, polygons.values)
     strips = _strips(_corners(path, columns.get("tristrips", {})))
-    return checked(path, points, np.concatenate([faces, strips]) if len(strips) else faces)
+    mesh = checked(path, points, np.concatenate([faces, strips]) if len(strips) else faces)
+    others = [name for name, one in elements.items() if name not in _DRAWN and one.length]
+    return dataclasses.replace(mesh, notes=(f"elements left out: {', '.join(others)}",) if others else ())
 
 
 def _positions(element: Element, columns: Columns, binary: bool) -> NDArray[np.floating]:

@@ -24,13 +24,15 @@ _STRAIGHT = 1e-6
 """Sine of the largest angle that counts as none, for corners on one line that float32 has rounded."""
 
 
-def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:
-    """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices."""
+def polygon_sizes(path: Path, counts: NDArray[np.integer], where: str = "") -> None:
+    """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices.
+
+    where  what is written before the face
+    """
     small = np.flatnonzero(np.asarray(counts) < 3)
     if len(small):
-        raise broken(
-            path, f"face {small[0]} has {counts[small[0]]} vertices", "a face needs at least 3: remove it"
-        )
+        problem = f"{where}face {small[0]} has {counts[small[0]]} vertices"
+        raise broken(path, problem, "a face needs at least 3: remove it")
 
 
 def triangulate(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from ...errors import UserError
-from .checks import ALL, Loaded, Mesh, Wanted, broken, checked, exists, guarded, is_file
+from .checks import ALL, Loaded, Mesh, Wanted, broken, checked, exists, guarded, is_file, read_bytes
 from .topology import fixed_topology
 
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
@@ -51,6 +51,9 @@ def matching(pattern: str, suffixes: Iterable[str]) -> list[Path]:
     files = sorted((path for path in found if is_file(path)), key=_natural)
     if not files:
         raise UserError(f"{pattern}: no file matches; check the path")
+    for first, second in itertools.pairwise(files):
+        if _natural(first) == _natural(second):
+            raise _one_number(pattern, first, second)
     kinds = sorted({path.suffix.lower() for path in files})
     if len(kinds) > 1 or kinds[0] not in suffixes:
         formats = " and ".join(kinds)
@@ -85,8 +88,12 @@ def numbered(folder: Path, suffixes: Iterable[str], name: str | None = None) -> 
     files = sorted(next(iter(groups.values()))) if groups else []
     for (one, first), (other, second) in itertools.pairwise(files):
         if one == other:
-            raise UserError(f"{folder}: {first.name} and {second.name} have one number; remove one of them")
+            raise _one_number(folder, first, second)
     return [path for _, path in files]
+
+
+def _one_number(where: Path | str, first: Path, second: Path) -> UserError:
+    return UserError(f"{where}: {first.name} and {second.name} have one number; remove one of them")
 
 
 def load_frames(paths: list[Path], read: Callable[[Path], Mesh], rate: float | None = None) -> Loaded:
@@ -113,6 +120,7 @@ def load_frames(paths: list[Path], read: Callable[[Path], Mesh], rate: float | N
         tuple(dict.fromkeys(notes)),
         first.cameras,
         first.lights,
+        sequence=True,
     )
 
 
@@ -135,8 +143,7 @@ def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
     Raises :class:`UserError` for other names, shapes or types, for indices out of range, and for an archive whose
     declared sizes do not match its contents.
     """
-    if not path.is_file():
-        raise UserError(f"{path}: no such file; check the path")
+    read_bytes(path, 1024)  # missing and unreadable files get the same message as in every other format
     with guarded(path, ".npz"):
         _check_archive(path)
         with np.load(path, allow_pickle=False) as archive:

@@ -41,7 +41,7 @@ def read_stl(path: Path, wanted: Wanted = ALL) -> Mesh:
     blob = read_bytes(path)
     text = plain_lines(decoded(blob))
     points: NDArray[np.floating]
-    if text.lstrip()[:5].lower() == b"solid" and b"\0" not in text:
+    if b"\0" not in text and (text.lstrip()[:5].lower() == b"solid" or b"facet" in text[:_BLOCK].lower()):
         points, notes = _from_text(path, text)
     elif len(blob) < _HEADER:
         raise broken(path, "is neither binary nor ASCII STL", "the file is truncated or of another kind")
@@ -85,7 +85,7 @@ def _lines(text: bytes) -> list[bytes]:
 def _corners(path: Path, text: bytes, before: int) -> NDArray[np.float64]:
     """The corners of the facets of a text in lower case, [3 facets, 3]. ``before``: facets of the file before them."""
     lines = _lines(text)
-    if not _in_threes(lines):  # several keywords may share a line
+    if not _in_threes(lines) or len(lines) != 4 * text.count(_END):  # several keywords may share a line
         lines = _lines(_KEYWORD.sub(b"\n", text))
     if not _in_threes(lines):
         wrong = next(i for i, line in enumerate([*lines, b""]) if line[:1] != b"fvvv"[i % 4 : i % 4 + 1])

@@ -38,6 +38,7 @@ def read_3mf(path: Path, wanted: Wanted = ALL) -> Mesh:
     with guarded(path, "3MF"), zipfile.ZipFile(io.BytesIO(blob)) as archive:
         package = _Package(path, archive, max(_FLOOR, _GROWTH * len(blob)))
         placed = list(package.placed())
+        notes = package.notes()
     points = np.empty((sum(len(solid.points) for solid, _ in placed), 3))
     faces = np.empty((sum(len(solid.faces) for solid, _ in placed), 3), dtype=np.int32)
     vertex = triangle = 0
@@ -49,18 +50,17 @@ def read_3mf(path: Path, wanted: Wanted = ALL) -> Mesh:
         corners = solid.faces[:, [0, 2, 1]] if mirrored else solid.faces
         np.add(corners, vertex, out=faces[triangle : triangle + more], casting="unsafe")
         vertex, triangle = vertex + count, triangle + more
-    notes = tuple(f"{what} left out" for what in sorted(package.left_out))
     return dataclasses.replace(checked(path, points, faces, _UP), notes=notes)
 
 
 class _Package:
-    """The parts of a 3MF file, each read once. ``left_out``: what they hold that is not read."""
+    """The parts of a 3MF file, each read once."""
 
     def __init__(self, path: Path, archive: zipfile.ZipFile, limit: int) -> None:
         self._path, self._archive, self._left = path, archive, limit
         self._models: dict[str, ModelPart] = {}
         self._sizes: dict[tuple[str, str], tuple[int, int]] = {}
-        self.left_out: set[str] = set()
+        self._built: set[tuple[str, str]] = set()
 
     def placed(self) -> Iterator[tuple[Solid, AffineRows]]:
         """The objects with triangles that are built, and their transforms."""
@@ -73,6 +73,7 @@ class _Package:
         waiting = [(use, use.matrix) for use in reversed(build)]
         while waiting:
             use, matrix = waiting.pop()
+            self._built.add((use.part.lower(), use.identity))
             solid = self._models[use.part].solids[use.identity]
             if len(solid.faces):
                 yield solid, matrix
@@ -81,6 +82,15 @@ class _Package:
                     below = component.matrix @ matrix[:3]
                     below[3] += matrix[3]
                 waiting.append((component, below))
+
+    def notes(self) -> tuple[str, ...]:
+        """What the parts hold that is not read, and their unit."""
+        models = self._models.values()
+        left_out = sorted(set[str]().union(*(model.left_out for model in models)))
+        idle = {(part.lower(), identity) for part, identity in self._sizes} - self._built
+        left_out += [f"objects that are not built ({len(idle)})"] if idle else []
+        units = sorted({model.unit for model in models} - {"", "millimeter"})
+        return (*(f"{what} left out" for what in left_out), *(f"unit of length: {unit}" for unit in units))
 
     def _size(self, use: Use, where: str) -> tuple[int, int]:
         """Triangles and objects that an object stands for, with its components."""
@@ -102,7 +112,6 @@ class _Package:
             raise broken(self._path, f"{name}: {error}") from error
         except ExpatError as error:
             raise broken(self._path, f"{name} is not XML ({error})", "the file is damaged") from error
-        self.left_out |= model.left_out
         for solid in model.solids.values():
             parts = [self._size(use, f"object {solid.identity}") for use in solid.components]
             triangles, places = (sum(column) for column in zip((len(solid.faces), 1), *parts, strict=True))

@@ -62,11 +62,15 @@ class Solid:
 
 @dataclass
 class ModelPart:
-    """A model: its objects by id, in the order of the file; what is built; and what it holds that is not read."""
+    """A model: its objects by id, in the order of the file; what is built; and what it holds that is not read.
+
+    unit  of lengths, where the file says it; else it is the millimetre
+    """
 
     solids: dict[str, Solid] = field(default_factory=dict)
     build: list[Use] = field(default_factory=list)
     left_out: set[str] = field(default_factory=set)
+    unit: str = ""
 
 
 def model_of(stream: IO[bytes], part: str) -> ModelPart:
@@ -158,6 +162,7 @@ class _Reader:
             handle()
 
     def _model(self, attributes: dict[str, str]) -> None:
+        self.model.unit = attributes.get("unit", "")
         for prefix in attributes.get("requiredextensions", "").split():
             uri = self.prefixes.get(prefix, prefix)
             if uri not in _UNDERSTOOD:

@@ -16,7 +16,8 @@ from .nodes import Matrices, Tree
 MOST_POSITIONS = 1 << 27
 """Largest number of vertices of all frames together: 3 GiB."""
 
-MOST_FRAMES = 1 << 16
+MOST_FRAMES = 1 << 14
+"""Largest number of frames that are read: each takes about half a millisecond, however little moves."""
 
 
 class Frames:

@@ -51,21 +51,23 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Mesh:
             later=tuple(frames.at(time) for time in times[1:]),
             rate=animation.rate / chosen.step if animation and len(times) > 1 else None,
             files=tuple(file.files),
-            notes=(*notes, *_notes(document, model, animation)),
+            notes=(*notes, *_notes(document, model, animation, len(times))),
             cameras=cameras(document, tree, frames.first),
             lights=lights(document, tree, frames.first),
         )
 
 
-def _notes(document: Document, model: Model, animation: Animation | None) -> list[str]:
-    """What of the file is not drawn, or drawn in another way."""
+def _notes(document: Document, model: Model, animation: Animation | None, frames: int) -> list[str]:
+    """What of the file is not drawn, or drawn in another way. ``frames``: how many are read."""
     found = []
     scenes, animations = document.all("scenes"), document.all("animations")
     drawn = document.head.get("scene", 0)
     left = [titled(scene, "scene", i) for i, scene in enumerate(scenes) if i != drawn]
     left += [titled(entry, "animation", i) for i, entry in enumerate(animations) if i or animation is None]
     if animation is not None:
-        found.append(f"{animation.name} at {animation.rate:.4g} frames a second")
+        some = f", {frames} of its {animation.count} frames" if frames < animation.count else ""
+        speed = f"at {animation.rate:.4g} frames a second{some}" if animation.count > 1 else "has one key"
+        found.append(f"{animation.name} {speed}")
     if left:
         found.append(f"{', '.join(left[:5])}{f' and {len(left) - 5} more' if len(left) > 5 else ''} left out")
     materials = document.all("materials")

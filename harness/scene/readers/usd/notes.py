@@ -26,6 +26,8 @@ def approximations(stage: Any, library: Library) -> list[str]:
         )
     if counts["empty"]:
         notes.append(f"prototypes of instancers that draw nothing: {counts['empty']}")
+    if counts["draw modes"]:
+        notes.append(f"draw modes not used: {counts['draw modes']}")
     if counts["materials"]:
         notes.append(f"materials not read: {counts['materials']}")
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):

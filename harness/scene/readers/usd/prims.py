@@ -80,6 +80,9 @@ class Prims:
             if prim.IsA(Usd.Typed) and not prim.IsA(UsdGeom.Imageable):
                 counts["materials"] += prim.IsA(UsdShade.Material)
                 continue
+            if prim.HasAPI(UsdGeom.ModelAPI):
+                mode = UsdGeom.ModelAPI(prim).GetModelDrawModeAttr().Get()
+                counts["draw modes"] += mode not in (None, "inherited", "default")
             self.nodes.append(self._node(prim, parent, purpose))
             if not prim.IsA(UsdGeom.PointInstancer):
                 here = len(self.nodes) - 1

@@ -75,7 +75,7 @@ class Polygons:
         counts, corners, holes = own = [array(attribute, time, np.int32) for attribute in self._topology]
         if self._polygons and all(map(np.array_equal, own, self._polygons)):
             return
-        polygon_sizes(self._path, counts)
+        polygon_sizes(self._path, counts, f"{self._name}: ")
         declared = int(counts.sum(dtype=np.int64))
         if declared != len(corners):
             problem = f"{self._name}: {declared} corners are declared, but there are {len(corners)}"

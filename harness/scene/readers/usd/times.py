@@ -36,9 +36,10 @@ def times(
     """
     start = _authored(stage, "startTimeCode", min(samples, default=0.0))
     end = _authored(stage, "endTimeCode", max(samples, default=start))
-    if not moves or end <= start:
+    if not moves:
         wanted.chosen(path, 1)
         return Times((start,), None)
+    end = max(start, end)
     second = stage.GetTimeCodesPerSecond()
     second = second if 0.0 < second < math.inf else 24.0
     said = _authored(stage, "framesPerSecond", second)
@@ -48,8 +49,11 @@ def times(
     if not count < MOST_FRAMES:
         problem = f"its animation from {start:g} to {end:g} at {rate:g} frames a second has too many frames"
         raise broken(path, problem, f"at most {MOST_FRAMES}: give a lower --rate")
-    chosen = wanted.chosen(path, math.floor(count + _SLACK) + 1)
+    frames = math.floor(count + _SLACK) + 1
+    chosen = wanted.chosen(path, frames)
     codes = [start + k * step for k in chosen]
+    if len(codes) < frames:
+        notes.append(f"{len(codes)} of {frames} frames read")
     outside = [code for code in samples if not start - _SLACK * step <= code <= end + _SLACK * step]
     if outside:
         notes.append(f"samples at {len(outside)} time codes outside {start:g} to {end:g} not read")
