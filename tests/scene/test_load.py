@@ -323,3 +323,14 @@ def test_real_files_are_what_trimesh_reads(tmp_path, kind):
         assert np.array_equal(corners, theirs.triangles)
         assert np.array_equal(corners.reshape(-1, 3).min(axis=0), theirs.bounds[0])
         assert np.array_equal(corners.reshape(-1, 3).max(axis=0), theirs.bounds[1])
+
+
+def test_usd_is_read_where_its_package_is_installed(tmp_path, monkeypatch):
+    path = written(tmp_path, "a.usda", files.USDA)
+    if usd.available():
+        loaded = load(path)
+        assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 4]]
+        assert np.array_equal(loaded.frames[0], files.QUAD + np.float32([10, 0, 0]))
+        assert loaded.up == (0, 0, 1)
+    monkeypatch.setattr(usd, "available", lambda: False)
+    refused(path, "usd-core", "pip install")
