@@ -276,7 +276,8 @@ def test_an_animation_of_what_is_not_drawn_moves_nothing(tmp_path):
     made.animate(translation=(1, [0, 1], [[0, 0, 0], [5, 0, 0]]), weights=(0, [0, 1], [0, 1]))
     loaded = load(made.write(tmp_path))
     assert len(loaded.frames) == 1
-    assert loaded.notes == ("animation 0 left out",)
+    moving = "moving cameras and lights read at the first frame: 1"
+    assert loaded.notes == ("animation 0 left out", moving)
 
 
 def test_an_animation_of_one_key_is_one_frame(tmp_path):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import trimesh
 from helpers import mesh_files as files
 from helpers.mesh_files import off, refused, written
 from shadowbench.harness.scene.readers.load import load
@@ -49,14 +48,6 @@ def test_concave_polygons_keep_their_area(tmp_path):
     a, b, c = loaded.frames[0][loaded.faces].transpose(1, 0, 2)
     assert len(loaded.faces) == 3
     assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(10)
-
-
-def test_it_is_what_trimesh_reads(tmp_path):
-    path = tmp_path / "sphere.off"
-    trimesh.creation.icosphere(3).export(path)
-    theirs, ours = trimesh.load_mesh(path, process=False), load(path)
-    assert np.array_equal(ours.faces, theirs.faces)
-    assert np.array_equal(ours.frames[0], theirs.vertices)
 
 
 @pytest.mark.parametrize(

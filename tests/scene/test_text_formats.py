@@ -10,6 +10,7 @@ from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.readers.checks import MAX_LINE
 from shadowbench.harness.scene.readers.load import SUFFIXES, load
 from shadowbench.harness.scene.readers.text import first_wrong, numbers
 
@@ -34,6 +35,8 @@ OBJ = {
     "form feeds": CORNER.replace("\n", "\n\f") + FACES.replace("f 2", "\f\nf\v2"),
     "no last line end": (CORNER + FACES)[:-1],
     "texture and normal indices": CORNER + "f 1/1 2/2 3/3\nf 2//1 4//1 3//1\nf 3/1/1 4/2/2 5/3/3\n",
+    "indices relative to their line": CORNER[:24] + "f -3 -2 -1\n" + CORNER[24:] + "f 2 -2 3\nf -3 4 -1\n",
+    "materials in turn": CORNER + "usemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 2//1 4//1 3//1\nusemtl a\ns off\n" + FACES[16:],
     "mixed indices": CORNER + "f 1/7 2 3//9\nf -4 -2/1 -3/1/1\nf 3/ 4// 5/-1\n",
     "words after a position": CORNER.replace("v 4 1 0", "v 4 1 0 red") + FACES,
     "colours of some": CORNER.replace("v 4 1 0", "v 4 1 0 1 0 0") + FACES,
@@ -85,6 +88,12 @@ def test_a_git_lfs_pointer_is_called_what_it_is(tmp_path, suffix):
         ("v 0 0 0\nv 1-2 0 0\n" + FACES, "line 2: a value is not a number"),
         ("v 0 0 0\nv 1_0 0 0\n" + FACES, "line 2: a value is not a number"),
         (CORNER + "f /1 2 3\n", "line 6: a value is not a number"),
+        (CORNER + "f 1 2 6\n", "vertex 5 (from 0), but there are 5"),
+        (CORNER + "f 1 2 1.5\n", "line 6: a value is not a number"),
+        (CORNER + "f 1 2 99999999999999999999\n", "line 6"),
+        (CORNER, "no triangles"),
+        ("", "no triangles"),
+        ("v " + "0 " * MAX_LINE, "line 1 is longer than"),
         (CORNER + "f 1 2 4294967299\n", "line 6: a face names vertex 4294967299, which exceeds int32"),
         (CORNER + "v\n" + FACES, "line 6: a vertex has 0 coordinates"),
         (CORNER + FACES * 30_000 + "f 1 2 3.5\n" + FACES, "line 90006: a value is not a number"),
@@ -343,6 +352,7 @@ def test_a_binary_stl_may_begin_with_solid(tmp_path, head, extra):
         (SOLID.replace("  vertex 1 1 0\n", "  vertex 1 1\n"), ("facet 0: a vertex has 2 coordinates instead of 3",)),
         (SOLID * 9_000 + SOLID.replace("vertex 1 0 0", "vertex 1 O 0"), ("facet 36000: a value is not a number",)),
         ("solid a\nendfacet\nendsolid a\n", ("holds no triangles",)),
+        ("solid a\nendsolid a\n", ("holds no triangles",)),
     ],
 )  # fmt: skip
 def test_a_mistake_in_an_stl_text_is_named_by_its_facet(tmp_path, text, words):
@@ -352,7 +362,7 @@ def test_a_mistake_in_an_stl_text_is_named_by_its_facet(tmp_path, text, words):
 # --- all ---
 
 
-@pytest.mark.parametrize("kind", ["obj", "ply", "ascii.ply", "stl", "ascii.stl"])
+@pytest.mark.parametrize("kind", ["obj", "ply", "ascii.ply", "stl", "ascii.stl", "off", "glb"])
 def test_generated_meshes_are_what_trimesh_reads(tmp_path, kind):
     """Bounds, numbers of triangles, and for what both keep in order the very corners."""
     made = [

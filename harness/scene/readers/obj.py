@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from .checks import ALL, MAX_LINE, Mesh, Wanted, broken, checked, read_bytes
 from .polygons import triangulate
-from .text import JOINED, decoded, first_wrong, number_of, numbers, plain_lines, without_comments
+from .text import JOINED, decoded, number_of, numbers, parsed, plain_lines, without_comments
 
 _VERTEX, _FACE = (
     {letter, *(letter + blank for blank in (b" ", b"\t", b"\v", JOINED))} for letter in (b"v", b"f")
@@ -29,9 +29,6 @@ _VERTEX, _FACE = (
 
 _OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")
 """A face as old programs write it."""
-
-_BLOCK = 1 << 15
-"""Lines that are parsed at a time."""
 
 _INDEX_LIMIT = 1 << 31
 
@@ -98,15 +95,7 @@ def _parsed(
 ) -> list[Any]:
     """What ``parse`` makes of the lines of a kind, block by block. Raises :class:`UserError` with the wrong line."""
     own = [line for line in lines if line[:2] in kind]
-    made = []
-    for first in range(0, len(own), _BLOCK):
-        block = own[first : first + _BLOCK]
-        try:
-            made.append(parse(block))
-        except ValueError:
-            wrong, error = first_wrong(block, parse)
-            raise _wrong(path, lines, kind, first + wrong, str(error)) from None
-    return made
+    return parsed(own, parse, lambda index, problem: _wrong(path, lines, kind, index, problem)) if own else []
 
 
 def _wrong(path: Path, lines: Sequence[bytes], kind: set[bytes], index: int, problem: str) -> UserError:

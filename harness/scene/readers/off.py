@@ -10,20 +10,17 @@ import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import UserError
 from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
 from .polygons import polygon_sizes, triangulate
-from .text import decoded, first_wrong, numbers, plain_lines, without_comments
+from .text import decoded, numbers, parsed, plain_lines, without_comments
 
 _HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4?n?)OFF[ \t]*(BINARY)?")
 """The first word: whether texture coordinates, colours and normals follow each position, and how many dimensions it has."""
-
-_BLOCK = 1 << 15
-"""Lines that are parsed at a time."""
 
 _INDEX_LIMIT = 1 << 31
 
@@ -44,8 +41,9 @@ def read_off(path: Path, wanted: Wanted = ALL) -> Mesh:
         raise broken(path, problem, "export it as plain OFF")
     lines = [line for line in text[header.end() :].split(b"\n") if line.strip()]
     vertex_count = _vertex_count(path, lines)
-    points, more = zip(*_parsed(path, "vertex", lines[1 : 1 + vertex_count], _positions), strict=True)
-    faces = _parsed(path, "face", lines[1 + vertex_count :], _corners)
+    vertices = parsed(lines[1 : 1 + vertex_count], _positions, _wrong(path, "vertex"))
+    points, more = zip(*vertices, strict=True)
+    faces = parsed(lines[1 + vertex_count :], _corners, _wrong(path, "face"))
     counts, corners, colors = (np.concatenate(parts) for parts in zip(*faces, strict=True))
     polygon_sizes(path, counts)
     positions = np.concatenate(points)
@@ -73,19 +71,9 @@ def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:
     return vertex_count
 
 
-def _parsed(
-    path: Path, what: str, lines: Sequence[bytes], parse: Callable[[Sequence[bytes]], Any]
-) -> list[Any]:
-    """What ``parse`` makes of the lines, block by block; at least one. Raises :class:`UserError` with the wrong one."""
-    made = []
-    for first in range(0, max(1, len(lines)), _BLOCK):
-        block = lines[first : first + _BLOCK]
-        try:
-            made.append(parse(block))
-        except ValueError:
-            wrong, error = first_wrong(block, parse)
-            raise broken(path, f"{what} {first + wrong}: {error}", "correct that line") from None
-    return made
+def _wrong(path: Path, what: str) -> Callable[[int, str], UserError]:
+    """The error for a line by its index."""
+    return lambda index, problem: broken(path, f"{what} {index}: {problem}", "correct that line")
 
 
 def _positions(lines: Sequence[bytes]) -> tuple[NDArray[np.float64], bool]:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import UserError
+
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins it
@@ -21,6 +23,9 @@ _MARKS = (
 
 _BLOCK = 1 << 16
 """Bytes of a block of lines, about."""
+
+_LINES = 1 << 15
+"""Lines that are parsed at a time."""
 
 _BLANK = np.zeros(256, dtype=bool)
 _BLANK[list(b" \t\n\v\f\r")] = True
@@ -88,6 +93,24 @@ def numbers(lines: Sequence[bytes], dtype: type = np.float64) -> tuple[NDArray[A
     if each.sum() != len(values):  # 1-2 is one word, but read as two numbers
         raise ValueError("a value is not a number")
     return values, each
+
+
+def parsed(
+    lines: Sequence[bytes], parse: Callable[[Sequence[bytes]], Any], wrong: Callable[[int, str], UserError]
+) -> list[Any]:
+    """What ``parse`` makes of the lines, block by block; at least one.
+
+    Raises what ``wrong`` makes of the index of the first line that is refused, and of the problem.
+    """
+    made = []
+    for first in range(0, max(1, len(lines)), _LINES):
+        block = lines[first : first + _LINES]
+        try:
+            made.append(parse(block))
+        except ValueError:
+            index, error = first_wrong(block, parse)
+            raise wrong(first + index, str(error)) from None
+    return made
 
 
 def first_wrong(lines: Sequence[bytes], parse: Callable[[Sequence[bytes]], Any]) -> tuple[int, ValueError]:

@@ -201,6 +201,14 @@ def own_rate(keys: NDArray[np.float64]) -> float:
     return float(round(found)) if abs(found - round(found)) < 1e-3 else found
 
 
+def aimed(document: Document, animations: list[Entry]) -> list[tuple[Any, str]]:
+    """The nodes and the paths that animations move."""
+    channels = [
+        channel for entry in animations for channel in document.items(entry, "channels", "an animation")
+    ]
+    return [aim for channel in channels if (aim := _aim(document, channel, "an animation"))]
+
+
 def _aim(document: Document, channel: Any, where: str) -> tuple[Any, str] | None:
     """The node and the path that a channel moves; None for what is not drawn or belongs to no node.
 

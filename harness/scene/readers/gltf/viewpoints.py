@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...scene import Camera, Light, Spot, Vector
+from .animation import aimed
 from .document import Document, Entry
 from .nodes import Matrices, Tree
 
@@ -47,6 +48,14 @@ def lights(document: Document, tree: Tree, world: Matrices) -> dict[str, Light]:
         if light is not None:
             found[_name(found, "light", tree.entry(i), known[index])] = light
     return found
+
+
+def moving(document: Document, tree: Tree) -> int:
+    """How many cameras and lights the first animation moves."""
+    aims = aimed(document, document.all("animations")[:1])
+    places = {tree.place[node] for node, path in aims if path != "weights" and node in tree.place}
+    below = [int(place) for level in tree.moved(places) for place in level]
+    return sum("camera" in tree.entry(i) or _LIGHTS in tree.entry(i).get("extensions", {}) for i in below)
 
 
 def _camera(entry: Entry, matrix: NDArray[np.float64]) -> Camera | None:

@@ -10,7 +10,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from ...standins.shapes import box, grid, lathe
 
 AROUND, POLE_TO_POLE = 32, 16
 """Segments of a circle, and from one pole of a sphere to the other. Multiples of 4: bounds are those of the shape."""
@@ -22,33 +24,13 @@ Surface = tuple[NDArray[np.float64], NDArray[np.int32]]
 
 _POLE = np.pi / 2
 
-_CUBE = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
-_SIDES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
 
-
-def _quads(corners: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Two triangles for each row of four corners."""
-    return corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
-
-
-def revolved(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> Surface:
+def _revolved(radii: ArrayLike, heights: ArrayLike) -> Surface:
     """The surface of a profile turned about z. Its first and last point lie on the axis and become one vertex each."""
-    angle = np.arange(AROUND) * (2 * np.pi / AROUND)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    rings = len(radii) - 2
-    points = np.zeros((rings * AROUND + 2, 3))
-    points[0, 2], points[-1, 2] = heights[0], heights[-1]
-    turned = points[1:-1].reshape(rings, AROUND, 3)
-    turned[..., :2] = radii[1:-1, None, None] * circle
-    turned[..., 2] = heights[1:-1, None]
-    here = np.arange(AROUND)
-    after = (here + 1) % AROUND
-    first, last = 1, 1 + (rings - 1) * AROUND
-    low = np.stack([np.zeros(AROUND, dtype=int), first + after, first + here], axis=1)
-    high = np.stack([np.full(AROUND, len(points) - 1), last + here, last + after], axis=1)
-    start = (1 + AROUND * np.arange(rings - 1))[:, None]
-    sides = np.stack([start + here, start + after, start + AROUND + after, start + AROUND + here], axis=2)
-    return points, np.concatenate([low, _quads(sides.reshape(-1, 4)), high]).astype(np.int32)
+    profile = np.column_stack([radii, heights])
+    profile[[0, -1], 0] = 0.0
+    turned = lathe(profile, AROUND)
+    return turned.vertices[:, [2, 0, 1]], turned.faces  # it turns about y
 
 
 def _arc(radius: float, first: float, last: float, steps: int) -> tuple[NDArray, NDArray]:
@@ -60,22 +42,22 @@ def _arc(radius: float, first: float, last: float, steps: int) -> tuple[NDArray,
 
 
 def _sphere(sizes: Sizes) -> Surface:
-    return revolved(*_arc(sizes["radius"], -_POLE, _POLE, POLE_TO_POLE))
+    return _revolved(*_arc(sizes["radius"], -_POLE, _POLE, POLE_TO_POLE))
 
 
 def _cube(sizes: Sizes) -> Surface:
-    return _CUBE * sizes["size"], _quads(_SIDES)
+    half = sizes["size"] / 2
+    return box((-half, -half, -half), (half, half, half))
 
 
 def _cone(sizes: Sizes) -> Surface:
     half = sizes["height"] / 2
-    return revolved(np.array([0, sizes["radius"], 0]), np.array([-half, -half, half]))
+    return _revolved([0, sizes["radius"], 0], [-half, -half, half])
 
 
 def _cylinder(sizes: Sizes) -> Surface:
     half = sizes["height"] / 2
-    radii = [0, sizes["radiusBottom"], sizes["radiusTop"], 0]
-    return revolved(np.array(radii), np.array([-half, -half, half, half]))
+    return _revolved([0, sizes["radiusBottom"], sizes["radiusTop"], 0], [-half, -half, half, half])
 
 
 def _capsule(sizes: Sizes) -> Surface:
@@ -86,13 +68,13 @@ def _capsule(sizes: Sizes) -> Surface:
     below = _arc(low * size, -_POLE, touch, POLE_TO_POLE // 2)
     above = _arc(high * size, touch, _POLE, POLE_TO_POLE // 2)
     heights = [below[1] - half + low * slope, above[1] + half + high * slope]
-    return revolved(np.concatenate([below[0], above[0]]), np.concatenate(heights))
+    return _revolved(np.concatenate([below[0], above[0]]), np.concatenate(heights))
 
 
 def _plane(sizes: Sizes) -> Surface:
     """About the origin; its normal is z, its width lies along x."""
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
-    return corners * [sizes["width"], sizes["length"], 0], _quads(np.array([[0, 1, 2, 3]]))
+    width, length = sizes["width"], sizes["length"]
+    return grid((-width / 2, -length / 2, 0), (width, 0, 0), (0, length, 0))
 
 
 SURFACES: dict[str, tuple[Callable[[Sizes], Surface], tuple[str, ...]]] = {
