@@ -1,6 +1,5 @@
 """Small mesh files written by hand, byte for byte, for the tests of loading."""
 
-import json
 import struct
 from pathlib import Path
 
@@ -8,6 +7,8 @@ import numpy as np
 import pytest
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.readers.load import load
+
+from .gltf_files import Gltf, binary
 
 QUAD = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]], dtype=np.float32)
 FACES = [(0, 1, 2), (0, 2, 3), (0, 1, 4), (1, 2, 4)]
@@ -78,41 +79,15 @@ def stl_ascii(points=QUAD, triangles=FACES):
 
 def glb(points=QUAD, triangles=FACES, change=None, index="<u4"):
     """A GLB whose mesh hangs twice in the scene, once moved by (10, 0, 0). ``change`` edits the JSON part."""
-    indices = np.asarray(triangles, dtype=index).tobytes()
-    positions = np.asarray(points, dtype="<f4").tobytes()
-    binary = positions + indices
-    head = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0, 1]}],
-        "nodes": [{"mesh": 0}, {"children": [2]}, {"mesh": 0, "translation": [10.0, 0.0, 0.0]}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "buffers": [{"byteLength": len(binary)}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": len(positions)},
-            {"buffer": 0, "byteOffset": len(positions), "byteLength": len(indices)},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
-            {
-                "bufferView": 1,
-                "componentType": {"u1": 5121, "<u2": 5123, "<u4": 5125}[index],
-                "count": 3 * len(triangles),
-                "type": "SCALAR",
-            },
-        ],
-    }
-    if change is not None:
-        change(head)
-    text = json.dumps(head).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = (
-        struct.pack("<II", len(text), 0x4E4F534A)
-        + text
-        + struct.pack("<II", len(binary), 0x004E4942)
-        + binary
-    )
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    made = Gltf()
+    mesh = made.mesh(points, np.asarray(triangles, dtype=index).ravel())
+    made.node(mesh=mesh)
+    made.node(made.node(), mesh=mesh, translation=[10.0, 0.0, 0.0])
+    whole = made.glb()
+    if change is None:
+        return whole
+    change(made.head)
+    return binary(made.head, bytes(made.data))
 
 
 USDA = """#usda 1.0
