@@ -49,6 +49,7 @@ docs: $(DOCS_STAMP) build/lint/shadowbench
 	rm -rf build/docs && mkdir -p build/docs
 	ln -s $(addprefix ../../,docs results LICENSE $(wildcard *.md)) build/docs/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@! grep -rlE '(src|<link [^>]*href)="(https?:)?//' build/site --include='*.html' || { echo "make: these pages fetch something" >&2; exit 1; }
 
 format: $(LINT_STAMP)
 	$(BIN)/ruff format .

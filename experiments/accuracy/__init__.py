@@ -158,7 +158,7 @@ GRID_SIZE = {"quick": 48, "paper": 128}
 CELL_S, CELL_TRIANGLE_S = 0.035, 1e-6
 """Seconds of a method in a cell of the grid, and more for each triangle, at 48x48 pixels."""
 
-HARD_S = 15.0
+HARD_S = 10.0
 """Seconds of a point on the hard cases of the quick preset."""
 
 
