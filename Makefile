@@ -12,10 +12,11 @@ LINT_STAMP := $(VENV)/.lint-installed
 DOCS_STAMP := $(VENV)/.docs-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help table1 test fuzz lint docs format lock clean
+.PHONY: help install table1 test fuzz lint docs format lock clean
 .DEFAULT_GOAL := help
 
 help:
+	@echo "make install  set everything up in .venv; the command is .venv/bin/shadowbench"
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
 	@echo "make test     set everything up, run the tests (ten minutes on two cores; JOBS=8 where there are more)"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
@@ -24,6 +25,9 @@ help:
 	@echo "make format   let ruff put the code in shape"
 	@echo "make lock     write the lists of packages with their hashes anew, after a change of pyproject.toml or constraints.txt"
 	@echo "make clean    remove .venv and caches (results stay)"
+
+install: $(STAMP)
+	@echo "installed: $(BIN)/shadowbench --help"
 
 table1: $(STAMP)
 	$(BIN)/shadowbench run table1 $(ARGS)
@@ -49,6 +53,7 @@ docs: $(DOCS_STAMP) build/lint/shadowbench
 	rm -rf build/docs && mkdir -p build/docs
 	ln -s $(addprefix ../../,docs results LICENSE $(wildcard *.md)) build/docs/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@! grep -rlE '(src|<link [^>]*href)="(https?:)?//' build/site --include='*.html' || { echo "make: these pages fetch something" >&2; exit 1; }
 
 format: $(LINT_STAMP)
 	$(BIN)/ruff format .

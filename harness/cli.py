@@ -150,6 +150,14 @@ def run_(
     retry: Annotated[
         bool, typer.Option("--retry", help="Measure points again that failed or timed out.")
     ] = False,
+    extra: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="NAME",
+            help="Untimed work that is not about the scene, such as hard-cases of the experiment accuracy. Repeatable.",
+        ),
+    ] = None,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -203,6 +211,7 @@ def run_(
             score=score,
             retry=retry,
             memory_limit=memory_limit,
+            extras=tuple(dict.fromkeys(extra or ())),
         )
 
     if cluster is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.metadata
 import itertools
+import json
 import re
 import subprocess
 import sys
@@ -34,6 +35,14 @@ def pinned(path: str) -> dict[str, str]:
     """The packages of a list, and the lines of each."""
     text = (ROOT / path).read_text(encoding="utf-8").replace(" \\\n   ", "")
     return {name_of(line): line for line in text.splitlines() if line and line[0] != "#"}
+
+
+def test_a_release_has_one_number():
+    import shadowbench
+
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    kept = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert {cited[1], kept["version"]} == {shadowbench.__version__}
 
 
 def test_every_import_is_of_a_declared_package():

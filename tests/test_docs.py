@@ -84,6 +84,21 @@ def test_every_page_is_in_the_index():
     assert [name for name in pages if f"({name})" not in index] == []
 
 
+def test_every_page_is_in_the_site():
+    """A page that is not in its list has no place beside the others; ``make docs`` fails for one that is missing."""
+    listed = (ROOT / "mkdocs.yml").read_text()
+    pages = [str(path.relative_to(ROOT)) for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]]
+    assert [page for page in pages if f"- {page}\n" not in listed] == []
+
+
+def test_the_site_fetches_nothing():
+    """The search of a page that is opened from the disk needs a script, which the theme would fetch; see ``make docs``."""
+    site = (ROOT / "mkdocs.yml").read_text()
+    assert "font: false" in site
+    (script,) = re.findall(r"polyfills: \[(\S*iframe-worker\S*)\]", site)
+    assert (ROOT / script).is_file()
+
+
 def test_every_folder_of_code_is_a_package():
     """Only packages are distributed (setup.py)."""
     folders = {

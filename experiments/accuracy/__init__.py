@@ -14,6 +14,7 @@ from pathlib import Path
 from ...harness.report import document
 from ...harness.runner.planning.experiment import Entry, Experiment, Preset
 from ...harness.runner.planning.run_options import Options
+from ...harness.runner.planning.time_estimate import expected_triangles
 from ...harness.runner.progress import Silent
 from . import drawing, hard_cases, offsets
 
@@ -154,17 +155,36 @@ TELLING = ("P29c", "P29d", "P29e", "P31 1e+07", "S31 1000")
 """Cases that the quick preset would leave out, but that are cheap and in which most of the inexact points are wrong."""
 GRID_SIZE = {"quick": 48, "paper": 128}
 
+CELL_S, CELL_TRIANGLE_S = 0.035, 1e-6
+"""Seconds of a method in a cell of the grid, and more for each triangle, at 48x48 pixels."""
+
+HARD_S = 10.0
+"""Seconds of a point on the hard cases of the quick preset."""
+
+
+HARD_CASES = "hard-cases"
+
 
 def after(options: Options, report: Silent) -> None:
-    """Untimed: errors over light distance and scene offset on the run's first scene, and errors on the hard cases.
-
-    Both are stored as CSV and are not made again until they are deleted.
+    """Untimed: errors over light distance and scene offset on the run's first scene, and, asked for with ``--with``, errors
+    on the hard cases. Both are stored as CSV and not made again while they are there.
     """
-    quick = options.preset_name == "quick"
     offsets.keep_grid(options, report, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
-    hard_cases.keep_hard(
-        options, report, HARD, (*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS, TELLING
-    )
+    if HARD_CASES in options.extras:
+        quick = options.preset_name == "quick"
+        left_out = (*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS
+        hard_cases.keep_hard(options, report, HARD, left_out, TELLING)
+
+
+def after_s(options: Options) -> float:
+    """Seconds of :func:`after` on two cores, roughly."""
+    seconds = 0.0
+    if not offsets.kept(options):
+        triangles = expected_triangles(options.preset.scenes[0])
+        seconds += len(GRID) * len(DISTANCES) * len(OFFSETS) * (CELL_S + CELL_TRIANGLE_S * triangles)
+    if HARD_CASES in options.extras and not (options.out / hard_cases.NAME).exists():
+        seconds += len(HARD) * HARD_S
+    return seconds
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -199,4 +219,6 @@ EXPERIMENT = Experiment(
     },
     draw=draw,
     after=after,
+    after_s=after_s,
+    extras={HARD_CASES: "errors of every point on the hard cases"},
 )  # fmt: skip

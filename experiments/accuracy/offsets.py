@@ -7,6 +7,7 @@ arithmetic, not of the rounding of the input. Nothing is timed.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -108,7 +109,7 @@ def keep_grid(
     size: int,
 ) -> None:
     """Compute the grid on the run's first scene and write it, unless it is there: its answers do not change."""
-    if not (options.out / NAME).exists():
+    if not kept(options):
         import pandas as pd
 
         prepared = prepare(options.described(options.preset.scenes[0]))
@@ -117,3 +118,13 @@ def keep_grid(
         found = list(counted(report, "errors by light distance and offset, untimed", rows, count))
         text = pd.DataFrame(found, columns=COLUMNS).convert_dtypes().to_csv(index=False, lineterminator="\n")
         write_text(options.out / NAME, text)
+
+
+def kept(options: Options) -> bool:
+    """Whether the folder has the grid of the run's first scene; it may have that of another one."""
+    try:
+        with (options.out / NAME).open(encoding="utf-8") as stream:
+            name = next(csv.DictReader(stream), {}).get("scene")
+    except OSError:
+        return False
+    return name == options.described(options.preset.scenes[0]).name

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError, say, warn
+from ..errors import UserError, did_you_mean, say, warn
 from ..frame.devices import find_device
 from ..results.folder import ResultsFolder
 from ..results.newest import prefer
@@ -75,6 +75,12 @@ def plan_run(
         changes["width"], changes["height"] = parse_size(size)
     if "samples" in changes:
         changes["most"] = max(chosen.most, changes["samples"])
+    for extra in options.get("extras", ()):
+        if extra not in declared.extras:
+            known = ", ".join(declared.extras) or "nothing"
+            raise UserError(
+                f"--with {extra}: {experiment} offers {known}{did_you_mean(extra, declared.extras)}"
+            )
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     own = tuple(entry for part in chosen.parts() for entry in part.methods)
     refuse_own_settings(declared.name, list(settings), own)
@@ -117,7 +123,9 @@ def dry(options: Options, as_json: bool = False) -> int:
     if options.experiment.measure is not None:
         raise UserError(f"--dry-run: {options.experiment.name} cannot list its points; leave out --dry-run")
     points = survey.survey(options)
-    print(json.dumps(survey.as_json(points), indent=1) if as_json else survey.as_text(options, points))
+    print(
+        json.dumps(survey.as_json(options, points), indent=1) if as_json else survey.as_text(options, points)
+    )
     return 0
 
 

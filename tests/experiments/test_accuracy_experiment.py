@@ -11,10 +11,13 @@ import pandas as pd
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.table1_records import record, write_records
+from helpers.tiny_runs import write_scene
 from shadowbench.experiments import accuracy as declared
 from shadowbench.experiments.accuracy import drawing, hard_cases
 from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
+from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import all_cases
@@ -23,8 +26,10 @@ from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.report import style
 from shadowbench.harness.results import pixel_maps
+from shadowbench.harness.runner.planning import survey
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.planning.planned_point import check_entries
+from shadowbench.harness.runner.progress import Silent
 
 # --- what it runs ---
 
@@ -62,6 +67,40 @@ def test_only_the_top_of_the_ladder_says_that_it_is_exact():
     }
     for _, with_, without in (*declared.MEASURES, *declared.OTHER_MEASURES):
         assert len(set(by_label[with_].items()) ^ set(by_label[without].items())) == 1
+
+
+def test_what_is_not_about_the_scene_is_asked_for(tmp_path, monkeypatch):
+    """The hard cases took most of the time of a run on one's own mesh."""
+    done = []
+    monkeypatch.setattr(declared.offsets, "keep_grid", lambda options, *_: done.append("grid"))
+    monkeypatch.setattr(declared.hard_cases, "keep_hard", lambda options, *_: done.append("hard"))
+    scene = write_scene(tmp_path / "tetra.obj")
+    plain = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out")
+    asked = plan_run(
+        "accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out", extras=("hard-cases",)
+    )
+    declared.after(plain, Silent())
+    assert done == ["grid"]
+    declared.after(asked, Silent())
+    assert done == ["grid", "grid", "hard"]
+    assert survey.untimed_s(asked) > 5 * survey.untimed_s(plain) > 0
+    assert "of it for untimed counts" in survey.announcement(plain, survey.survey(plain))
+    with pytest.raises(
+        UserError, match=r"^--with hard_cases: accuracy offers hard-cases; did you mean hard-cases"
+    ):
+        plan_run("accuracy", extras=("hard_cases",))
+    with pytest.raises(UserError, match=r"^--with hard-cases: table1 offers nothing"):
+        plan_run("table1", extras=("hard-cases",))
+
+
+def test_the_grid_of_another_scene_is_not_that_of_this_one(tmp_path):
+    scene, out = write_scene(tmp_path / "tetra.obj"), tmp_path / "out"
+    chosen = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=out)
+    out.mkdir()
+    for name, kept in (("bunny", False), ("tetra", True)):
+        (out / declared.offsets.NAME).write_text(f"scene,label\n{name},a\n")
+        assert declared.offsets.kept(chosen) is kept
+        assert (survey.untimed_s(chosen) == 0) is kept
 
 
 # --- where a frame is wrong ---

@@ -84,7 +84,8 @@ class Experiment:
     """A named experiment: its presets, and a function that draws its results from a folder.
 
     ``after``: a function for additional untimed work, called with the options of the run and the progress report when every
-    point has its record.
+    point has its record; ``after_s``: its seconds on a CPU, roughly, from the options.
+    ``extras``: names of more such work, each with what it is: it is done where ``run --with NAME`` asks for it.
     ``measure``: a function for measurements that are not a method on a scene; it is called with the options and the
     progress report, and returns its records.
     """
@@ -94,6 +95,8 @@ class Experiment:
     presets: Mapping[str, Preset]
     draw: Callable[[Path], Any] | None = None
     after: Callable[[Any, Any], None] | None = None
+    after_s: Callable[[Any], float] | None = None
+    extras: Mapping[str, str] = field(default_factory=dict)
     measure: Callable[[Any, Any], list[Record]] | None = None
     cpu: str = "quick"
     gpu: str = "paper"

@@ -16,7 +16,7 @@ from .planned_point import Point
 
 @dataclass(frozen=True)
 class Options:
-    """The checked options of one ``shadowbench run``."""
+    """The checked options of one ``shadowbench run``. ``extras``: untimed work that was asked for (``--with``)."""
 
     experiment: Experiment
     preset_name: str
@@ -29,6 +29,7 @@ class Options:
     score: bool = True
     retry: bool = False
     view: ChosenView = field(default_factory=ChosenView)
+    extras: tuple[str, ...] = ()
 
     def described(self, scene: str) -> Scene:
         """A scene of the run, given by name or file, with the camera and the lights of the command line."""

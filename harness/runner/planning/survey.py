@@ -82,6 +82,12 @@ def seconds_left(points: list[Planned]) -> tuple[float, bool]:
     return sum(p.guess(rate) for p in points if p.to_do), bool(known)
 
 
+def untimed_s(options: Options) -> float:
+    """Seconds of the untimed work after the points, roughly."""
+    after_s = options.experiment.after_s
+    return after_s(options) if after_s else 0.0
+
+
 def duration(seconds: float) -> str:
     """A duration as text: "40 s", "5 min", "2.5 h"."""
     if seconds < 100:
@@ -95,12 +101,14 @@ def announcement(options: Options, points: list[Planned]) -> str:
     count = f"{len(points)} point{'s' * (len(points) != 1)} on {scenes} scene{'s' * (scenes != 1)}"
     name = f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}"
     there = len(points) - to_do
-    if not to_do:
+    untimed = untimed_s(options)
+    if not to_do and not untimed:
         return f"{name}: nothing to measure, {there} of {len(points)} points are already in {options.out}"
     seconds, known = seconds_left(points)
     text = f"{name}: {count}, results go to {options.out}"
     text += f"; {there} of them {'is' if there == 1 else 'are'} already measured" * bool(there)
-    text += f". This may take {'about' if known else 'roughly'} {duration(seconds)}"
+    text += f". This may take {'about' if known else 'roughly'} {duration(seconds + untimed)}"
+    text += f", {duration(untimed)} of it for untimed counts" * bool(untimed)
     if not known:
         text += ", and the time to compile kernels that are not in Warp's cache, at the first scene"
     return text + busy(options.device)
@@ -115,14 +123,14 @@ def busy(device: str) -> str:
     return f". The machine is busy (load {load:.1f} on {cores} core{'s' * (cores != 1)}): {what}"
 
 
-def as_json(points: list[Planned]) -> dict[str, Any]:
+def as_json(options: Options, points: list[Planned]) -> dict[str, Any]:
     """What ``run --dry-run --json`` prints."""
     seconds, known = seconds_left(points)
     rows = [
         {"scene": p.scene, "light": p.light, "method": p.method, "status": p.status or "to be measured"}
         for p in points
     ]
-    return {"points": rows, "seconds": round(seconds, 1), "rough": not known}
+    return {"points": rows, "seconds": round(seconds + untimed_s(options), 1), "rough": not known}
 
 
 def as_text(options: Options, points: list[Planned]) -> str:

@@ -45,12 +45,18 @@ UNKNOWN = 100_000
 """Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
 
 
-def expected_work(scene: str, preset: Preset) -> float:
-    """The work of one method on a scene with one lighting, in triangles. ``scene`` as on the command line."""
+def expected_triangles(scene: str) -> int:
+    """Triangles of a scene, of a file roughly. ``scene`` as on the command line."""
     path = Path(scene)
     triangles = TRIANGLES.get(scene) or balls.count_of(scene)
     if triangles is None:
         triangles = path.stat().st_size // BYTES if path.suffix != ".toml" and path.is_file() else UNKNOWN
+    return triangles
+
+
+def expected_work(scene: str, preset: Preset) -> float:
+    """The work of one method on a scene with one lighting, in triangles. ``scene`` as on the command line."""
+    triangles = expected_triangles(scene)
     frames = preset.frames if scene in ANIMATED else 1
     return frames * preset.rounds * (triangles + PIXEL * preset.width * preset.height)
 
