@@ -30,11 +30,11 @@ from shadowbench.methods.perspective_spherical.camera.trace_staged import make_s
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
 from shadowbench.methods.perspective_spherical.variants import Variant
-from shadowbench.methods.streams.camera import rows as camera_rows
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.occlusion import undecided as light_undecided
+from shadowbench.methods.streams.rays import sort
 from shadowbench.methods.trees.trace import closest as tree_closest
 from shadowbench.methods.trees.trace import shadow as tree_shadow
 from shadowbench.methods.uniform_grid import traversal as grid_traversal
@@ -189,9 +189,9 @@ def made_kernels() -> dict[str, wp.Kernel]:
         make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
         make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
         camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
-        camera_rows.make_item_kernel: camera_rows.make_item_kernel(True, False),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
-        light_rows.make_item_kernel: light_rows.make_item_kernel(True, False),
+        light_rows.make_rows_kernel: light_rows.make_rows_kernel(False),
+        sort.make_scatter_kernel: sort.make_scatter_kernel(False),
         light_undecided.make_undecided_kernel: light_undecided.make_undecided_kernel(False, False),
         ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],
         ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],

@@ -26,15 +26,13 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+from ..constants import BLOCK
 from .climb import make_builder
 
 CLUSTERS = 16
 """Clusters that a node may keep: half the lanes of a warp, so that those of two nodes fit one warp."""
 
 TALL = 64
-
-BLOCK = 128
-"""Threads per block on the GPU."""
 
 HEIGHT_BIT = 25
 """A cluster's name takes the bits below, its height those above."""
@@ -327,6 +325,6 @@ while (true) {
 
 @functools.cache
 def make_hploc_kernel(radius: int) -> Any:
-    """A thread for each leaf in key order, and up to a full block of :data:`BLOCK`."""
+    """A thread for each leaf in key order, and up to a full block."""
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{BY_WARPS}\n#else\n{ONE_BY_ONE}\n#endif\n"
     return make_builder(f"constexpr int RADIUS = {radius};" + SHARED + by_device)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.errors import UserError
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, filled
 from ....harness.frame.schedule.passes import Pass
@@ -97,16 +96,12 @@ def extent_kernel(box: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.flo
 class Refitted:
     """A SAH tree of the animation's first frame (:class:`.sah.Topology`), with boxes of each.
 
-    scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: the geometry does not move; refused where
-    it does"""
+    scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: whether the mesh does not move
+    """
 
     def __init__(self, frame: Frame, still: bool):
         self.frame, self.still = frame, still
         prepared = frame.prepared
-        if still and prepared.moves:
-            raise UserError(
-                f"update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; choose rebuild or refit"
-            )
         points, valid = prepared.points(0)
         topology = sah_topology(points[prepared.faces], valid)
         with wp.ScopedDevice(frame.device):

@@ -26,7 +26,7 @@ from shadowbench.harness.hardcases.eyes import touching
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
-from shadowbench.methods.trees.trace.undecided import MOST_KEPT
+from shadowbench.methods.trees.constants import MOST_KEPT
 
 NAME = "bvh2"
 SETTINGS = [
