@@ -24,7 +24,7 @@ from ..common.updates import refuse_static
 from ..gpu.reserve import counted
 from ..trees import constants
 from ..trees.builders import built, tree_of
-from ..trees.trace.rays import TreeRays
+from ..trees.trace.tree_rays import TreeRays
 from .parameters import FLOAT32_INEXACT, Build, Trace
 
 

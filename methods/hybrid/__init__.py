@@ -1,4 +1,4 @@
-"""Primary rays by a stream of triangles over the pixels, shadow rays and mirrored rays by a tree built beside it.
+"""Primary rays by a stream of triangles over the pixels, shadow rays and mirrored rays by a tree that is built meanwhile.
 
 The camera's stream of ``ray_grids`` is faster than any tree for primary rays, but needs a grid of its own for each light
 and has none for mirrored rays. A tree depends on the geometry alone: the graph of a frame builds it while the camera's
@@ -26,7 +26,7 @@ from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as GridBuild
 from ..trees import constants
 from ..trees.builders import built, tree_of
-from ..trees.trace.rays import TreeRays
+from ..trees.trace.tree_rays import TreeRays
 from .choice import chosen
 from .parameters import Build, Trace
 

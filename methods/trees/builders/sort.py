@@ -90,8 +90,8 @@ if (tile < tiles - 1) told[tile * DIGITS + thread] = (tile ? OWN : UPTO) | (unsi
 // Keys of smaller digits, of all tiles and of this one.
 int number = state.data[pass_ * DIGITS + thread], smaller = number, inner = own;
 for (int step = 1; step < 32; step <<= 1) {
-    int other = __shfl_up_sync(ALL, smaller, step), beside = __shfl_up_sync(ALL, inner, step);
-    if (lane >= step) smaller += other, inner += beside;
+    int other = __shfl_up_sync(ALL, smaller, step), other_inner = __shfl_up_sync(ALL, inner, step);
+    if (lane >= step) smaller += other, inner += other_inner;
 }
 if (lane == 31) sums[0][warp] = smaller, sums[1][warp] = inner;
 __syncthreads();
