@@ -89,7 +89,7 @@ class Camera:
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
         wp.launch(
-            resolve.make_resolve_kernel(self._points),
+            specialised(resolve.make_resolve_kernel(self._points), self.effects.switches()),
             dim=band.thread_count(True),
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
             outputs=[band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)],

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners
 from ...common.pixels import whole_quotient
 from ...exact.triangle import U32, U64, largest, nearness_key, spare_bits, to_float64
@@ -83,6 +84,10 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
         return planes
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     planes.steep = wp.abs(det) > LEAST_HEIGHT * product and reach < LONGEST_WAY * size
+    if wp.static(effects.wide):
+        # Where sizes are unlike, 1 / t of another triangle may not be known by its plane in float64.
+        if not planes.steep:
+            return planes
     scale = about_inverse(reach * edge)
     if det < wp.float64(0.0):
         scale = -scale

@@ -73,7 +73,7 @@ class Occlusion:
         r, f = self.rays, self.rays.frame
         threads = int(groups.SPLITTERS) * r.queues.few_threads
         wp.launch(
-            groups.split_kernel,
+            self.of_rays(groups.split_kernel),
             dim=threads,
             inputs=[threads, r.light, r.cells.table, f.mesh],
             outputs=[r.queue[share]],

@@ -8,7 +8,8 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...exact.triangle import U32, U64, largest, to_float64, total
+from ...exact.segment import side_of_light
+from ...exact.triangle import U32, largest
 from ...gpu.division import about_inverse
 from ..cube.rectangle import max_coordinate_of
 
@@ -43,20 +44,6 @@ class Facing:
     normal: wp.vec3f
     toward: wp.float32
     never: wp.bool
-
-
-@wp.func
-def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
-    """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ca x ab) . la; 0 if the plane contains it
-    within the rounding of float64 (:func:`...exact.segment.plane_crosses_segment`)."""
-    a = to_float64(corners.a)
-    ab = to_float64(corners.b) - a
-    ac = to_float64(corners.c) - a
-    la = a - to_float64(light)
-    side = wp.dot(wp.cross(ab, ac), la)
-    if wp.abs(side) <= wp.float64(16.0) * U64 * largest(ab) * largest(ac) * total(la):
-        return 0.0
-    return wp.where(side > wp.float64(0.0), 1.0, -1.0)
 
 
 @wp.func
