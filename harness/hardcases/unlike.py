@@ -1,4 +1,4 @@
-"""P38, S40-S42, V axis: triangles far larger than the eye's distance, occluders at the very ends of a segment, and axes of
+"""P60, S60-S62, V axis: triangles far larger than the eye's distance, occluders at the very ends of a segment, and axes of
 unlike scale.
 
 An edge whose ends are 1e9 and more times as far away as what passes it is decided by digits that float64 does not have.
@@ -86,21 +86,21 @@ def _cases() -> Iterator[HardCase]:
     digits = "edges decided from corners far away"
     for k, power in enumerate(POWERS):
         yield HardCase(
-            f"P38 {power}", f"a triangle 2^{power} large, seen at its border", digits, partial(giant_edge, power, k % 3)
+            f"P60 {power}", f"a triangle 2^{power} large, seen at its border", digits, partial(giant_edge, power, k % 3)
         )  # fmt: skip
         yield HardCase(
-            f"S40 {power}", f"the shadow of a triangle 2^{power} large", digits, partial(giant_shadow, power, k % 3)
+            f"S60 {power}", f"the shadow of a triangle 2^{power} large", digits, partial(giant_shadow, power, k % 3)
         )  # fmt: skip
     for k, distance in enumerate((4.0, 1e3, 1e6)):
         for share in (1e-6, 1e-10, 1e-14):
             yield HardCase(
-                f"S41 {distance:g} {share:g}", f"an occluder {share:g} of the way before a light at {distance:g}",
+                f"S61 {distance:g} {share:g}", f"an occluder {share:g} of the way before a light at {distance:g}",
                 "a surface near the light taken for one at the light",
                 partial(before_the_light, distance, share, distance / 1e3, k),
             )  # fmt: skip
         for gap in (1e-6, 1e-9, 1e-12):
             yield HardCase(
-                f"S42 {distance:g} {gap:g}", f"an occluder {gap:g} above the hit point, a light at {distance:g}",
+                f"S62 {distance:g} {gap:g}", f"an occluder {gap:g} above the hit point, a light at {distance:g}",
                 "a surface near the hit point taken for its own", partial(before_the_hit, distance, gap, k),
             )  # fmt: skip
     for turn, power in enumerate((-20, -40, -60)):

@@ -78,8 +78,10 @@ class Sizes:
         side = self._normal @ x - self._height
         rows = np.nonzero(np.abs(side) <= self._doubt + 4 * IN_PLANE * np.abs(x).sum() * self._edges)[0]
         way = x - self._corner[rows]
-        side = np.abs(np.einsum("ij,ij->i", self._normal[rows], way))
-        return bool(((side > 0) & (side <= IN_PLANE * self._edges[rows] * np.abs(way).sum(axis=1))).any())
+        near = np.abs(np.einsum("ij,ij->i", self._normal[rows], way))
+        doubtful = near <= IN_PLANE * self._edges[rows] * np.abs(way).sum(axis=1)
+        # What is 0 in either form is taken for 0: planes along the axes, and whole numbers.
+        return bool((doubtful & ((near > 0) | (side[rows] != 0))).any())
 
 
 def is_wide(moment: Moment, sizes: Sizes) -> bool:

@@ -39,7 +39,7 @@ def test_a_triangle_far_larger_than_the_eyes_distance_is_wide(size, expected) ->
 
 def test_a_sliver_is_wide_only_if_it_is_very_thin() -> None:
     thin = np.array([(1, 0, 0.3), (-1, 0.2, 0.1), (-1, 0.2, 0.1)])
-    for width, expected in ((2.0**-12, False), (2.0**-23, True)):
+    for width, expected in ((2.0**-12, False), (2.0**-26, True)):
         corners = thin.copy()
         corners[2, 1] += width
         assert wide(with_triangle(corners)) is expected
