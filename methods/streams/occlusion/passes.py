@@ -73,7 +73,7 @@ class Occlusion:
         r, f = self.rays, self.rays.frame
         threads = int(groups.SPLITTERS) * r.queues.few_threads
         wp.launch(
-            self.of_rays(groups.split_kernel),
+            specialised(groups.split_kernel, r.switches),
             dim=threads,
             inputs=[threads, r.light, r.cells.table, f.mesh],
             outputs=[r.queue[share]],
