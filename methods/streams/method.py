@@ -21,7 +21,7 @@ from .cube.lights import Lights
 from .light import Light
 from .queues import CHUNKS, COUNTERS, ITEMS, SMALL, UNDECIDED, Capacity, Queues, more_room
 from .rays.light_rays import LightRays
-from .settings import Settings, chosen
+from .settings import Settings, chosen, present_settings
 
 MOST_TRIANGLES = 2**24
 """A hit is packed into 64 bits, 24 of them for the triangle index."""
@@ -49,6 +49,10 @@ class StreamedMethod(BaseMethod):
 
     queues_on_cpu: ClassVar[bool] = False
     sought: wp.array | None = None
+
+    @classmethod
+    def present_settings(cls, settings: dict[str, str]) -> dict[str, str]:
+        return present_settings(settings)
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)

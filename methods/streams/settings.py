@@ -117,18 +117,48 @@ class Trial:
 
     def given(self) -> dict[str, Any]:
         """The settings of the trial. Raises ValueError if it has none of that name, or another value."""
-        kinds = {field.name: field.type for field in dataclasses.fields(Settings)}
         found: dict[str, Any] = {}
         for text in filter(None, self.trial.split("+")):
             name, _, value = text.partition("=")
-            if name not in kinds:
-                raise ValueError(f"trial: no setting {name!r}; there are {', '.join(kinds)}")
+            if name not in NAMES:
+                raise ValueError(f"trial must be NAME=VALUE, joined by +, with names of {', '.join(NAMES)}")
             found[name] = _value(name, value)
         return found
 
 
+NAMES = tuple(field.name for field in dataclasses.fields(Settings))
 MOST = {"cells": 8192, "chunk": C.most_chunk, "lights_at_once": 16, "shares": 16}
 LEAST = {"cells": 8, "chunk": 1, "lights_at_once": 1, "shares": 1}
+
+FORMER_NAMES = {
+    "beside": "lights_at_once",
+    "doubt_capacity": "undecided",
+    "item_capacity": "items",
+    "part": "chunk",
+    "part_capacity": "chunks",
+    "streamed": "overlaps",
+}
+"""Settings that were parameters of their own under other names; the rest of :data:`NAMES` were under the same."""
+
+FORMER_VALUES = {"streamed": {"beside": "true", "after": "false"}}
+CHOSEN = ("auto", "-1")
+"""Former values that asked for what a frame chooses."""
+
+
+def present_settings(settings: dict[str, str]) -> dict[str, str]:
+    """Settings of the versions in which each was a parameter of its own, as a trial. ``queue``, which has no present name,
+    stays where it was more than what is chosen."""
+    present: dict[str, str] = {}
+    trial = [text for text in settings.get("trial", "").split("+") if text]
+    for name, value in settings.items():
+        now = FORMER_NAMES.get(name, name)
+        if value in CHOSEN or (name == "cells" and value == "0"):
+            continue
+        if now in NAMES:
+            trial.append(f"{now}={FORMER_VALUES.get(name, {}).get(value, value)}")
+        elif name != "trial":
+            present[name] = value
+    return {**present, **({"trial": "+".join(trial)} if trial else {})}
 
 
 def _value(name: str, text: str) -> Any:

@@ -51,7 +51,7 @@ class Mutation:
     cases: tuple[str, ...]
 
 
-OWN_TRIANGLE = """    if wp.abs(side_h) <= total(n) * hit_error(h, origin_size) + rounding * total(ha):
+OWN_TRIANGLE = """    if wp.abs(side_h) <= own + rounding * total(ha):
         return False
 """
 

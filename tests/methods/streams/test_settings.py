@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import pytest
 from helpers.streams import trial
+from helpers.table1_records import record, write_records
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.registry import make_method, present_settings
+from shadowbench.harness.results import tidy
 from shadowbench.methods.streams.constants import CONSTANTS as C
 from shadowbench.methods.streams.settings import chosen
 
@@ -89,7 +91,7 @@ def test_a_trial_stands_in_place_of_what_is_chosen():
         ("inline_rays=-2", "inline_rays must be in 0.."),
         ("region=left", "region must be one of rays, triangles"),
         ("overlaps=maybe", "overlaps must be true or false"),
-        ("queue=always", "no setting 'queue'; there are cells, inline_pixels"),
+        ("queue=always", "trial must be NAME=VALUE, joined by .*, with names of cells, inline_pixels"),
         ("cells", "cells must be in 8..8192"),
     ],
 )
@@ -98,3 +100,27 @@ def test_another_trial_is_refused_in_one_line(method, text, said):
     with pytest.raises(UserError, match=said) as error:
         make_method(method, {"trial": text})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("former", "present"),
+    [
+        ({}, {}),
+        ({"queue": "auto", "cells": "0", "beside": "-1", "region": "auto"}, {}),
+        ({"queue": "always"}, {"queue": "always"}),
+        ({"region": "rays", "threads": "2"}, {"threads": "2", "trial": "region=rays"}),
+        ({"part": "64", "streamed": "after"}, {"trial": "chunk=64+overlaps=false"}),
+        ({"trial": "region=rays", "occluders": "last"}, {"occluders": "last", "trial": "region=rays"}),
+    ],
+)
+def test_a_record_with_former_settings_has_the_present_ones(former, present):
+    assert present_settings("ray_grids", former) == present
+    make_method("ray_grids", {key: text for key, text in present.items() if key != "queue"})
+
+
+def test_a_record_is_read_with_the_present_settings(tmp_path):
+    """As any tool reads it: what was measured with ``region=rays`` stands in a table beside what is measured now."""
+    made = record("fairy", "embree")
+    made["method"].update(name="ray_grids", settings={"region": "rays"})
+    table = tidy(write_records(tmp_path, [made]))
+    assert table["settings"].unique() == ["trial region=rays"]

@@ -30,9 +30,9 @@ def small_and_large(seed: int = 7) -> Prepared:
     )
 
 
-@pytest.mark.parametrize("trial", TRIALS)
-def test_equals_brute_force_on_hard_scenes(trial, device):
-    assert_exact(NAME, trial(**TILES), *TRIALS[trial], device)
+@pytest.mark.parametrize("name", TRIALS)
+def test_equals_brute_force_on_hard_scenes(name, device):
+    assert_exact(NAME, trial(**TILES), *TRIALS[name], device)
 
 
 @pytest.mark.parametrize("seed", range(4))
