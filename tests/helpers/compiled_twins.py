@@ -46,6 +46,7 @@ from shadowbench.methods.streams.rays import sort
 from shadowbench.methods.trees.trace import closest as tree_closest
 from shadowbench.methods.trees.trace import shadow as tree_shadow
 from shadowbench.methods.uniform_grid import traversal as grid_traversal
+from shadowbench.methods.warp_bvh import mesh_kernels
 from warp._src.context import Module
 
 ARCH = 90
@@ -241,6 +242,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         tree_closest.make_listed_kernel: tree_closest.make_listed_kernel(True),
         tree_closest.make_resolve_kernel: tree_closest.make_resolve_kernel(False),
         tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel(True, True),
+        mesh_kernels.make_mesh_shadow_kernel: mesh_kernels.make_mesh_shadow_kernel("plain_cut"),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
 
