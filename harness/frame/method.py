@@ -96,7 +96,7 @@ class BaseMethod:
 
     @classmethod
     def present_settings(cls, settings: dict[str, str]) -> dict[str, str]:
-        """Settings of an earlier version as they are given now: a record is read with these. What has no present name stays."""
+        """Settings of an earlier version as they are given now: a record is read with these."""
         return settings
 
     def __init__(self, build: Any = None, trace: Any = None):

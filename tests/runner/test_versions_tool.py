@@ -45,7 +45,14 @@ def planted(tmp_path_factory) -> Path:
 def test_a_version_and_a_variant_are_timed_in_turns(tmp_path):
     out = tmp_path / "times.json"
     done = versions(
-        "--version", f"now={ROOT}", "--variant", "now:trial=cells=64", "--scene", "balls-300@16", "--out", str(out)
+        "--version",
+        f"now={ROOT}",
+        "--variant",
+        "now:trial=cells=64",
+        "--scene",
+        "balls-300@16",
+        "--out",
+        str(out),
     )
     assert done.returncode == 0, done.stdout + done.stderr
     rows = json.loads(out.read_text())
