@@ -10,6 +10,7 @@ and cached.
 from __future__ import annotations
 
 import ast
+import dis
 import functools
 import inspect
 import textwrap
@@ -63,7 +64,9 @@ def called_by(function: types.FunctionType) -> dict[str, wp.Function]:
     """The functions written in Python that a kernel or a function names, by their names there."""
     code = function.__code__
     cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
-    space = {name: function.__globals__.get(name) for name in code.co_names}
+    # Not all of co_names: among these are attributes, which may have the name of a function of the module.
+    read = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
+    space = {name: function.__globals__.get(name) for name in read}
     space |= {name: cell.cell_contents for name, cell in cells}
     return {name: value for name, value in space.items() if isinstance(value, wp.Function) and value.func}
 
