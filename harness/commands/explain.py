@@ -147,7 +147,8 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
     bound, and each shadow bit."""
     import numpy as np
 
-    from ..judge import arithmetic as exact
+    from ..judge.arithmetic import edge_bound
+    from ..judge.distances import edge_distance
     from ..judge.receivers import not_receivers
 
     judge, hits = found.judge, found.exact.hits
@@ -165,9 +166,9 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
         occluder = found.exact.occluders[i]
         if entry["shadow_ray"] and occluder[0] >= 0:
             corners = referee.corners(occluder)
-            away, _ = exact.edge_distance(point, judge.moment.lights[i][None].astype(np.float64), corners)
+            away, _ = edge_distance(point, judge.moment.lights[i][None].astype(np.float64), corners)
             entry |= {"bit": 1, "occluder": int(occluder[0])}
-            entry["edge_in_bounds"] = float(away[0] / exact.edge_bound(point, corners)[0])
+            entry["edge_in_bounds"] = float(away[0] / edge_bound(point, corners)[0])
         shadows.append({**entry, "shadow_ray": bool(entry["shadow_ray"])})
     return {
         "triangle": int(hits.triangle[0]),

@@ -94,6 +94,11 @@ class BaseMethod:
     Build: ClassVar[type] = NoParameters
     Trace: ClassVar[type] = NoParameters
 
+    @classmethod
+    def present_settings(cls, settings: dict[str, str]) -> dict[str, str]:
+        """Settings of an earlier version as they are given now: a record is read with these."""
+        return settings
+
     def __init__(self, build: Any = None, trace: Any = None):
         self.build = self.Build() if build is None else build
         self.trace = self.Trace() if trace is None else trace

@@ -114,6 +114,17 @@ def current_name(name: str) -> str:
     return name
 
 
+def present_settings(name: str, settings: dict[str, str]) -> dict[str, str]:
+    """The settings of a record as its method names them now (``present_settings`` of its class); as they are where it has
+    none, or cannot be imported here."""
+    if not settings or name not in method_names():
+        return settings
+    try:
+        return getattr(method_class(name), "present_settings", dict)(settings)
+    except (UserError, ImportError, TypeError):
+        return settings
+
+
 @dataclass(frozen=True)
 class Parameter:
     """A parameter of a method. ``meaning``: from the docstring of its dataclass; ``allowed``: the allowed values."""
@@ -165,7 +176,7 @@ def _allowed(block: Any, name: str, kind: type) -> str:
     """The allowed values of a parameter, from the error of its dataclass for an invalid value."""
     if kind is bool:
         return "must be true or false"
-    for value in {int: (-(2**63),), float: (math.nan, -math.inf), str: ("",)}.get(kind, ()):
+    for value in {int: (-(2**63),), float: (math.nan, -math.inf), str: ("", "?")}.get(kind, ()):
         try:
             dataclasses.replace(block, **{name: value})
         except ValueError as error:

@@ -6,6 +6,7 @@ Timing, verification, rendering and tests all run methods through a session.
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from ..scene.effects import Effects, Limits
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
+from ..scene.width import Sizes, is_wide
 from .effects.mirrors import mirror_passes
 from .effects.receivers import receiver_passes, skippable
 from .effects.shading import shading_passes
@@ -59,6 +61,7 @@ class Session(PassRunner):
         self.frame = Frame(prepared, width, height, count, device, self.effects)
         self._memory = LimitedAllocator(device, self.limits.memory)
         self.made: Moment | None = None
+        self._sizes: Sizes | None = None
         self._outdated: set[Pass] = set()
         self.regrown = 0
         self.planned: list[Pass] = []
@@ -85,8 +88,19 @@ class Session(PassRunner):
         self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes
 
+    def _widen(self, moment: Moment) -> None:
+        """Plan again, for more digits, where a moment needs them for the first time (:mod:`..scene.width`)."""
+        if self.effects.wide:
+            return
+        if self._sizes is None or self._sizes.points is not moment.points:
+            self._sizes = Sizes(moment.points, self.frame.prepared.faces, moment.valid)
+        if is_wide(moment, self._sizes):
+            self.effects = replace(self.effects, wide=True)
+            self._plan()
+
     def load(self, moment: Moment) -> None:
         """Copy the next moment to the device. All passes will run."""
+        self._widen(moment)
         self.made = None
         self.frame.load(moment)
         self.passes = self.all_passes
@@ -101,6 +115,7 @@ class Session(PassRunner):
         All passes run if the last frame may be incomplete (the first frame, one that was loaded but not run to its
         end, one that was rejected) or if a capacity is exceeded.
         """
+        self._widen(moment)
         changed = changes(self.made, moment)
         self.load(moment)
         self.select(changed)

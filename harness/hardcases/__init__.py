@@ -22,6 +22,7 @@ from . import (
     parallel,
     reported,
     structures,
+    unlike,
     variants,
 )
 from .case import Counts, HardCase, Trial
@@ -49,6 +50,7 @@ def all_cases(large: bool = False) -> tuple[HardCase, ...]:
         *parallel.CASES,
         *reported.CASES,
         *structures.CASES,
+        *unlike.CASES,
     )
     ordered = sorted(single, key=lambda case: (case.name[0] == "P", case.name))
     return tuple(case for case in (*ordered, *variants.CASES, *extremes.CASES) if large or not case.large)

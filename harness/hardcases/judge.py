@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ..errors import CapacityRejected, UserError
 from ..frame.method import Method
 from ..frame.session import Session
-from ..judge.arithmetic import edge_bound, plane_distance
+from ..judge.arithmetic import edge_bound
 from ..judge.context import Judge
+from ..judge.distances import plane_distance
 from ..judge.referee import Referee
 from ..judge.reference import exact_reference
 from ..judge.score import Judgement, judge_frame, score_frame

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 Integers = tuple[int, int, int]
 Whole = Sequence[int]
-EDGES = ((0, 1), (1, 2), (2, 0))
 
 UNIT = 2.0**-24
 """Rounding of a float32 relative to its size."""
@@ -102,6 +101,13 @@ def on_plane(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tup
     return plane_hit(d, a, _cross(_sub(b, a), _sub(c, a)))
 
 
+def plane_of(o: Sequence[int], triangle: Sequence[int]) -> tuple[Integers, int]:
+    """The normal of a triangle of nine integers, not of unit length, and the height of its plane over ``o`` times that."""
+    a, b, c = (_sub(triangle[j : j + 3], o) for j in (0, 3, 6))
+    normal = _cross(_sub(b, a), _sub(c, a))
+    return normal, _dot(normal, a)
+
+
 def plane_hit(d: Sequence[int], a: Integers, normal: Integers) -> tuple[int, int] | None:
     """Exact t > 0 at which a ray from the origin meets the plane through ``a``, or None."""
     over, under = _dot(normal, a), _dot(normal, d)
@@ -125,74 +131,3 @@ def between(p: Integers, light: Integers, triangle: Sequence[Integers]) -> bool:
     if near == 0 or far == 0 or (near > 0) != (far > 0):
         return False
     return crosses(d, a, b, c)
-
-
-# --- distances, in float64: good to 2^-50 of the coordinates, against a bound of 2^-20 ----------------------
-
-
-def _dots(p: F64, q: F64) -> F64:
-    return np.einsum("ij,ij->i", p, q)
-
-
-def nearest_on_segment(x: F64, p: F64, q: F64) -> tuple[F64, F64]:
-    """Distances [n] of points to closed segments pq, and the shares of pq where they are reached."""
-    along = q - p
-    length = _dots(along, along)
-    share = np.clip(_dots(x - p, along) / np.where(length > 0, length, 1.0), 0.0, 1.0)
-    return np.linalg.norm(x - p - share[:, None] * along, axis=1), share
-
-
-def segment_to_segment(p: F64, q: F64, a: F64, b: F64) -> tuple[F64, F64]:
-    """Distances [n] of closed segments pq and ab, and the shares of pq where they are reached.
-
-    The nearest pair holds an end of one of them, or lies inside both.
-    """
-    zero, one = np.zeros(len(p)), np.ones(len(p))
-    choices = [
-        (nearest_on_segment(p, a, b)[0], zero),
-        (nearest_on_segment(q, a, b)[0], one),
-        nearest_on_segment(a, p, q),
-        nearest_on_segment(b, p, q),
-    ]
-    d, e, r = q - p, b - a, a - p
-    normal = np.cross(d, e)
-    size = _dots(normal, normal)
-    safe = np.where(size > 0, size, 1.0)
-    s, t = _dots(np.cross(r, e), normal) / safe, _dots(np.cross(r, d), normal) / safe
-    inner = (size > 0) & (s > 0) & (s < 1) & (t > 0) & (t < 1)
-    choices.append((np.where(inner, np.abs(_dots(r, normal)) / np.sqrt(safe), np.inf), s))
-    return _nearest(choices)
-
-
-def _nearest(choices: Sequence[tuple[F64, F64]]) -> tuple[F64, F64]:
-    distances, shares = (np.stack(column) for column in zip(*choices, strict=True))
-    row, columns = distances.argmin(axis=0), np.arange(distances.shape[1])
-    return distances[row, columns], shares[row, columns]
-
-
-def edge_distance(p: F64, q: F64, triangles: F64) -> tuple[F64, F64]:
-    """Distances [n] of segments pq [n, 3] from the nearest edge of their triangles [n, 3, 3], and the shares."""
-    return _nearest([segment_to_segment(p, q, triangles[:, i], triangles[:, j]) for i, j in EDGES])
-
-
-def plane_distance(x: F64, triangles: F64) -> F64:
-    """Distances [n] of points [n, 3] from the planes of their triangles [n, 3, 3]; inf where the plane is not defined in
-    float64."""
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    size = np.linalg.norm(normal, axis=1)
-    away = np.abs(_dots(x - triangles[:, 0], normal))
-    return np.where(size > 0, away / np.where(size > 0, size, 1.0), np.inf)
-
-
-def face_distance(x: F64, triangles: F64) -> F64:
-    """Distance [n] of points from the inside of a triangle: inf where the foot of the point lies outside it."""
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    sides = [_dots(np.cross(q - p, x - p), normal) for p, q in ((a, b), (b, c), (c, a))]
-    return np.where(np.min(sides, axis=0) >= 0, plane_distance(x, triangles), np.inf)
-
-
-def triangle_distance(p: F64, q: F64, triangles: F64) -> tuple[F64, F64]:
-    """Distances [n] of segments from triangles that they do not cross, and the shares of pq where reached."""
-    ends = [(face_distance(p, triangles), np.zeros(len(p))), (face_distance(q, triangles), np.ones(len(p)))]
-    return _nearest([*ends, edge_distance(p, q, triangles)])

@@ -17,6 +17,7 @@ from ..scene.scene import AlphaMask
 from . import arithmetic as exact
 from .candidates import BATCH, Candidates
 from .decisions import Decisions, integers_of
+from .distances import edge_distance, plane_distance, triangle_distance
 from .hits import Exact, Hits
 from .holes import Holes
 from .planes import beside_off_the_eye
@@ -264,7 +265,7 @@ class Referee:
             index, k = index[~own], k[~own]
             far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
             corners = self.corners(k)
-            away, share = exact.triangle_distance(p[index], far, corners)
+            away, share = triangle_distance(p[index], far, corners)
             bound = exact.edge_bound(p[index], p[index] + share[:, None] * (far - p[index]))
             near = away <= bound
             for j in np.nonzero(self.holes.masked(k))[0]:
@@ -283,8 +284,8 @@ class Referee:
         for index, k in _rounds(candidates, verdicts, Verdict.EDGE):
             corners = self.corners(k)
             far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
-            away, share = exact.edge_distance(p[index], far, corners)
-            ends = exact.plane_distance(p[index], corners), exact.plane_distance(far, corners)
+            away, share = edge_distance(p[index], far, corners)
+            ends = plane_distance(p[index], corners), plane_distance(far, corners)
             bound = exact.edge_bound(p[index], p[index] + share[:, None] * (far - p[index]))
             _, clear = self.holes.within(k, corners, p[index], far - p[index], bound)
             for j in np.nonzero((np.minimum.reduce([away, *ends]) > bound) & ~clear)[0]:
@@ -324,7 +325,7 @@ class Referee:
             return np.zeros(0), np.zeros(0), np.zeros(0)
         reach = np.linalg.norm(corners - o[:, None], axis=2).max(axis=1)
         length = 2 * reach / np.linalg.norm(d, axis=1)
-        measure = exact.edge_distance if edges_only else exact.triangle_distance
+        measure = edge_distance if edges_only else triangle_distance
         distance, share = measure(o, o + length[:, None] * d, corners)
         t = share * length
         return distance, t, exact.edge_bound(o, o + t[:, None] * d)

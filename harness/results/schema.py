@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..files import open_regular, read_regular, write_bytes
-from ..frame.registry import current_name
+from ..frame.registry import current_name, present_settings
 from ..texts import all_visible, may_hide
 from ..typed_json import WrongFieldError, checked
 from .record import SCHEMA, Record
@@ -164,5 +164,7 @@ def _record_in(text: str, where: str, remedy: str = "remove it and run again") -
         record = checked(Record, found)
     except (WrongFieldError, RecursionError) as error:
         raise UserError(f"{where}: not a record ({error}); {remedy}") from error
-    record.method["name"] = current_name(record.method["name"])
+    name = current_name(record.method["name"])
+    given = record.method.get("settings")
+    record.method.update(name=name, **({"settings": present_settings(name, given)} if given else {}))
     return record

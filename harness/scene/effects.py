@@ -15,12 +15,14 @@ class Switches:
     alpha      triangles have holes: a hit counts only where the alpha mask is opaque
     bounced    rays are those of a table (``frame.rays``): mirrored ones, or of an orthographic camera
     orthographic  primary rays are computed from an orthographic camera: for kernels that have no table of them
+    wide       sizes are so unlike that float64 leaves signs open (:mod:`.scene.width`): they are found in more digits
     """
 
     receivers: bool = False
     alpha: bool = False
     bounced: bool = False
     orthographic: bool = False
+    wide: bool = False
 
 
 OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
@@ -39,6 +41,7 @@ class Effects:
     bounces      how many times rays are mirrored
     color        whether the frame is shaded
     orthographic whether primary rays are parallel, each with its own origin
+    wide         whether sizes are so unlike that more digits are needed than float64 has (:mod:`.scene.width`)
     """
 
     shadows: tuple[bool, ...]
@@ -49,6 +52,7 @@ class Effects:
     bounces: int = 0
     color: bool = False
     orthographic: bool = False
+    wide: bool = False
 
     @staticmethod
     def of(scene: Scene) -> Effects:
@@ -99,6 +103,7 @@ class Effects:
             receivers=light is not None and self.has_receivers(light),
             alpha=self.alpha,
             bounced=bounce > 0 or self.orthographic,
+            wide=self.wide,
         )
 
     def is_directional(self, light: int) -> bool:

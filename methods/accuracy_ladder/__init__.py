@@ -17,9 +17,8 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.box_tree import QUERY_BLOCK, BoxTree
 from ..common.misses import miss_passes
-from ..common.pixels import thread_count
-from ..common.ray_passes import shadow_ray_passes
-from .kernels import make_kernels
+from ..common.ray_launches import PixelRays
+from .kernels import Rung, make_kernels
 from .parameters import ORIGINS, PADDED_UNITS, Build, Trace, known_inexact
 
 
@@ -41,47 +40,17 @@ class AccuracyLadder(BaseMethod):
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
-        self._frame = frame
         constructor = "sah" if wp.get_device(frame.device).is_cpu else "lbvh"
-        self._threads = thread_count(frame.width, frame.height, True)
-        self._primary_kernel, self._shadow_kernel = make_kernels(self.trace.test, self.build.fast_math)
-        padding = PADDED_UNITS[self.build.padding]
-        self._tree = BoxTree(frame, constructor, self.build.leaf_size, padding)
-        self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d, device=frame.device)
-        return [
-            *self._tree.passes(),
-            Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
-            *shadow_ray_passes(effects, ("bvh", "hits", "camera"), self._shadow),
-        ]
+        self._tree = tree = BoxTree(
+            frame, constructor, self.build.leaf_size, PADDED_UNITS[self.build.padding]
+        )
+        rung = tree.boxes(Rung, scheme=ORIGINS.index(self.trace.origin), box=tree.box)
+        kernels = make_kernels(self.trace.test, self.build.fast_math)
+        rays = PixelRays(frame, effects, rung, *kernels, swizzle=True, block=QUERY_BLOCK)
+        return [*tree.passes(), *rays.passes(("bvh",))]
 
     def built(self) -> dict[str, Any]:
         return {"test": self.trace.test, "origin": self.trace.origin, "padding": self.build.padding}
-
-    def _primary(self) -> None:
-        frame = self._frame
-        wp.launch(
-            self._primary_kernel,
-            dim=self._threads,
-            inputs=[self._tree.id, self._tree.records, frame.camera, frame.mesh],
-            outputs=[frame.hits(0), self._hit],
-            block_dim=QUERY_BLOCK,
-            device=frame.device,
-        )
-
-    def _shadow(self, light: int) -> None:
-        frame = self._frame
-        wp.launch(
-            self._shadow_kernel,
-            dim=self._threads,
-            inputs=[
-                light, ORIGINS.index(self.trace.origin), self._tree.id, self._tree.records, frame.camera,
-                frame.mesh, self._tree.box,
-                frame.lights, frame.hits(0), self._hit,
-            ],
-            outputs=[frame.answers.shadowed],
-            block_dim=QUERY_BLOCK,
-            device=frame.device,
-        )  # fmt: skip
 
 
 METHOD = AccuracyLadder

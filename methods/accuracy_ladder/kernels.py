@@ -8,10 +8,11 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of
-from ..common.box_tree import traverse
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, corners_of, ray_of
+from ..common.box_tree import traverse, walk
 from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
 from ..common.pixels import pixel_of
+from ..common.ray_kernels import make_primary_kernel
 from ..exact.hit_point import hit_point, plane_distance
 from ..exact.ray_queries import (
     SLACK,
@@ -24,21 +25,29 @@ from ..exact.ray_queries import (
     with_hit,
 )
 from ..exact.segment import occludes
-from ..exact.triangle import hit_distance, nearer_of, to_float64, write_hit, write_miss
+from ..exact.triangle import nearer_of, to_float64, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
 
 
+@wp.struct
+class Rung:
+    """:class:`..common.box_tree.Boxes`, the scheme of shadow rays' origins (:mod:`.origins`), and the scene's box."""
+
+    tree: wp.uint64
+    records: CornerRecords
+    scheme: wp.int32
+    box: wp.array(dtype=wp.float32)
+
+
 def closest_hit_by(test: str) -> Any:
     """A test of a traversal (:mod:`..exact.ray_queries`) that finds the closest hit by the triangle test named ``test``.
 
-    Those in float64 leave the weights to the end: in the loop their divisions would change its layout.
+    The float64 test leaves the weights to the end: in the loop their divisions would change its layout.
     """
     if test == "exact":
         return closest_hit
-    if test == "float64":
-        return closest_hit_in_float64
     triangle_test = TESTS[test]
 
     @wp.func
@@ -53,17 +62,6 @@ def closest_hit_by(test: str) -> Any:
         return found
 
     return closest_hit_of_ray
-
-
-@wp.func
-def closest_hit_in_float64(
-    records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
-) -> Found:
-    """:func:`..exact.ray_queries.closest_hit` without its test in float32."""
-    t = hit_distance(ray, corners_in(records, i), weld_in(records, i))
-    if t > wp.float64(0.0) and nearer_of(triangles_in(records), t, i, found.t, found.triangle):
-        found = with_hit(found, i, t)
-    return found
 
 
 def any_hit_by(test: str) -> Any:
@@ -118,68 +116,54 @@ def write_found(
 
 @functools.cache
 def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
-    """(primary kernel, shadow kernel) with one triangle test compiled in."""
-    closest, occluder = closest_hit_by(test), any_hit_by(test)
-    exact = test in EXACT_TESTS
-    sheared = test in SHEARED_TESTS
-    options = {"fast_math": fast_math, "enable_backward": False}
+    """(primary kernel, shadow kernel) with one triangle test compiled in, for :class:`..common.ray_launches.PixelRays`."""
+    occluder, sheared = any_hit_by(test), test in SHEARED_TESTS
+    write = None if test in EXACT_TESTS else write_found
+    primary_kernel = make_primary_kernel(Rung, walk, 0, closest_hit_by(test), write, fast_math)
 
-    @wp.kernel(module="unique", grid_stride=False, module_options=options)
-    def primary_kernel(
-        tree: wp.uint64,
-        records: CornerRecords,
-        camera: Camera,
-        mesh: Mesh,
-        hits: Hits,
-        hit_points: wp.array(dtype=wp.vec3d),
-    ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
-        if pixel < 0:
-            return
-        ray = ray_of(camera, pixel)
-        found = traverse(
-            closest, tree, records, Alpha(), ray.origin, ray.direction, ray, nothing_found(wp.INF)
-        )
-        if wp.static(exact):
-            write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
-        else:
-            write_found(hits, hit_points, pixel, ray, found, mesh)
-
-    @wp.kernel(module="unique", grid_stride=False, module_options=options)
+    @wp.kernel(
+        enable_backward=False, grid_stride=False, module="unique", module_options={"fast_math": fast_math}
+    )
     def shadow_kernel(
+        blocks: wp.bool,
         light: wp.int32,
-        scheme: wp.int32,
-        tree: wp.uint64,
-        records: CornerRecords,
+        rung: Rung,
         camera: Camera,
         mesh: Mesh,
-        box: wp.array(dtype=wp.float32),
+        alpha: Alpha,
         lights: wp.array(dtype=wp.vec3f),
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
-        shadowed: wp.array2d(dtype=wp.uint8),
+        receivers: wp.array(dtype=wp.uint8),
+        mirrored: Rays,
+        shadowed: wp.array(dtype=wp.uint8),
+        tests: wp.array(dtype=wp.int32),
     ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
         if pixel < 0:
             return
         own = hits.triangle[pixel]
         if own < 0:
-            shadowed[light, pixel] = wp.uint8(0)
+            shadowed[pixel] = wp.uint8(0)
             return
         ray = ray_of(camera, pixel)
         segment = shadow_segment(hit_points[pixel], lights[light], own, ray.origin)
-        if scheme != HIT_POINT:
-            weights = wp.vec3f(hits.t[pixel], hits.u[pixel], hits.v[pixel])
+        if rung.scheme != HIT_POINT:
+            found_at = wp.vec3f(hits.t[pixel], hits.u[pixel], hits.v[pixel])
+            corners = corners_of(mesh, own)
             segment.start = start_of(
-                scheme, ray, weights, corners_of(mesh, own), segment.light, box, wp.static(sheared)
+                rung.scheme, ray, found_at, corners, segment.light, rung.box, wp.static(sheared)
             )
             segment.hit = to_float64(segment.start)
             segment.error = 0.0
             segment.origin_size = wp.float64(0.0)
-            if scheme != IDENTITY:
+            if rung.scheme != IDENTITY:
                 segment.own = -1
         way = segment.light - segment.start
-        found = traverse(occluder, tree, records, Alpha(), segment.start, way, segment, nothing_found(SLACK))
-        shadowed[light, pixel] = wp.uint8(found.done)
+        nothing = nothing_found(SLACK)
+        found = traverse(occluder, rung.tree, rung.records, alpha, segment.start, way, segment, nothing)
+        if tests.shape[0] > 0:
+            tests[pixel] = tests[pixel] + found.tests
+        shadowed[pixel] = wp.uint8(found.done)
 
     return primary_kernel, shadow_kernel

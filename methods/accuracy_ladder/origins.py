@@ -54,7 +54,7 @@ def start_of(
     if wp.dot(n, light - p) < 0.0:
         n = -n
     if scheme == WACHTER_BINDER:
-        return wp.vec3f(stepped(p[0], n[0]), stepped(p[1], n[1]), stepped(p[2], n[2]))
+        return stepped(p, n)
     epsilon = wp.float32(1.0e-6)
     if scheme == EPSILON_2:
         epsilon = 1.0e-2

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
+from ..exact.triangle import hit_distance
 
 MISS3 = wp.constant(wp.vec3d(-1.0, 0.0, 0.0))
 TEXTBOOK_EPSILON = wp.constant(1.0e-7)
@@ -131,10 +132,17 @@ def edge_planes(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
     return found3(t, e1 / sum, e2 / sum)
 
 
+@wp.func
+def float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    """The test that exact methods share, of every candidate; its weights are found at the end."""
+    return wp.vec3d(hit_distance(ray, corners, weld), wp.float64(0.0), wp.float64(0.0))
+
+
 TESTS = {
     "moller_trumbore": moller_trumbore,
     "moller_trumbore_epsilon": moller_trumbore_epsilon,
     "woop": woop,
     "woop_float64": woop_float64,
     "edge_planes": edge_planes,
+    "float64": float64,
 }

@@ -20,10 +20,11 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
+from ..common.updates import refuse_static
 from ..gpu.reserve import counted
 from ..trees import constants
 from ..trees.builders import built, tree_of
-from ..trees.trace.rays import TreeRays
+from ..trees.trace.tree_rays import TreeRays
 from .parameters import FLOAT32_INEXACT, Build, Trace
 
 
@@ -50,6 +51,7 @@ class BinaryTree(BaseMethod):
             raise CapacityRejected(f"holds at most {constants.MOST_TRIANGLES - 1:,} triangles")
         self._memory = limits.memory
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
+        refuse_static(self.name, self.build.update, frame.prepared)
         tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
         trace = self.trace

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -21,9 +20,9 @@ from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.ray_launches import PixelRays
 from ..gpu.reserve import counted
-from ..streams.camera.passes import CameraStream
+from ..streams.camera.passes import Camera, undecided_step
 from ..streams.queues import COUNTERS, UNDECIDED, Queues, Step
-from ..streams.settings import Streams
+from ..streams.settings import chosen
 from ..uniform_grid.method import Build
 from ..uniform_grid.traversal import Cells, make_kernels
 from . import packets
@@ -80,16 +79,18 @@ class CoherentGrid(BaseMethod):
             Cells, grid=self._grid.grid, begin=lists.begin, end=lists.end, members=lists.values
         )
         self._queues = Queues(frame, False, (1, 1, self._undecided), 1)
-        camera = PacketCamera(frame, Streams(), self._queues, effects)
-        camera.launch = self._launch_primary
+        camera = Camera(frame, chosen(count, frame.pixels), self._queues, effects)
         others = PixelRays(frame, effects, self._cells, *make_kernels(0), swizzle=False, hit=camera.hit)
         if effects.orthographic:  # a packet's rays start in one point
             return [*self._grid.passes(self._need, 0), *others.passes(STRUCTURE)]
         return [
             *self._grid.passes(self._need, 0),
-            *camera.passes(),
+            *camera.passes(self._steps, STRUCTURE),
             *others.later_passes(STRUCTURE),
         ]
+
+    def _steps(self, camera: Camera) -> list[Step]:
+        return [("packets", (), (), self._launch_primary), undecided_step(camera)]
 
     def _launch_primary(self, share: int) -> None:
         frame = self._frame
@@ -128,13 +129,3 @@ class CoherentGrid(BaseMethod):
 
     def built(self) -> dict[str, Any]:
         return {"density": self.build.density, "packets": f"{self.trace.side} x {self.trace.side}"}
-
-
-class PacketCamera(CameraStream):
-    """Primary rays: clear, packets, undecided pairs, resolve."""
-
-    structure = STRUCTURE
-    launch: Callable[[int], None]
-
-    def steps(self) -> list[Step]:
-        return [("packets", (), (), self.launch), self.undecided()]

@@ -18,11 +18,17 @@ from ...harness.frame.geometry import Camera, Mesh
 from ..common.grid import Grid, cell_index, cell_of, to_grid
 from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry
-from ..streams.camera.pixels import Candidate, edge_planes, inverse_depth, sign_bound, test_pixel_or_queue
+from ..streams.camera.pixels import (
+    Candidate,
+    edge_planes,
+    inverse_depth,
+    is_outside,
+    sign_bound,
+    test_pixel_or_queue,
+)
 from ..streams.queues import Queue
 from ..streams.reads import corners_at, direction_at
 from ..uniform_grid.traversal import Cells
-from ..visibility_buffer.raster import is_outside
 
 SPREAD = wp.constant(wp.float64(2.0**-20))
 """Directions are sums of two float32 vectors, rounded: off by 2^-24 of their largest part, three times."""
@@ -191,18 +197,15 @@ def trace_packet(
                         if entry(stamps, i) != stamp:
                             stamps[i] = stamp
                             corners = corners_at(mesh, i)
-                            candidate = Candidate()
-                            candidate.planes = edge_planes(o, corners)
-                            if not (
-                                is_outside(candidate.planes.n0, bound, camera, box)
-                                or is_outside(candidate.planes.n1, bound, camera, box)
-                                or is_outside(candidate.planes.n2, bound, camera, box)
-                            ):
+                            planes = edge_planes(o, corners)
+                            if not is_outside(planes, bound, camera, box):
+                                candidate = Candidate()
                                 candidate.i = i
+                                candidate.planes = planes
                                 candidate.bound = bound
                                 candidate.sure = bound
-                                candidate.spare = spare
                                 candidate.m = inverse_depth(o, corners)
+                                candidate.spare = spare
                                 if holes:
                                     if alpha.masked[i] != wp.uint8(0):
                                         candidate.sure = wp.INF

@@ -13,9 +13,10 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import filled
+from ...harness.frame.geometry import Mesh, filled
 from ...harness.frame.schedule.passes import Pass
-from ..exact.ray_queries import Found
+from ..exact.ray_queries import SLACK, Found, nothing_found
+from ..exact.triangle import to_float32
 from .bounds import PADDED_UNITS, launch_boxes
 from .corner_records import CornerRecords, valid_in
 
@@ -62,6 +63,33 @@ def traverse(
     return result
 
 
+@wp.struct
+class Boxes:
+    """A :class:`BoxTree` as kernels take it."""
+
+    tree: wp.uint64
+    records: CornerRecords
+
+
+@wp.func
+def walk(
+    test: wp.Function,
+    boxes: Any,
+    mesh: Mesh,
+    alpha: Alpha,
+    start: wp.vec3d,
+    direction: wp.vec3d,
+    end: wp.float64,
+    own: wp.int32,
+    query: Any,
+) -> Found:
+    """:func:`traverse` for the kernels of :mod:`.ray_kernels`."""
+    found = nothing_found(wp.float32(end) * SLACK)
+    return traverse(
+        test, boxes.tree, boxes.records, alpha, to_float32(start), to_float32(direction), query, found
+    )
+
+
 class BoxTree:
     """The boxes of a frame's triangles and the tree over them, with the passes that rebuild both.
 
@@ -85,10 +113,9 @@ class BoxTree:
             self.records = filled(CornerRecords, corners=wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f))
         self._bvh = wp.Bvh(self._lowers, self._uppers, constructor=constructor, leaf_size=leaf_size)
 
-    @property
-    def id(self) -> int:
-        """What a kernel takes as ``tree``."""
-        return int(self._bvh.id)
+    def boxes(self, kind: Any = Boxes, **fields: Any) -> Any:
+        """What a kernel takes: :class:`Boxes`, or another struct with more ``fields``."""
+        return filled(kind, tree=int(self._bvh.id), records=self.records, **fields)
 
     def passes(self) -> list[Pass]:
         """Boxes, then the tree: the resource "bvh"."""

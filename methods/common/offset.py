@@ -172,11 +172,19 @@ def launch_shadow_origins(
 
 
 @wp.func
-def stepped(p: wp.float32, n: wp.float32) -> wp.float32:
-    """Waechter & Binder, Ray Tracing Gems 2019, chapter 6: this number of floats onward, or a fixed step near zero."""
+def stepped_coordinate(p: wp.float32, n: wp.float32) -> wp.float32:
+    """This number of floats onward, or a fixed step near zero."""
     if wp.abs(p) < NEAR_ZERO:
         return p + FLOAT_STEP * n
     steps = wp.int32(INTEGER_STEP * n)
     if p < 0.0:
         steps = -steps
     return wp.cast(wp.cast(p, wp.int32) + steps, wp.float32)
+
+
+@wp.func
+def stepped(p: wp.vec3f, n: wp.vec3f) -> wp.vec3f:
+    """p moved off its surface along the normal n (Waechter & Binder, Ray Tracing Gems 2019, chapter 6)."""
+    return wp.vec3f(
+        stepped_coordinate(p[0], n[0]), stepped_coordinate(p[1], n[1]), stepped_coordinate(p[2], n[2])
+    )

@@ -24,20 +24,32 @@ from ..exact.ray_queries import (
     shadow_segment,
 )
 from ..exact.triangle import to_float64, write_hit, write_miss
+from ..gpu.entries import entry, set_entry
 from .pixels import pixel_of
 
 FOREVER = wp.constant(wp.float64(wp.inf))
 
 
 @functools.cache
-def make_primary_kernel(structure_type: Any, walk: Any, registers: int = 0) -> Any:
+def make_primary_kernel(
+    structure_type: Any,
+    walk: Any,
+    registers: int = 0,
+    closest: Any = closest_hit,
+    write: Any = None,
+    fast_math: bool = False,
+) -> Any:
     """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted.
 
-    ``registers``: limit of registers per thread on a GPU; 0: the compiler decides.
+    ``registers``: limit of registers per thread on a GPU; 0: the compiler decides. ``closest``: the test of a triangle
+    without holes; ``write``: writes what it found, where that is not exact; ``fast_math``: whether the compiler may change
+    float arithmetic.
     """
-    limit = {"cuda_max_registers": registers} if registers else {}
+    limit: dict[str, Any] = {"cuda_max_registers": registers} if registers else {}
+    if fast_math:
+        limit["module_options"] = {"fast_math": True}
 
-    @wp.kernel(enable_backward=False, module="unique", **limit)
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **limit)
     def primary_kernel(
         blocks: wp.bool,
         structure: structure_type,
@@ -63,10 +75,13 @@ def make_primary_kernel(structure_type: Any, walk: Any, registers: int = 0) -> A
         if wp.static(effects.alpha):
             found = walk(closest_opaque_hit, structure, mesh, alpha, o, d, FOREVER, -1, ray)
         else:
-            found = walk(closest_hit, structure, mesh, alpha, o, d, FOREVER, -1, ray)
+            found = walk(closest, structure, mesh, alpha, o, d, FOREVER, -1, ray)
         if tests.shape[0] > 0:
             tests[pixel] = found.tests
-        write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
+        if wp.static(write is None):
+            write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
+        else:
+            write(hits, hit_points, pixel, ray, found, mesh)
 
     return primary_kernel
 
@@ -76,7 +91,7 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
     """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
     limit = {"cuda_max_registers": registers} if registers else {}
 
-    @wp.kernel(enable_backward=False, module="unique", **limit)
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **limit)
     def shadow_kernel(
         blocks: wp.bool,
         light: wp.int32,
@@ -87,26 +102,26 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
         lights: wp.array(dtype=wp.vec3f),
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
-        receivers: wp.array2d(dtype=wp.uint8),
+        receivers: wp.array(dtype=wp.uint8),
         mirrored: Rays,
-        shadowed: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
         if pixel < 0:
             return
-        own = hits.triangle[pixel]
+        own = entry(hits.triangle, pixel)
         if own < 0:
-            shadowed[light, pixel] = wp.uint8(0)
+            set_entry(shadowed, pixel, wp.uint8(0))
             return
         if wp.static(effects.receivers):
-            if receivers[light, pixel] == wp.uint8(0):
-                shadowed[light, pixel] = wp.uint8(0)
+            if entry(receivers, pixel) == wp.uint8(0):
+                set_entry(shadowed, pixel, wp.uint8(0))
                 return
         origin = camera.eye[0]
         if wp.static(effects.bounced):
             origin = mirrored.origin[pixel]
-        segment = shadow_segment(hit_points[pixel], lights[light], own, origin)
+        segment = shadow_segment(hit_points[pixel], entry(lights, light), own, origin)
         way = to_float64(segment.light) - segment.hit
         one = wp.float64(1.0)
         if wp.static(effects.alpha):
@@ -115,6 +130,6 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
             found = walk(any_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
         if tests.shape[0] > 0:
             tests[pixel] = tests[pixel] + found.tests
-        shadowed[light, pixel] = wp.uint8(found.done)
+        set_entry(shadowed, pixel, wp.uint8(found.done))
 
     return shadow_kernel

@@ -31,20 +31,22 @@ class PixelRays:
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
     hit        vec3d [pixels]: hit points of primary rays, where others trace these
     threads    of a CPU, that each trace a band of the image; 0: one for each core
+    block      threads of a block on a GPU
     """
 
     def __init__(
         self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel, swizzle: bool,
-        hit: wp.array | None = None, threads: int = 1,
+        hit: wp.array | None = None, threads: int = 1, block: int = 256,
     ):  # fmt: skip
         self._frame, self._effects, self._structure = frame, effects, structure
         self._primary_kernel, self._shadow_kernel, self._swizzle = primary, shadow, swizzle
-        self.bands = Bands(frame, threads)
+        self.bands, self._block = Bands(frame, threads), block
         bounces = effects.bounces
         with wp.ScopedDevice(frame.device):
             self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d) if hit is None else hit
             self._bounced_hit = wp.zeros((bounces, frame.pixels) if bounces else (0, 0), dtype=wp.vec3d)
             self._uncounted = wp.zeros(0, dtype=wp.int32)
+            self._all_receive = wp.zeros(0, dtype=wp.uint8)
 
     def passes(self, structure: tuple[str, ...]) -> list[Pass]:
         """Primary rays, shadow rays, mirrored rays. ``structure``: the resources of the structure."""
@@ -103,6 +105,7 @@ class PixelRays:
                 self._uncounted if tests is None else band.of(tests),
             ],
             device=frame.device,
+            block_dim=self._block,
         )  # fmt: skip
 
     def launch_shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
@@ -110,15 +113,17 @@ class PixelRays:
         self.bands.run(self._shadow, light, bounce, tests=tests)
 
     def _shadow(self, band: Band, light: int, bounce: int, tests: wp.array | None = None) -> None:
-        frame = self._frame
+        frame, masks = self._frame, self._frame.masks(bounce)
+        receivers = band.of(masks[light]) if masks.size else self._all_receive
         wp.launch(
             specialised(self._shadow_kernel, self._effects.switches(light, bounce)),
             dim=band.thread_count(self._swizzle),
             inputs=[
                 self._swizzle, light, self._structure, band.camera, frame.mesh, frame.alpha, frame.lights,
-                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), band.of(frame.masks(bounce)),
+                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), receivers,
                 band.fields_of(frame.rays(bounce)),
             ],
-            outputs=[band.of(frame.bits(bounce)), self._uncounted if tests is None else band.of(tests)],
+            outputs=[band.of(frame.bits(bounce)[light]), self._uncounted if tests is None else band.of(tests)],
             device=frame.device,
+            block_dim=self._block,
         )  # fmt: skip

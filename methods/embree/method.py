@@ -7,7 +7,6 @@ threads over parts of the image use every core.
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,18 +17,19 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ...harness.errors import UserError
 from ...harness.frame.effects.mirrors import traced_bounces
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
-from ...harness.frame.schedule.threads import ranges
+from ...harness.frame.schedule.threads import processors, ranges
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END, launch_shadow_origins
 from ..common.ray_passes import shadow_ray_passes
+from ..common.updates import refuse_static
 from .library import QUALITIES, Device, TriangleScene, address
-from .packets import SIDE, coherent_arguments, intersect_kernel, occluded_kernel
+from .packets import SIDE, Query, coherent_arguments, intersect_kernel, occluded_kernel
 
 UPDATES = ("rebuild", "refit", "static")
 RAYS = ("single", "packet16")
@@ -145,7 +145,7 @@ class Embree(BaseMethod):
     @property
     def thread_count(self) -> int:
         """The threads that trace."""
-        return self.trace.threads or core_count()
+        return self.trace.threads or processors()
 
     def built(self) -> dict[str, Any]:
         what = {
@@ -154,18 +154,14 @@ class Embree(BaseMethod):
             "robust": self.build.robust,
             "rays": self.trace.rays,
             "threads": self.thread_count,
-            "build threads": self.build.build_threads or core_count(),
+            "build threads": self.build.build_threads or processors(),
             "embreex": version("embreex"),
         }
         return what | ({"embree": self._embree.version} if hasattr(self, "_embree") else {})
 
     def _first_tree(self) -> None:
         prepared = self._frame.prepared
-        if self.build.update == "static" and prepared.moves:
-            raise UserError(
-                f"embree.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
-                "choose rebuild or refit"
-            )
+        refuse_static(self.name, self.build.update, prepared)
         self._make(*prepared.points(0))
         self._first_valid = self._valid
 
@@ -226,14 +222,16 @@ class Embree(BaseMethod):
 
         self._on_threads(kernel.key, work, self._parts)
 
-    def _query(self, kind: str) -> tuple[int, int, int]:
-        """The address of the query, of the scene, and of the arguments (0: the defaults)."""
+    def _query(self, kind: str) -> Any:
+        """What kernels take as :class:`.packets.Query`; ``kind``: Intersect or Occluded."""
         packets = self.trace.rays == "packet16"
         assert self._scene is not None
-        return (
-            address(f"rtc{kind}16" if packets else f"rtc{kind}1"),
-            self._scene.handle,
-            ctypes.addressof(self._arguments) if packets else 0,
+        return filled(
+            Query,
+            packets=packets,
+            function=address(f"rtc{kind}16" if packets else f"rtc{kind}1"),
+            scene=self._scene.handle,
+            arguments=ctypes.addressof(self._arguments) if packets else 0,
         )
 
     def _closest(self, bounce: int = 0) -> None:
@@ -241,12 +239,8 @@ class Embree(BaseMethod):
         if self._scene is None:
             write_misses(frame, bounce)
             return
-        packets = self.trace.rays == "packet16"
-        query = self._query("Intersect")
-        self._each_part(
-            intersect_kernel,
-            [packets, frame.tabled(bounce), *query, frame.camera, frame.rays(bounce), frame.hits(bounce)],
-        )
+        rays = [frame.tabled(bounce), frame.camera, frame.rays(bounce)]
+        self._each_part(intersect_kernel, [self._query("Intersect"), *rays, frame.hits(bounce)])
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
@@ -261,16 +255,10 @@ class Embree(BaseMethod):
         )
         limited = self._effects.has_receivers(light)
         receivers = frame.masks(bounce)[light] if limited else self._none
-        packets = self.trace.rays == "packet16"
         self._each_part(
             occluded_kernel,
             [
-                packets, limited, *self._query("Occluded"), SHADOW_END, light, frame.camera, frame.lights,
-                self._origins, frame.hits(bounce).triangle, receivers, bits,
+                self._query("Occluded"), limited, SHADOW_END, light, frame.camera, frame.lights, self._origins,
+                frame.hits(bounce).triangle, receivers, bits,
             ],
         )  # fmt: skip
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

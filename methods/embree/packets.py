@@ -39,127 +39,112 @@ def coherent_arguments() -> Arguments:
     return Arguments(COHERENT, 0xFFFFFFFF, None, None, None, 0.0)
 
 
-INTERSECT = """
+PACKET = """
     using Single = void (*)(void*, void*, void*);
     using Packet = void (*)(const int32_t*, void*, void*, void*);
     alignas(64) int32_t valid[16];
-    alignas(64) uint32_t word[21 * 16];
+    alignas(64) uint32_t word[WORDS * 16];
     float* real = (float*)word;
     int32_t pixel_of[16];
-    const int32_t across = (width + 3) / 4;
+    bool any = false;
+    const int32_t width = camera.width, height = camera.height, across = (width + 3) / 4;
     for (int32_t lane = 0; lane < 16; ++lane) {
         const int32_t x = (block % across) * 4 + lane % 4, y = (block / across) * 4 + lane / 4;
         const bool inside = x < width && y < height;
         const int32_t pixel = inside ? y * width + x : 0;
-        const bool sent = inside && (!bounced || active.data[pixel]);
+        wp::vec3f o(0.0f, 0.0f, 0.0f), d(0.0f, 0.0f, 1.0f);
+        const bool sent = inside && ray_of(pixel, x, y, o, d);
         pixel_of[lane] = inside ? pixel : -1;
         valid[lane] = sent ? -1 : 0;
-        wp::vec3f o(0.0f, 0.0f, 0.0f), d(0.0f, 0.0f, 1.0f);
-        if (sent && bounced) { o = origin.data[pixel]; d = direction.data[pixel]; }
-        else if (sent) { o = eye.data[0]; d = wp::add(column.data[x], row.data[y]); }
-        real[lane] = o[0]; real[16 + lane] = o[1]; real[32 + lane] = o[2];
-        real[48 + lane] = 0.0f;
-        real[64 + lane] = d[0]; real[80 + lane] = d[1]; real[96 + lane] = d[2];
-        real[112 + lane] = 0.0f;
-        real[128 + lane] = INFINITY;
+        any = any || sent;
+        for (int32_t k = 0; k < 3; ++k) {
+            real[16 * k + lane] = o[k];
+            real[64 + 16 * k + lane] = d[k];
+        }
+        real[48 + lane] = real[112 + lane] = 0.0f;
+        real[128 + lane] = end;
         word[144 + lane] = 0xffffffffu; word[160 + lane] = 0u; word[176 + lane] = 0u;
-        for (int32_t k = 12; k < 17; ++k) real[16 * k + lane] = 0.0f;
-        for (int32_t k = 17; k < 21; ++k) word[16 * k + lane] = 0xffffffffu;
+        for (int32_t k = 12; k < WORDS; ++k) word[16 * k + lane] = k < 17 ? 0u : 0xffffffffu;
     }
-    if (packets) ((Packet)query)(valid, (void*)scene, word, (void*)arguments);
-    else for (int32_t lane = 0; lane < 16; ++lane) {
+    if (any && query.packets) ((Packet)query.function)(valid, (void*)query.scene, word, (void*)query.arguments);
+    else if (any) for (int32_t lane = 0; lane < 16; ++lane) {
         if (!valid[lane]) continue;
         alignas(16) uint32_t one[24];
-        for (int32_t k = 0; k < 21; ++k) one[k] = word[16 * k + lane];
-        ((Single)query)((void*)scene, one, (void*)arguments);
-        for (int32_t k = 0; k < 21; ++k) word[16 * k + lane] = one[k];
+        for (int32_t k = 0; k < WORDS; ++k) one[k] = word[16 * k + lane];
+        ((Single)query.function)((void*)query.scene, one, (void*)query.arguments);
+        for (int32_t k = 0; k < WORDS; ++k) word[16 * k + lane] = one[k];
     }
+"""
+"""The 16 rays of a block, sent to Embree. ``ray_of(pixel, x, y, o, d)`` sets a ray, or says that the pixel has none."""
+
+CLOSEST = (
+    """
+    constexpr int32_t WORDS = 21;
+    const float end = INFINITY;
+    auto ray_of = [&](int32_t pixel, int32_t x, int32_t y, wp::vec3f& o, wp::vec3f& d) {
+        if (bounced && !rays.active.data[pixel]) return false;
+        o = bounced ? rays.origin.data[pixel] : camera.eye.data[0];
+        d = bounced ? rays.direction.data[pixel] : wp::add(camera.column.data[x], camera.row.data[y]);
+        return true;
+    };
+"""
+    + PACKET
+    + """
     for (int32_t lane = 0; lane < 16; ++lane) {
         const int32_t pixel = pixel_of[lane];
         if (pixel < 0) continue;
         const bool hit = valid[lane] && word[16 * 18 + lane] != 0xffffffffu;
-        triangle.data[pixel] = hit ? (int32_t)word[16 * 17 + lane] : -1;
-        t.data[pixel] = hit ? real[128 + lane] : INFINITY;
-        u.data[pixel] = hit ? real[16 * 15 + lane] : 0.0f;
-        v.data[pixel] = hit ? real[16 * 16 + lane] : 0.0f;
+        hits.triangle.data[pixel] = hit ? (int32_t)word[16 * 17 + lane] : -1;
+        hits.t.data[pixel] = hit ? real[128 + lane] : INFINITY;
+        hits.u.data[pixel] = hit ? real[16 * 15 + lane] : 0.0f;
+        hits.v.data[pixel] = hit ? real[16 * 16 + lane] : 0.0f;
     }
 """
+)
 
-OCCLUDED = """
-    using Single = void (*)(void*, void*, void*);
-    using Packet = void (*)(const int32_t*, void*, void*, void*);
-    alignas(64) int32_t valid[16];
-    alignas(64) uint32_t word[12 * 16];
-    float* real = (float*)word;
-    int32_t pixel_of[16];
-    bool any = false;
-    const int32_t across = (width + 3) / 4;
-    for (int32_t lane = 0; lane < 16; ++lane) {
-        const int32_t x = (block % across) * 4 + lane % 4, y = (block / across) * 4 + lane / 4;
-        const bool inside = x < width && y < height;
-        const int32_t pixel = inside ? y * width + x : 0;
-        const bool sent = inside && triangle.data[pixel] >= 0 && (!limited || receivers.data[pixel]);
-        pixel_of[lane] = inside ? pixel : -1;
-        valid[lane] = sent ? -1 : 0;
-        any = any || sent;
-        wp::vec3f o(0.0f, 0.0f, 0.0f), d(0.0f, 0.0f, 1.0f);
-        if (sent) { o = origins.data[pixel]; d = wp::sub(target, o); }
-        real[lane] = o[0]; real[16 + lane] = o[1]; real[32 + lane] = o[2];
-        real[48 + lane] = 0.0f;
-        real[64 + lane] = d[0]; real[80 + lane] = d[1]; real[96 + lane] = d[2];
-        real[112 + lane] = 0.0f;
-        real[128 + lane] = end;
-        word[144 + lane] = 0xffffffffu; word[160 + lane] = 0u; word[176 + lane] = 0u;
-    }
-    if (any && packets) ((Packet)query)(valid, (void*)scene, word, (void*)arguments);
-    else if (any) for (int32_t lane = 0; lane < 16; ++lane) {
-        if (!valid[lane]) continue;
-        alignas(16) uint32_t one[12];
-        for (int32_t k = 0; k < 12; ++k) one[k] = word[16 * k + lane];
-        ((Single)query)((void*)scene, one, (void*)arguments);
-        word[128 + lane] = one[8];
-    }
+ANY = (
+    """
+    constexpr int32_t WORDS = 12;
+    auto ray_of = [&](int32_t pixel, int32_t x, int32_t y, wp::vec3f& o, wp::vec3f& d) {
+        if (triangle.data[pixel] < 0 || (limited && !receivers.data[pixel])) return false;
+        o = starts.data[pixel];
+        d = wp::sub(target, o);
+        return true;
+    };
+"""
+    + PACKET
+    + """
     for (int32_t lane = 0; lane < 16; ++lane)
         if (pixel_of[lane] >= 0) shadowed.data[pixel_of[lane]] = valid[lane] && real[128 + lane] < 0.0f;
 """
+)
 
 
-@wp.func_native(INTERSECT)
-def intersect_block(
-    block: wp.int32,
-    packets: wp.bool,
-    bounced: wp.bool,
-    query: wp.uint64,
-    scene: wp.uint64,
-    arguments: wp.uint64,
-    width: wp.int32,
-    height: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    origin: wp.array(dtype=wp.vec3f),
-    direction: wp.array(dtype=wp.vec3f),
-    active: wp.array(dtype=wp.uint8),
-    triangle: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
+@wp.struct
+class Query:
+    """Whether Embree takes the 16 rays of a block at once; the addresses of its function, of its scene and of arguments."""
+
+    packets: wp.bool
+    function: wp.uint64
+    scene: wp.uint64
+    arguments: wp.uint64
+
+
+@wp.func_native(CLOSEST)
+def closest_of_block(
+    block: wp.int32, query: Query, bounced: wp.bool, camera: Camera, rays: Rays, hits: Hits
 ): ...
 
 
-@wp.func_native(OCCLUDED)
-def occluded_block(
+@wp.func_native(ANY)
+def any_of_block(
     block: wp.int32,
-    packets: wp.bool,
+    query: Query,
     limited: wp.bool,
-    query: wp.uint64,
-    scene: wp.uint64,
-    arguments: wp.uint64,
-    width: wp.int32,
-    height: wp.int32,
     end: wp.float32,
     target: wp.vec3f,
-    origins: wp.array(dtype=wp.vec3f),
+    camera: Camera,
+    starts: wp.array(dtype=wp.vec3f),
     triangle: wp.array(dtype=wp.int32),
     receivers: wp.array(dtype=wp.uint8),
     shadowed: wp.array(dtype=wp.uint8),
@@ -167,44 +152,25 @@ def occluded_block(
 
 
 @wp.kernel(enable_backward=False)
-def intersect_kernel(
-    first: wp.int32,
-    packets: wp.bool,
-    bounced: wp.bool,
-    query: wp.uint64,
-    scene: wp.uint64,
-    arguments: wp.uint64,
-    camera: Camera,
-    rays: Rays,
-    hits: Hits,
-):
+def intersect_kernel(first: wp.int32, query: Query, bounced: wp.bool, camera: Camera, rays: Rays, hits: Hits):
     """Closest hits of the pixels of block ``first`` + thread: of primary rays, or of mirrored ones."""
-    intersect_block(
-        first + wp.tid(), packets, bounced, query, scene, arguments, camera.width, camera.height,
-        camera.eye, camera.column, camera.row, rays.origin, rays.direction, rays.active,
-        hits.triangle, hits.t, hits.u, hits.v,
-    )  # fmt: skip
+    closest_of_block(first + wp.tid(), query, bounced, camera, rays, hits)
 
 
 @wp.kernel(enable_backward=False)
 def occluded_kernel(
     first: wp.int32,
-    packets: wp.bool,
+    query: Query,
     limited: wp.bool,
-    query: wp.uint64,
-    scene: wp.uint64,
-    arguments: wp.uint64,
     end: wp.float32,
     light: wp.int32,
     camera: Camera,
     lights: wp.array(dtype=wp.vec3f),
-    origins: wp.array(dtype=wp.vec3f),
+    starts: wp.array(dtype=wp.vec3f),
     triangle: wp.array(dtype=wp.int32),
     receivers: wp.array(dtype=wp.uint8),
     shadowed: wp.array(dtype=wp.uint8),
 ):
-    """Shadow bits of the pixels of block ``first`` + thread, from ``origins`` to ``end`` of the way to the light."""
-    occluded_block(
-        first + wp.tid(), packets, limited, query, scene, arguments, camera.width, camera.height, end,
-        lights[light], origins, triangle, receivers, shadowed,
-    )  # fmt: skip
+    """Shadow bits of the pixels of block ``first`` + thread, from ``starts`` to ``end`` of the way to the light."""
+    block = first + wp.tid()
+    any_of_block(block, query, limited, end, lights[light], camera, starts, triangle, receivers, shadowed)

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Ray, value_struct
 from ..gpu.division import quotient, reciprocal
-from .hit_point import NEAR, STEEP
-from .triangle import NOT_ZERO, largest, to_float64, total
+from .hit_point import NEAR, STEEP, plane_distance
+from .triangle import NOT_ZERO, hit_weights, largest, to_float64, total
 
 
 @value_struct
@@ -36,6 +37,8 @@ def is_far(origin: wp.vec3f, extent: wp.float32) -> wp.bool:
 @wp.func
 def certain_hit(ray: Ray, corners: Corners, weld: wp.vec3i) -> CertainHit:
     """Of a triangle that the ray hits, so that it is not parallel to its plane."""
+    if wp.static(effects.wide):
+        return CertainHit(plane_distance(ray, corners), hit_weights(ray, corners, weld), True)
     o = to_float64(ray.origin)
     d = to_float64(ray.direction)
     a = to_float64(corners.a)

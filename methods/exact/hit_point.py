@@ -17,8 +17,19 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Ray
 from ...harness.frame.vectors import largest, to_float32, to_float64, total
+from .digits import (
+    exact_product,
+    fused,
+    lost_in_product,
+    lost_in_sum,
+    precise_product,
+    rounded_product,
+    wide_side,
+    wide_slope,
+)
 
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
@@ -29,6 +40,9 @@ Beyond it :func:`flat_hit_point` is used."""
 HIT_UNITS = wp.constant(wp.float64(1040.0))
 """Bound on the error of a hit point, in units of U64 of its own largest coordinate: the step, nine for the point off its
 ray that is moved onto the plane at a sine of an eighth or more, one for rounding, and a margin."""
+
+WIDE_UNITS = wp.constant(wp.float64(4.0))
+"""The same of :func:`flat_hit_point` in twice the digits: one unit for rounding, and a margin."""
 
 ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
 """The same in units of the origin's coordinates: :func:`flat_hit_point` rounds a step of 2^-23 of the distance from
@@ -43,45 +57,12 @@ LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Mask of the sign, the exponent and 23 bits of the fraction of a float64: its product with a float32 is exact."""
 
 
-@wp.func_native("return fma(a, b, c);")
-def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return __dmul_rn(a, b);
-#else
-    return a * b;
-#endif
-""")
-def rounded(a: wp.float64, b: wp.float64) -> wp.float64:
-    """a b, rounded. A GPU's compiler would fuse the product with a sum that takes it, and the rounding error of that sum
-    would not be the one computed here."""
-
-
-@wp.func
-def rounded_product(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
-    return wp.vec3d(rounded(a[0], b[0]), rounded(a[1], b[1]), rounded(a[2], b[2]))
-
-
-@wp.func
-def lost_in_sum(a: wp.vec3d, b: wp.vec3d, sum: wp.vec3d) -> wp.vec3d:
-    """a + b - sum, where sum is a + b rounded."""
-    of_b = sum - a
-    return (a - (sum - of_b)) + (b - of_b)
-
-
-@wp.func
-def lost_in_product(a: wp.vec3d, b: wp.vec3d, product: wp.vec3d) -> wp.vec3d:
-    """a b - product, component by component, where product is :func:`rounded_product`."""
-    return wp.vec3d(
-        fused(a[0], b[0], -product[0]), fused(a[1], b[1], -product[1]), fused(a[2], b[2], -product[2])
-    )
-
-
 @wp.func
 def plane_distance(ray: Ray, corners: Corners) -> wp.float64:
     """t of the ray on the triangle's plane, inside the triangle or not."""
+    if wp.static(effects.wide):
+        height = wide_side(corners.a, corners.b, corners.c, to_float64(ray.origin))
+        return -height / wide_slope(corners.a, corners.b, corners.c, to_float64(ray.direction))
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     return wp.dot(n, a64 - to_float64(ray.origin)) / wp.dot(n, to_float64(ray.direction))
@@ -91,6 +72,14 @@ def plane_distance(ray: Ray, corners: Corners) -> wp.float64:
 def hit_error(h: wp.vec3d, origin_size: wp.float64) -> wp.float64:
     """Bound on the error of each coordinate of a hit point h whose ray's origin has coordinates of up to ``origin_size``."""
     return U64 * (HIT_UNITS * largest(h) + ORIGIN_UNITS * origin_size)
+
+
+@wp.func
+def wide_hit_error(n: wp.vec3d, h: wp.vec3d, origin_size: wp.float64) -> wp.float64:
+    """Bound on what the error of h does to n . h, where every hit point is that of :func:`flat_hit_point`: each coordinate
+    is rounded once, by itself. So it holds for axes of unlike scale too."""
+    own = wp.abs(n[0] * h[0]) + wp.abs(n[1] * h[1]) + wp.abs(n[2] * h[2])
+    return U64 * (WIDE_UNITS * own + ORIGIN_UNITS * total(n) * origin_size)
 
 
 @wp.func
@@ -117,6 +106,8 @@ def along(ray: Ray, t: wp.float64) -> wp.vec3d:
 def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     """Whether the hit point takes :func:`flat_hit_point`: the ray is nearly in the triangle's plane, or the normal is too
     uncertain for the way to a corner (a large triangle, or a sliver)."""
+    if wp.static(effects.wide):
+        return True
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     # Sizes in float32: they are needed only up to a factor. Where one is zero, infinite or undefined, the point is flat.
@@ -138,6 +129,8 @@ def is_vague(ray: Ray, corners: Corners) -> wp.bool:
     STEEP |e| |f| |d|_1. So t d is off by (64 |w| + 32 M) U / STEEP: for |w| of up to NEAR M by 2^-26 M, a quarter of what
     rounding the point may lose.
     """
+    if wp.static(effects.wide):
+        return True
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
@@ -167,38 +160,26 @@ def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
 
 
 @wp.func
-def precise_height(ab: wp.vec3d, ac: wp.vec3d, w: wp.vec3d, w_lost: wp.vec3d) -> wp.float64:
-    """(ab x ac) . (w + w_lost), with what every rounding lost."""
-    ab_yzx = wp.vec3d(ab[1], ab[2], ab[0])
-    ab_zxy = wp.vec3d(ab[2], ab[0], ab[1])
-    ac_yzx = wp.vec3d(ac[1], ac[2], ac[0])
-    ac_zxy = wp.vec3d(ac[2], ac[0], ac[1])
-    left = rounded_product(ab_yzx, ac_zxy)
-    right = rounded_product(ab_zxy, ac_yzx)
-    n = left - right
-    n_lost = lost_in_sum(left, -right, n) + (
-        lost_in_product(ab_yzx, ac_zxy, left) - lost_in_product(ab_zxy, ac_yzx, right)
-    )
-    # n . w, likewise.
-    products = rounded_product(n, w)
-    terms = lost_in_product(n, w, products)
-    first = products[0] + products[1]
-    height = first + products[2]
-    of_first = first - products[0]
-    of_height = height - first
-    height += (
-        (products[0] - (first - of_first)) + (products[1] - of_first)
-        + (first - (height - of_height)) + (products[2] - of_height)
-        + (terms[0] + terms[1] + terms[2])
-        + wp.dot(n_lost, w) + wp.dot(n, w_lost)
-    )  # fmt: skip
-    return height
+def wide_hit_point(ray: Ray, corners: Corners) -> wp.vec3d:
+    """:func:`hit_point` in a wide frame: o + t d with t in twice the digits, each coordinate rounded once."""
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
+    over = -exact_product(corners.a, corners.b, corners.c, o, True)
+    under = exact_product(corners.a, corners.b, corners.c, d, False)
+    t = over[0] / under[0]
+    t_lost = (fused(-t, under[0], over[0]) + (over[1] - t * under[1])) / under[0]
+    t3 = wp.vec3d(t, t, t)
+    way = rounded_product(d, t3)
+    p = o + way
+    return p + (lost_in_sum(o, way, p) + (lost_in_product(d, t3, way) + d * t_lost))
 
 
 @wp.func
 def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """:func:`hit_point` where the ray is flat: before the end, only terms are rounded that are far too small to
     matter."""
+    if wp.static(effects.wide):
+        return wide_hit_point(ray, corners)
     o64 = to_float64(ray.origin)
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
@@ -213,7 +194,7 @@ def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     w_lost = p_lost + lost_in_sum(p, -near, w)
     ab = b64 - a64
     ac = c64 - a64
-    step = precise_height(ab, ac, w, w_lost) / precise_height(ab, ac, d64, wp.vec3d())
+    step = precise_product(ab, ac, w, w_lost) / precise_product(ab, ac, d64, wp.vec3d())
     return p + (p_lost - d64 * step)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import OPAQUE, Alpha, texels_near
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Ray
 from .segment import light_edge_error, light_edge_functions
 from .triangle import U64, edge_functions, largest, to_float64, total
@@ -38,7 +39,10 @@ def opaque_at_hit(alpha: Alpha, i: wp.int32, ray: Ray, corners: Corners, weld: w
     edge = wp.max(largest(b64 - a64), wp.max(largest(c64 - b64), largest(a64 - c64)))
     reach = wp.max(largest(a64 - o64), wp.max(largest(b64 - o64), largest(c64 - o64)))
     bound = wp.float64(16.0) * U64 * total(d64) * reach * edge
-    return opaque_where(alpha, i, edge_functions(o64, d64, a64, b64, c64, weld), bound)
+    e = edge_functions(o64, d64, a64, b64, c64, weld)
+    if wp.static(effects.wide):
+        bound = wp.float64(4.0) * U64 * total(e)
+    return opaque_where(alpha, i, e, bound)
 
 
 @wp.func

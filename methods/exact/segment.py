@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners
-from .hit_point import hit_error
+from .digits import wide_side
+from .hit_point import hit_error, wide_hit_error
 from .triangle import (
     CLOSED,
     FLOOR32,
@@ -20,6 +22,7 @@ from .triangle import (
     UNDERFLOW,
     certainly_outside,
     largest,
+    to_float32,
     to_float64,
     total,
 )  # fmt: skip
@@ -66,6 +69,24 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 
 
 @wp.func
+def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
+    """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ab x ac) . (a - light); 0 if the plane
+    contains it within rounding, so that the triangle occludes no ray."""
+    a = to_float64(corners.a)
+    ab = to_float64(corners.b) - a
+    ac = to_float64(corners.c) - a
+    la = a - to_float64(light)
+    side = wp.dot(wp.cross(ab, ac), la)
+    doubt = wp.float64(16.0) * U64 * largest(ab) * largest(ac) * total(la)
+    if wp.static(effects.wide):
+        side = -wide_side(corners.a, corners.b, corners.c, to_float64(light))
+        doubt = wp.float64(0.0)
+    if wp.abs(side) <= doubt:
+        return 0.0
+    return wp.where(side > wp.float64(0.0), 1.0, -1.0)
+
+
+@wp.func
 def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64) -> wp.bool:
     """Whether the plane of the triangle crosses the open segment from the hit point h to the light.
 
@@ -82,7 +103,13 @@ def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin
     side_h = wp.dot(n, ha)
     side_l = wp.dot(n, la)
     rounding = wp.float64(16.0) * U64 * largest(ab) * largest(ac)
-    if wp.abs(side_h) <= total(n) * hit_error(h, origin_size) + rounding * total(ha):
+    own = total(n) * hit_error(h, origin_size)
+    if wp.static(effects.wide):
+        side_h = wide_side(corners.a, corners.b, corners.c, h)
+        side_l = wide_side(corners.a, corners.b, corners.c, to_float64(light))
+        rounding = wp.float64(0.0)
+        own = wide_hit_error(n, h, origin_size)
+    if wp.abs(side_h) <= own + rounding * total(ha):
         return False
     if wp.abs(side_l) <= rounding * total(la):
         return False
@@ -105,6 +132,16 @@ def occludes(
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
     e = light_edge_functions(l64, h, a64, b64, c64, weld)
+    if wp.static(effects.wide):
+        # The light may be near one edge and far from the others: each has its own doubt.
+        doubt = light_edge_errors(h, l64, a64, b64, c64, origin_size)
+        share = wp.abs(e[0] + e[1] + e[2]) * CLOSED
+        for k in range(3):
+            if wp.abs(e[k]) <= wp.min(share, doubt[k]):
+                e[k] = wp.float64(0.0)
+        return wp.min(e[0], wp.min(e[1], e[2])) >= wp.float64(0.0) or (
+            wp.max(e[0], wp.max(e[1], e[2])) <= wp.float64(0.0)
+        )
     low = wp.min(e[0], wp.min(e[1], e[2]))
     high = wp.max(e[0], wp.max(e[1], e[2]))
     slack = wp.abs(e[0] + e[1] + e[2]) * CLOSED
@@ -123,7 +160,21 @@ def light_edge_error(
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
     reach = wp.max(total(h - a), wp.max(total(h - b), total(h - c)))
     from_light = wp.max(largest(a - light), wp.max(largest(b - light), largest(c - light)))
+    if wp.static(effects.wide):
+        return largest(light_edge_errors(h, light, a, b, c, origin_size))
     return from_light * edge * (wp.float64(16.0) * U64 * reach + wp.float64(6.0) * hit_error(h, origin_size))
+
+
+@wp.func
+def light_edge_errors(
+    h: wp.vec3d, light: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, origin_size: wp.float64
+) -> wp.vec3d:
+    """What the error of h does to each of :func:`light_edge_functions`, in a wide frame."""
+    return wp.vec3d(
+        wide_hit_error(wp.cross(b - light, c - b), h, origin_size),
+        wide_hit_error(wp.cross(c - light, a - c), h, origin_size),
+        wide_hit_error(wp.cross(a - light, b - a), h, origin_size),
+    )
 
 
 @wp.func
@@ -138,10 +189,20 @@ def light_edge_function(
 
 
 @wp.func
+def wide_light_edge(light: wp.vec3d, h: wp.vec3d, p: wp.vec3d, q: wp.vec3d) -> wp.float64:
+    """:func:`light_edge_function` to 2^-51 of itself; all but h are float32 numbers."""
+    return wide_side(to_float32(light), to_float32(p), to_float32(q), h)
+
+
+@wp.func
 def light_edge_functions(
     light: wp.vec3d, h: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i
 ) -> wp.vec3d:
     """The planes through the light and the edges opposite to a, b and c, evaluated at h."""
+    if wp.static(effects.wide):
+        return wp.vec3d(
+            wide_light_edge(light, h, b, c), wide_light_edge(light, h, c, a), wide_light_edge(light, h, a, b)
+        )
     return wp.vec3d(
         light_edge_function(light, h, b, c, weld[1], weld[2]),
         light_edge_function(light, h, c, a, weld[2], weld[0]),

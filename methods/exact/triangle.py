@@ -19,13 +19,15 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Hits, Mesh, Ray, corners_of, weld_of
 from ...harness.frame.vectors import largest as largest
 from ...harness.frame.vectors import to_float32 as to_float32
 from ...harness.frame.vectors import to_float64 as to_float64
 from ...harness.frame.vectors import total as total
+from .digits import products_of_normal, sum_of_sizes, wide_slope
 from .hit_point import U64 as U64
-from .hit_point import hit_point
+from .hit_point import hit_point, plane_distance
 
 U32 = wp.constant(5.9604645e-08)  # 2^-24
 FLOOR32 = wp.constant(1.0e-35)
@@ -106,30 +108,23 @@ def edge_function(
 
 
 @wp.func
+def wide_edge(o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d) -> wp.float64:
+    """:func:`edge_function` of float32 numbers to 2^-51 of itself."""
+    return wide_slope(to_float32(o), to_float32(p), to_float32(q), d)
+
+
+@wp.func
 def edge_functions(
     o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i
 ) -> wp.vec3d:
     """The edge functions opposite to a, b and c."""
+    if wp.static(effects.wide):
+        return wp.vec3d(wide_edge(o, d, b, c), wide_edge(o, d, c, a), wide_edge(o, d, a, b))
     return wp.vec3d(
         edge_function(o, d, b, c, weld[1], weld[2]),
         edge_function(o, d, c, a, weld[2], weld[0]),
         edge_function(o, d, a, b, weld[0], weld[1]),
     )
-
-
-@wp.func
-def products_of_normal(e: wp.vec3d, f: wp.vec3d) -> wp.vec3d:
-    """The sizes of the products of which the components of e x f are differences, added."""
-    return wp.vec3d(
-        wp.abs(e[1] * f[2]) + wp.abs(e[2] * f[1]),
-        wp.abs(e[2] * f[0]) + wp.abs(e[0] * f[2]),
-        wp.abs(e[0] * f[1]) + wp.abs(e[1] * f[0]),
-    )
-
-
-@wp.func
-def sum_of_sizes(products: wp.vec3d, w: wp.vec3d) -> wp.float64:
-    return products[0] * wp.abs(w[0]) + products[1] * wp.abs(w[1]) + products[2] * wp.abs(w[2])
 
 
 @wp.func
@@ -139,6 +134,17 @@ def edge_doubt(
     """Bound on the error of :func:`edge_function`."""
     first = wp.where(weld_p < weld_q, p, q)
     return NORMAL_UNITS * sum_of_sizes(products_of_normal(first - o, q - p), d)
+
+
+@wp.func
+def wide_distance(ray: Ray, corners: Corners, e: wp.vec3d) -> wp.float64:
+    """:func:`hit_distance` where all signs are known: those of the edge functions e, of 0 on an edge, and of t."""
+    if wp.min(e[0], wp.min(e[1], e[2])) < wp.float64(0.0) and wp.max(e[0], wp.max(e[1], e[2])) > wp.float64(
+        0.0
+    ):
+        return NO_HIT
+    t = plane_distance(ray, corners)
+    return wp.where(t > wp.float64(0.0) and t < wp.float64(wp.INF), t, NO_HIT)
 
 
 @wp.func
@@ -153,6 +159,8 @@ def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
     e = edge_functions(o64, d64, a64, b64, c64, weld)
+    if wp.static(effects.wide):
+        return wide_distance(ray, corners, e)
     sum = e[0] + e[1] + e[2]
     if sum < wp.float64(0.0):
         e = -e  # inside is positive

@@ -1,4 +1,4 @@
-"""Primary rays by a stream of triangles over the pixels, shadow rays and mirrored rays by a tree built beside it.
+"""Primary rays by a stream of triangles over the pixels, shadow rays and mirrored rays by a tree that is built meanwhile.
 
 The camera's stream of ``ray_grids`` is faster than any tree for primary rays, but needs a grid of its own for each light
 and has none for mirrored rays. A tree depends on the geometry alone: the graph of a frame builds it while the camera's
@@ -20,12 +20,13 @@ from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
+from ..common.updates import refuse_static
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
-from ..streams.settings import Build as StreamsBuild
+from ..ray_grids.parameters import Build as GridBuild
 from ..trees import constants
 from ..trees.builders import built, tree_of
-from ..trees.trace.rays import TreeRays
+from ..trees.trace.tree_rays import TreeRays
 from .choice import chosen
 from .parameters import Build, Trace
 
@@ -48,7 +49,7 @@ class Hybrid(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._streams = RayGrids(StreamsBuild(threads=self.trace.threads))
+        self._streams = RayGrids(GridBuild(threads=self.trace.threads))
         self._capacity = 0
         self._memory = 0
         self._shadows = self.build.shadows
@@ -65,10 +66,11 @@ class Hybrid(BaseMethod):
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         starts = None
         if shadows:
-            streamed, camera = self._streams.camera_stream(frame, effects, limits, "rounded")
-            starts = camera.hit
+            camera = self._streams.camera(frame, effects, limits, "rounded")
+            streamed, starts = camera.passes(), camera.rounded
         else:
             streamed = self._streams.plan(frame, effects, limits)
+        refuse_static(self.name, self.build.update, frame.prepared)
         tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
         self._rays = rays = TreeRays(

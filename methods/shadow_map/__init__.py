@@ -24,9 +24,10 @@ from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..gpu.reserve import counted
-from ..streams.camera.passes import CameraStream
+from ..streams.camera.passes import Camera
+from ..streams.method import refuse_too_large
 from ..streams.queues import COUNTERS, Capacity, Queues, more_room
-from ..streams.settings import Build as CameraBuild
+from ..streams.settings import chosen
 from .lookup import Lookup, lookup_kernel
 from .parameters import BIASES, SHAPES, Build, Trace
 from .projection import FACES, LightMap, fit_kernel
@@ -61,10 +62,7 @@ class ShadowMap(BaseMethod):
         self._memory = 0
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
-        if frame.triangle_count >= MOST_TRIANGLES:
-            raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
-        if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
-            raise CapacityRejected(f"holds at most {MOST_PIXELS_ALONG} pixels along a side")
+        refuse_too_large(frame)
         self._frame, self._memory = frame, limits.memory
         self._needs = None
         if frame.triangle_count == 0:
@@ -78,8 +76,8 @@ class ShadowMap(BaseMethod):
         self._effects = effects
         self._allocate(frame, len(effects.shadows), wanted)
         queues = Queues(frame, self._queued, self._capacity, 1)
-        build = CameraBuild().chosen(frame.triangle_count, self._queued)
-        camera = CameraStream(frame, build, queues, effects, self._needs)
+        settings = chosen(frame.triangle_count, frame.pixels, cuda=self._queued)
+        camera = Camera(frame, settings, queues, effects, self._needs)
         self._hit = camera.hit
         wide, bias = self.trace.filter == "pcf", self.trace.bias
         amount = self.trace.bias_amount * (3.0 if wide and bias in ("slope", "normal") else 1.0)

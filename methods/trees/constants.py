@@ -1,38 +1,43 @@
-"""Constants that the speed of trees depends on, and no answer. Where each was measured: docs/methods/bvh2.md."""
+"""Constants that the speed of trees depends on, and no answer.
+
+The last column says where other values were measured, in whole frames on an H200: docs/methods/bvh2.md ("tried") or parts
+of results/notebook.md ("pairs", "exact"). A dash: the value was taken from the source named in the code, or never varied.
+
+    constant           value    unit          what it is                                                     measured
+    KEY_BITS           24       bits          of the Morton keys that leaves are sorted by                   tried
+    RADIUS             2        places        on either side, where H-PLOC looks for a cluster to merge      tried
+    SHARED_AREA        1.25     ratio         of a common box to both boxes, up to which a leaf is shared    pairs
+    BLOCK              128      threads       of a block that traces or builds; packets' stacks need it      tried
+    REGISTERS          48       a thread      of the kernels that trace                                      tried, exact
+    EYE_REGISTERS      56       a thread      ... of rays from the eye, with their hit points in float64     exact
+    RESOLVE_REGISTERS  96       a thread      of the kernel of the hit points of listed rays                 tried
+    RECORD_REGISTERS   64       a thread      of the kernels that make records, which memory limits          -
+    SHARES             2        parts         of the pixels that a GPU traces at once                        tried, exact
+    MOST_KEPT          14       triangles     undecided, that a ray keeps before it enters them in a list    -
+    UNDECIDED          262,144  pairs         that there is room for at first, or half the pixels            -
+    SORT_THREADS       256      threads       of a block that sorts                                          -
+    COUNT_BLOCKS       264      blocks        that count digits: two for each multiprocessor                 -
+    MANY_KEYS          400,000  keys          from which on a thread sorts 16 of them, below 8               -
+    TILES_AT_ONCE      4        tiles         whose counts a thread reads at once when it looks back         tried
+"""
 
 from __future__ import annotations
 
 KEY_BITS = 24
-"""Bits of the Morton keys that triangles are sorted by: a pass of the sort for each 8."""
-
 RADIUS = 2
-"""Places on either side of a cluster among which H-PLOC looks for the one to merge it with."""
-
 SHARED_AREA = 1.25
-"""Two triangles share a leaf where the area of their common box is at most this many times the sum of their own boxes'
-areas."""
-
 BLOCK = 128
-"""Threads of a block of the kernels that trace: how pixels are divided, and the stacks of packets, depend on it."""
-
 REGISTERS = 48
-"""Registers a thread of the kernels that trace, at most."""
-
 EYE_REGISTERS = 56
-"""The same of rays from the eye, where float64 computes t, weights and hit point in the same kernel."""
-
 RESOLVE_REGISTERS = 96
-"""The same of the kernel that computes them for listed rays."""
-
 RECORD_REGISTERS = 64
-"""The same of the kernels that make records of triangles, which are limited by memory."""
-
 SHARES = 2
-"""Parts of the pixels that a GPU traces at once, where a tree traces the primary rays, too."""
-
+MOST_KEPT = 14
 UNDECIDED = 262_144
-"""Pairs of a ray and a triangle left to float64 that there is room for at first, if that is no less than half of the
-pixels."""
+SORT_THREADS = 256
+COUNT_BLOCKS = 264
+MANY_KEYS = 400_000
+TILES_AT_ONCE = 4
 
 MOST_TRIANGLES = 2**24
 """A tree over fewer fits the stacks."""

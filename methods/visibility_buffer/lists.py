@@ -9,15 +9,15 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.effects.specialise import effects
-from ...harness.frame.geometry import Camera
 from ..common.pixels import tile_pixel
 from ..gpu.entries import entry
 from ..streams.cube.cells import RayCells
 from ..streams.cube.farthest import raise_farthest, tile_index
 from ..streams.cube.rectangle import cells_in_use, face_rectangle, set_table
-from ..streams.occlusion.planes import Occluder, ShadowBits, test_ray
+from ..streams.occlusion.planes import Occluder
+from ..streams.occlusion.ray_test import ShadowBits, test_ray
 from ..streams.queues import Queue
-from ..streams.rays.hit_points import Words, has_hit
+from ..streams.rays.hit_points import PrimaryHits, has_hit
 from ..streams.rays.sort import cell_of
 from .tiles import TILE_SIZE, TILE_TEXELS
 
@@ -34,8 +34,7 @@ def texel_index(face: wp.int32, x: wp.int32, y: wp.int32, along: wp.int32) -> wp
 @wp.kernel(enable_backward=False, grid_stride=False)
 def insert_kernel(
     light: wp.int32,
-    camera: Camera,
-    rays: Words,
+    hits: PrimaryHits,
     receivers: wp.array2d(dtype=wp.uint8),
     cells: RayCells,
     head: wp.array(dtype=wp.int32),
@@ -47,6 +46,7 @@ def insert_kernel(
     """
     along = cells_in_use(cells.rectangle, cells.cells)
     set_table(wp.tid(), cells.rectangle, cells.table, along)
+    camera = hits.camera
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
@@ -54,7 +54,7 @@ def insert_kernel(
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
             return
-    elif not has_hit(rays, pixel):
+    elif not has_hit(hits, pixel):
         return
     p = entry(cells.place, pixel)
     face = wp.int32(p[2])

@@ -1,23 +1,22 @@
-"""Passes of the visibility buffer and of the irregular z-buffers: what ``ray_grids`` has in other kernels."""
+"""Passes of the visibility buffer and of the irregular z-buffers: what the streams have in other kernels."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any
 
 import warp as wp
 
 from ...harness.frame.effects.specialise import specialised
-from ...harness.frame.frame import Frame
 from ...harness.frame.schedule.passes import Pass
-from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from ..gpu.warps import LANES
-from ..streams.camera.passes import CameraStream
-from ..streams.cube.aims import LightAims
-from ..streams.light import LightStream
+from ..streams.camera.passes import Camera, undecided_step
+from ..streams.occlusion.passes import Occlusion
 from ..streams.queues import BLOCK_DIM, Queues, Step
-from ..streams.settings import Streams
+from ..streams.rays.light_rays import LightRays
+from ..streams.rays.placing import ByRays
 from . import lists, raster, shadow
 
 
@@ -34,131 +33,98 @@ def threads_of(queues: Queues) -> list[int]:
     return [queues.threads, int(LANES) if queues.cuda else 1]
 
 
-class CameraRaster(CameraStream):
-    """Primary rays: clear, rasterise, decide the undecided pairs, resolve."""
+def raster_steps(camera: Camera) -> list[Step]:
+    """Primary rays: rasterise, tiles of larger triangles, undecided pairs."""
+    first: Step = ("rasterise triangles", (), ("items",), partial(launch_raster, camera))
+    tiles = tile_steps(partial(launch_split, camera), partial(launch_tiles, camera))
+    return [first, *tiles, undecided_step(camera)]
 
-    def steps(self) -> list[Step]:
-        first: Step = ("rasterise triangles", (), ("items",), self.launch_stream)
-        return [first, *tile_steps(self.launch_split, self.launch_tiles), self.undecided()]
 
-    def launch_stream(self, share: int) -> None:
-        f, q = self.frame, self.queues
+def launch_raster(camera: Camera, share: int) -> None:
+    f, q = camera.frame, camera.queues
+    inputs = [q.share(share), camera.settings.inline_pixels, f.camera, f.mesh, f.alpha]
+    camera.launch(raster.raster_kernel, share, q.share_threads, inputs, [q.nearest, q.exact_path])
+
+
+def launch_split(camera: Camera, share: int) -> None:
+    q = camera.queues
+    camera.launch(raster.split_kernel, share, q.threads, [*threads_of(q), camera.frame.camera], [])
+
+
+def launch_tiles(camera: Camera, share: int) -> None:
+    f, q = camera.frame, camera.queues
+    inputs = [*threads_of(q), f.camera, f.alpha]
+    camera.launch(raster.tile_kernel, share, q.threads, inputs, [q.nearest])
+
+
+class ByLists(ByRays):
+    """Places the rays of a light and puts them into the lists of its map's texels. head int32 [texels]: of each list."""
+
+    def __init__(self, rays: LightRays, head: wp.array):
+        super().__init__(rays, keeps=True)
+        self.head = head
+
+    def sorting(self) -> list[Pass]:
+        r = self.rays
+        reads, writes = (*r.seen(), r.name("ray places")), (r.name("ray cells"),)
+        return [Pass(f"{r.who}: lists of texels", "light build", reads, writes, self.launch_insert, r.effect)]
+
+    def launch_insert(self) -> None:
+        r, f = self.rays, self.rays.frame
+        self.head.zero_()
         wp.launch(
-            specialised(raster.raster_kernel, self.effects.switches()),
-            dim=q.share_threads,
-            inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, q.exact_path, self.queue[share]],
+            specialised(lists.insert_kernel, r.switches),
+            dim=thread_count(f.width, f.height, True),
+            inputs=[r.index, r.hits, f.receivers],
+            outputs=[r.cells, self.head],
             device=f.device,
-            block_dim=BLOCK_DIM,
-        )
-
-    def launch_split(self, share: int) -> None:
-        wp.launch(
-            raster.split_kernel,
-            dim=self.queues.threads,
-            inputs=[*threads_of(self.queues), self.frame.camera],
-            outputs=[self.queue[share]],
-            device=self.frame.device,
-            block_dim=BLOCK_DIM,
-        )
-
-    def launch_tiles(self, share: int) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(raster.tile_kernel, self.effects.switches()),
-            dim=q.threads,
-            inputs=[*threads_of(q), f.camera, f.alpha],
-            outputs=[q.nearest, self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
         )
 
 
-class LightRaster(LightStream):
-    """Shadow rays of one light: aim the map, map the hit points, put them in lists, rasterise, decide the undecided
-    pairs."""
+class MapOcclusion(Occlusion):
+    """Tests triangles against the rays in the lists of a light's map."""
 
-    keeps: ClassVar[bool] = True
-
-    def __init__(
-        self,
-        frame: Frame,
-        index: int,
-        build: Streams,
-        hit: wp.array,
-        queues: Queues,
-        arrays: dict[str, Any],
-        aims: LightAims,
-        effects: Effects,
-    ):
-        self.head = arrays["head"]
-        cells = {name: array for name, array in arrays.items() if name != "head"}
-        super().__init__(frame, index, build, hit, queues, cells, aims, effects)
-
-    def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
-        name = f"light {self.index}: lists of texels"
-        return [Pass(name, "light build", (*seen, place), (rays,), self.launch_insert, effect)]
+    def __init__(self, rays: LightRays, head: wp.array):
+        super().__init__(rays)
+        self.head = head
 
     def steps(self) -> list[Step]:
         return [
-            ("rasterise triangles", (), ("large triangles",), self.launch_stream),
+            ("rasterise triangles", (), ("large triangles",), self.launch_raster),
             ("larger triangles", ("large triangles",), ("items",), self.launch_setup),
-            *tile_steps(self.launch_split, self.launch_tiles),
+            *tile_steps(self.launch_tile_split, self.launch_tiles),
         ]
 
-    def launch_insert(self) -> None:
-        f = self.frame
-        self.head.zero_()
+    def _launch(
+        self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]
+    ) -> None:
+        """Launch a kernel of a step. ``outputs``: those before the queue of the share."""
+        r = self.rays
         wp.launch(
-            specialised(lists.insert_kernel, self.switches),
-            dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, self.rays, f.receivers],
-            outputs=[self.cells, self.head],
-            device=f.device,
+            self.of_rays(kernel),
+            dim=threads,
+            inputs=inputs,
+            outputs=[*outputs, r.queue[share]],
+            device=r.frame.device,
+            block_dim=BLOCK_DIM,
         )
 
-    def launch_stream(self, share: int) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(shadow.raster_kernel, self.switches),
-            dim=q.share_threads,
-            inputs=[
-                q.share(share), self.build.inline_cells, self.build.inline_rays, f.lights, self.aims.cubes, self.cells,
-                self.head, f.mesh, f.alpha,
-            ],
-            outputs=[self.bits, self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
+    def launch_raster(self, share: int) -> None:
+        r, f, q, s = self.rays, self.rays.frame, self.rays.queues, self.rays.settings
+        inputs = [
+            q.share(share), s.inline_cells, s.inline_rays, r.light, r.cells, self.head, f.mesh, f.alpha,
+        ]  # fmt: skip
+        self._launch(shadow.raster_kernel, share, q.share_threads, inputs, [self.bits])
 
     def launch_setup(self, share: int) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            shadow.setup_kernel,
-            dim=q.threads,
-            inputs=[q.threads, self.index, f.lights, self.aims.cubes, self.cells, f.mesh],
-            outputs=[self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        r, q = self.rays, self.rays.queues
+        self._launch(shadow.setup_kernel, share, q.threads, [q.threads, r.light, r.cells, r.frame.mesh], [])
 
-    def launch_split(self, share: int) -> None:
-        wp.launch(
-            shadow.split_kernel,
-            dim=self.queues.threads,
-            inputs=[*threads_of(self.queues), self.cells],
-            outputs=[self.queue[share]],
-            device=self.frame.device,
-            block_dim=BLOCK_DIM,
-        )
+    def launch_tile_split(self, share: int) -> None:
+        r, q = self.rays, self.rays.queues
+        self._launch(shadow.split_kernel, share, q.threads, [*threads_of(q), r.cells], [])
 
     def launch_tiles(self, share: int) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(shadow.tile_kernel, self.switches),
-            dim=q.threads,
-            inputs=[*threads_of(q), self.cells, self.head, f.alpha],
-            outputs=[self.bits, self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        r, q = self.rays, self.rays.queues
+        inputs = [*threads_of(q), r.cells, self.head, r.frame.alpha]
+        self._launch(shadow.tile_kernel, share, q.threads, inputs, [self.bits])

@@ -14,22 +14,25 @@ from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Mesh
 from ..gpu.bits import lowest_bit, without_lowest_bit
 from ..gpu.entries import entry, set_entry
-from ..streams.cube.aim import cube_of
 from ..streams.cube.cells import RayCells
 from ..streams.cube.faces import on_face
-from ..streams.cube.farthest import all_rays_end_before, depth_slack, nearest_depth
+from ..streams.cube.farthest import all_rays_end_before, nearest_depth
 from ..streams.cube.footprint import (
     Sides,
     cells_of_row,
     cube_space,
+    depth_slack,
+    extent_with_rays,
     flat_box,
     leaves_out,
     on_bins,
     sides_of_flat,
     sides_of_planes,
 )
-from ..streams.cube.rectangle import cells_of, extent_with_rays, faces_of, last_row
-from ..streams.occlusion.planes import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
+from ..streams.cube.lights import Light, cube_of_light, position_of
+from ..streams.cube.rectangle import cells_of, faces_of, last_row
+from ..streams.occlusion.planes import Occluder, bound_of, set_planes
+from ..streams.occlusion.ray_test import ShadowBits
 from ..streams.queues import Queue, Share, triangle_of
 from ..streams.reads import corners_at
 from .lists import test_list, test_texels, texel_index
@@ -58,6 +61,26 @@ from .tiles import (
 def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i, along: wp.int32) -> wp.bool:
     """Whether no hit point lies in a tile; ``along``: texels along a face."""
     return entry(farthest, (face * (along >> TILE_SHIFT) + tile[1]) * (along >> TILE_SHIFT) + tile[0]) == 0
+
+
+@wp.func
+def store_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder):
+    """Store the planes of a queued triangle, four words per plane."""
+    set_entry(records, occluder.i, 0, occluder.e0)
+    set_entry(records, occluder.i, 1, occluder.e1)
+    set_entry(records, occluder.i, 2, occluder.e2)
+    set_entry(records, occluder.i, 3, occluder.plane)
+
+
+@wp.func
+def stored_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder) -> Occluder:
+    """An occluder with the planes that :func:`store_planes` stored."""
+    o = occluder
+    o.e0 = entry(records, occluder.i, 0)
+    o.e1 = entry(records, occluder.i, 1)
+    o.e2 = entry(records, occluder.i, 2)
+    o.plane = entry(records, occluder.i, 3)
+    return o
 
 
 @wp.func
@@ -95,8 +118,7 @@ def raster_kernel(
     share: Share,
     inline_cells: wp.int32,
     inline_rays: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array2d(dtype=wp.vec4f),
+    light: Light,
     cells: RayCells,
     head: wp.array(dtype=wp.int32),
     mesh: Mesh,
@@ -112,7 +134,7 @@ def raster_kernel(
     row = last_row(cells.table)
     faces = wp.where(entry(mesh.valid, i) != wp.uint8(0), faces_of(row), wp.uint32(0))
     corners = corners_at(mesh, i)
-    cube = cube_of(cubes, bits.light)
+    cube = cube_of_light(light)
     along = cells_of(row)
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
@@ -151,7 +173,7 @@ def raster_kernel(
                     queue_large(queue, i, face, box, occluder.bound)
     if here >= 0 or queued_too:
         # Corners are read again: held until here, they would take the registers of the loop.
-        planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i), False)
+        planes = set_planes(occluder, position_of(light), corners_at(mesh, i), False)
         if here >= 0:
             if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
                 # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are undecided.
@@ -164,9 +186,7 @@ def raster_kernel(
 @wp.kernel(enable_backward=False, grid_stride=False)
 def setup_kernel(
     threads: wp.int32,
-    light: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array2d(dtype=wp.vec4f),
+    light: Light,
     cells: RayCells,
     mesh: Mesh,
     queue: Queue,
@@ -174,7 +194,7 @@ def setup_kernel(
     """One thread per queued triangle: the lines that bound it on its face, and the groups of its tiles."""
     place = wp.tid()
     stop = held_large(queue)
-    cube = cube_of(cubes, light)
+    cube = cube_of_light(light)
     row = last_row(cells.table)
     while place < stop:
         work = entry(queue.large, place)
@@ -190,7 +210,7 @@ def setup_kernel(
         if flat.valid:
             sides = sides_of_flat(flat)
         else:
-            sides = sides_of_planes(lights[light], cube, face, corners, r)
+            sides = sides_of_planes(position_of(light), cube, face, corners, r)
         set_entry(queue.groups, place, 0, sides.line0)
         set_entry(queue.groups, place, 1, sides.line1)
         set_entry(queue.groups, place, 2, sides.line2)

@@ -1,18 +1,26 @@
-"""Kernels around Warp's own mesh queries: closest hits, and shadow rays from a start that an error bound gives."""
+"""Kernels around Warp's own mesh queries: closest hits, and shadow rays from starts that float32 may choose."""
 
 from __future__ import annotations
+
+import functools
+from typing import Any
 
 import warp as wp
 
 from ...harness.frame.effects.specialise import effects
-from ...harness.frame.geometry import Camera, Hits, Rays, mirrored_ray, ray_of
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
+from ..common.offset import SHADOW_END, stepped
 from ..common.pixels import pixel_of
 from ..exact.triangle import write_miss
+
+END = wp.constant(SHADOW_END)
+
+CUT = wp.constant(1.0e-6)
+"""The share of the way to the light that ``origin = plain_cut`` leaves out."""
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
 def mesh_primary_kernel(
-    blocks: wp.bool,
     tree: wp.uint64,
     names: wp.array(dtype=wp.int32),
     camera: Camera,
@@ -22,7 +30,7 @@ def mesh_primary_kernel(
     """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it. ``names``: the triangle of each of its
     faces; empty where a face has its triangle's number.
     """
-    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
     if pixel < 0:
         return
     ray = ray_of(camera, pixel)
@@ -45,33 +53,59 @@ def mesh_primary_kernel(
         write_miss(hits, pixel)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def mesh_shadow_kernel(
-    blocks: wp.bool,
-    light: wp.int32,
-    end: wp.float32,
-    tree: wp.uint64,
-    camera: Camera,
-    lights: wp.array(dtype=wp.vec3f),
-    hits: Hits,
-    origins: wp.array(dtype=wp.vec3f),
-    receivers: wp.array2d(dtype=wp.uint8),
-    shadowed: wp.array2d(dtype=wp.uint8),
-):
-    """Whether the wp.Mesh ``tree`` finds anything between each hit, moved off its triangle, and ``end`` of the way.
+@functools.cache
+def make_mesh_shadow_kernel(origin: str) -> Any:
+    """Whether the wp.Mesh ``tree`` finds anything between each hit and the light.
 
-    ``origins`` are found by a kernel of their own (:func:`..common.offset.launch_shadow_origins`): float64 takes half as
-    many registers again as the query, and would halve how many queries a GPU has in flight.
+    origin  "exact": from ``starts``, moved off the hit's triangle by an error bound. They are found by a kernel of their
+            own (:func:`..common.offset.launch_shadow_origins`): float64 takes half as many registers again as the query, and
+            would halve how many queries a GPU has in flight.
+            The others are as a user of Warp writes them, float32 without a bound, so that some bits are wrong. "plain": from
+            the point (u, v) of the triangle, moved along its normal as Waechter and Binder do (Ray Tracing Gems, ch. 6);
+            "plain_cut": from the point at t of the ray, moved by :data:`CUT` of the way to the light
     """
-    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
-    if pixel < 0:
-        return
-    if wp.static(effects.receivers):
-        if receivers[light, pixel] == wp.uint8(0):
-            shadowed[light, pixel] = wp.uint8(0)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def mesh_shadow_kernel(
+        light: wp.int32,
+        tree: wp.uint64,
+        camera: Camera,
+        mesh: Mesh,
+        lights: wp.array(dtype=wp.vec3f),
+        mirrored: Rays,
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+        receivers: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
+    ):
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
+        if pixel < 0:
             return
-    occluded = wp.bool(False)
-    if hits.triangle[pixel] >= 0:
-        origin = origins[pixel]
-        occluded = wp.mesh_query_ray_anyhit(tree, origin, lights[light] - origin, end)
-    shadowed[light, pixel] = wp.uint8(occluded)
+        best = hits.triangle[pixel]
+        if wp.static(effects.receivers):
+            if receivers[light, pixel] == wp.uint8(0):
+                best = wp.int32(-1)
+        occluded = wp.bool(False)
+        if best >= 0:
+            target = lights[light]
+            if wp.static(origin == "exact"):
+                start = starts[pixel]
+            elif wp.static(origin == "plain"):
+                corners = corners_of(mesh, best)
+                ab = corners.b - corners.a
+                ac = corners.c - corners.a
+                p = corners.a + hits.u[pixel] * ab + hits.v[pixel] * ac
+                n = wp.normalize(wp.cross(ab, ac))
+                if wp.dot(n, target - p) < 0.0:
+                    n = -n
+                start = stepped(p, n)
+            else:
+                ray = ray_of(camera, pixel)
+                if wp.static(effects.bounced):
+                    ray = mirrored_ray(mirrored, pixel)
+                p = ray.origin + hits.t[pixel] * ray.direction
+                start = p + CUT * (target - p)
+            occluded = wp.mesh_query_ray_anyhit(tree, start, target - start, END)
+        shadowed[light, pixel] = wp.uint8(occluded)
+
+    return mesh_shadow_kernel

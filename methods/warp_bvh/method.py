@@ -18,17 +18,18 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.frame.schedule.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.bands import Band, Bands
+from ..common.box_tree import QUERY_BLOCK, Boxes, BoxTree, walk
 from ..common.misses import miss_passes, write_misses
-from ..common.offset import SHADOW_END, launch_shadow_origins
+from ..common.offset import launch_shadow_origins
+from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
+from ..common.ray_launches import PixelRays
 from ..common.ray_passes import shadow_ray_passes
-from .exact import ExactBvh
-from .mesh_kernels import mesh_primary_kernel, mesh_shadow_kernel
-from .plain import cut_shadow_kernel, plain_shadow_kernel
+from ..common.updates import refuse_static
+from .mesh_kernels import make_mesh_shadow_kernel, mesh_primary_kernel
 from .triangles import TreeTriangles, may_be_hit
 
 UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
 CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")
-PLAIN_KERNELS = {"plain": plain_shadow_kernel, "plain_cut": cut_shadow_kernel}
 MESH_INEXACT = "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start "
 STARTS = {
     "exact": "a rounding bound away from the surface",
@@ -69,7 +70,6 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     origin   where shadow rays start. "exact": at the exact hit point, with update=bvh_rebuild, or off the surface by a bound
              of the query's rounding, computed in float64; "plain": float32 throughout, as users of Warp write it, off the
              surface by the rule of Waechter and Binder (Ray Tracing Gems, chapter 6); "plain_cut": after 1e-6 of the way to
@@ -77,7 +77,6 @@ class Trace:
     threads  of a CPU: each traces a band of the image; 0: one for each core that this process may use, at most 16
     """
 
-    swizzle: bool = True
     origin: str = "exact"
     threads: int = 0
 
@@ -116,7 +115,8 @@ class WarpBvh(BaseMethod):
         self._mesh: wp.Mesh | None = None
         self._triangles: TreeTriangles | None = None
         self._valid: Any = None
-        self._exact: ExactBvh | None = None
+        self._tree: BoxTree | None = None
+        self._rays: PixelRays | None = None
         self._bands: Bands | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
@@ -124,12 +124,14 @@ class WarpBvh(BaseMethod):
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         if self.build.update == "bvh_rebuild":
-            leaf_size = self.build.leaf_size or 1
-            self._exact = ExactBvh(
-                frame, self._constructor, leaf_size, self.trace.swizzle, effects.bounces, self.trace.threads
+            self._tree = tree = BoxTree(frame, self._constructor, self.build.leaf_size or 1)
+            kernels = make_primary_kernel(Boxes, walk), make_shadow_kernel(Boxes, walk)
+            threads = self.trace.threads
+            self._rays = PixelRays(
+                frame, effects, tree.boxes(), *kernels, swizzle=True, threads=threads, block=QUERY_BLOCK
             )
-            self._bands = self._exact.bands
-            return self._exact.passes(effects)
+            self._bands = self._rays.bands
+            return [*tree.passes(), *self._rays.passes(("bvh",))]
         self._frame, self._effects = frame, effects
         self._bands = Bands(frame, self.trace.threads)
         self._mesh = self._triangles = self._valid = None
@@ -167,9 +169,7 @@ class WarpBvh(BaseMethod):
 
     def counters(self) -> dict[str, int]:
         """Tests of the exact variant; a wp.Mesh has no counters to read."""
-        if self._exact is None:
-            return {}
-        return self._exact.counters()
+        return {} if self._rays is None else self._rays.counters()
 
     def _make_mesh(self, points: wp.array, indices: wp.array) -> wp.Mesh:
         return wp.Mesh(
@@ -181,11 +181,7 @@ class WarpBvh(BaseMethod):
         inefficient."""
         frame = self._frame
         prepared = frame.prepared
-        if self.build.update == "static" and prepared.moves:
-            raise UserError(
-                f"warp_bvh.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
-                "choose rebuild or refit"
-            )
+        refuse_static(self.name, self.build.update, prepared)
         self._triangles = triangles = TreeTriangles(frame, may_be_hit(prepared))
         if triangles.count == 0:
             return
@@ -227,13 +223,11 @@ class WarpBvh(BaseMethod):
         assert self._triangles is not None
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.thread_count(self.trace.swizzle),
-            inputs=[
-                self.trace.swizzle, self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce)),
-            ],
+            dim=band.thread_count(True),
+            inputs=[self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce))],
             outputs=[band.fields_of(frame.hits(bounce))],
             device=frame.device,
-        )  # fmt: skip
+        )
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
@@ -244,33 +238,18 @@ class WarpBvh(BaseMethod):
         self._bands.run(self._shadow_of, light, bounce)
 
     def _shadow_of(self, band: Band, light: int, bounce: int) -> None:
-        frame = self._frame
+        frame, origin = self._frame, self.trace.origin
         assert self._mesh is not None
-        if self.trace.origin == "exact":
-            self._exact_shadow_of(band, light, bounce)
-            return
+        if origin == "exact":
+            part = (band.first, band.end - band.first)
+            launch_shadow_origins(frame, light, self._origins, True, bounce, part)
         wp.launch(
-            specialised(PLAIN_KERNELS[self.trace.origin], self._effects.switches(light, bounce)),
-            dim=band.thread_count(self.trace.swizzle),
+            specialised(make_mesh_shadow_kernel(origin), self._effects.switches(light, bounce)),
+            dim=band.thread_count(True),
             inputs=[
-                self.trace.swizzle, light, SHADOW_END, self._mesh.id, band.camera, frame.mesh, frame.lights,
-                band.fields_of(frame.hits(bounce)), band.of(frame.masks(bounce)), band.fields_of(frame.rays(bounce)),
-            ],
-            outputs=[band.of(frame.bits(bounce))],
-            device=frame.device,
-        )  # fmt: skip
-
-    def _exact_shadow_of(self, band: Band, light: int, bounce: int) -> None:
-        frame = self._frame
-        assert self._mesh is not None
-        part = (band.first, band.end - band.first)
-        launch_shadow_origins(frame, light, self._origins, True, bounce, part)
-        wp.launch(
-            specialised(mesh_shadow_kernel, self._effects.switches(light, bounce)),
-            dim=band.thread_count(self.trace.swizzle),
-            inputs=[
-                self.trace.swizzle, light, SHADOW_END, self._mesh.id, band.camera, frame.lights,
-                band.fields_of(frame.hits(bounce)), band.of(self._origins), band.of(frame.masks(bounce)),
+                light, self._mesh.id, band.camera, frame.mesh, frame.lights,
+                band.fields_of(frame.rays(bounce)), band.fields_of(frame.hits(bounce)), band.of(self._origins),
+                band.of(frame.masks(bounce)),
             ],
             outputs=[band.of(frame.bits(bounce))],
             device=frame.device,

@@ -118,13 +118,15 @@ def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
     With replaced texts it is removed at the end.
     """
     if replaced:
-        folder = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
-        atexit.register(folder.cleanup)
-        wp.config.kernel_cache_dir = folder.name
+        replaced_kernels = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
+        atexit.register(replaced_kernels.cleanup)
+        wp.config.kernel_cache_dir = replaced_kernels.name
         return
     files = sorted(path for path in HEADER.parent.iterdir() if path.suffix in (".h", ".py"))
     version = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
-    wp.config.kernel_cache_dir = str(Path(wp.config.kernel_cache_dir) / f"emulated-{version}")
+    folder = Path(wp.config.kernel_cache_dir) / f"emulated-{version}"
+    folder.mkdir(exist_ok=True)
+    wp.config.kernel_cache_dir = str(folder)
 
 
 def _asked_by_warp() -> bool:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from helpers.judged_hard_cases import EVERYTHING, exact_methods
+from helpers.streams import trial
 from shadowbench import methods
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import all_cases
@@ -123,29 +124,24 @@ def test_the_side_of_the_gpu_answers_hard_cases_exactly(name, given):
 
 
 SETTINGS = [
-    {"cells": "640"},  # offsets of cells: rows longer than a block has threads
-    {
-        "inline_pixels": "0",
-        "inline_rays": "0",
-        "inline_cells": "0",
-        "part": "32",
-        "groups": "split",
-    },  # all through the queues
-    {"groups": "split"},  # rays tested by the thread of a triangle, as of many triangles
-    {"region": "triangles", "occluders": "last", "shares": "3"},
-    {"streamed": "after"},  # triangles that meet no ray left out, as of many triangles
+    trial(cells=640),  # offsets of cells: rows longer than a block has threads
+    trial(inline_pixels=0, inline_rays=0, inline_cells=0, chunk=32, groups="split"),  # all through the queues
+    trial(groups="split"),  # rays tested by the thread of a triangle, as of many triangles
+    {"occluders": "last", **trial(shares=3)},
+    trial(region="triangles", spacing="rays", shares=3),
+    trial(overlaps="false"),  # triangles that meet no ray left out, as of many triangles
 ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("given", SETTINGS, ids=[next(iter(given)) for given in SETTINGS])
+@pytest.mark.parametrize("given", SETTINGS, ids=str)
 def test_no_setting_of_ray_grids_changes_an_answer(given):
     assert "0 with true errors" in checked("ray_grids", given, CASES[::2])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("given", [{}, {"groups": "split"}], ids=["stream", "split"])
+@pytest.mark.parametrize("given", [{}, trial(groups="split")], ids=["stream", "split"])
 def test_no_order_of_lanes_changes_an_answer(given, seed):
     assert "0 with true errors" in checked("ray_grids", given, CASES[seed::2], seed=seed)
 
@@ -177,7 +173,7 @@ def test_a_snippet_that_was_broken_is_found(old, new):
     """So these cases run these snippets, and judge what comes of them. A number that nobody wrote may be no place to write
     to."""
     cases = ("P30 1000", "P31 100000")
-    done = check("ray_grids", {"cells": "640"}, cases, "--replace", old, new)
+    done = check("ray_grids", trial(cells=640), cases, "--replace", old, new)
     assert "no snippet holds" not in done.stderr
     judged = done.returncode == 1 and "with true errors" in done.stdout
     assert judged or -done.returncode == signal.SIGSEGV, done.stdout + done.stderr
@@ -186,7 +182,7 @@ def test_a_snippet_that_was_broken_is_found(old, new):
 @pytest.mark.slow
 def test_a_kept_pair_that_is_lost_is_found():
     """Of an odd number of pairs that a warp keeps, one is decided twice and one never."""
-    given, case = {"part": "64", "inline_pixels": "0"}, "P31 1e+06"
+    given, case = trial(chunk=64, inline_pixels=0), "P31 1e+06"
     assert "1 cases, 0 with true errors" in checked("ray_grids", given, [case])
     old = '"r"(kept + 8 * number)'
     done = check("ray_grids", given, [case], "--replace", old, '"r"(kept + 8 * (number ^ 1))')

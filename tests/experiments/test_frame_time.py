@@ -7,6 +7,8 @@ import csv
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.experiment_records import record_of, write_records
+from helpers.planned_for_cuda import plan_for_cuda
+from helpers.streams import trial
 from shadowbench.experiments import _floor as floor
 from shadowbench.experiments import frame_time
 from shadowbench.experiments._floor import Machine, Work, ray_grids
@@ -109,21 +111,22 @@ def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_p
     assert lines[2].startswith("cloth,64,64,a new stage,trace,0.1,,")
 
 
-@pytest.mark.parametrize(("groups", "steps"), [("split", 5), ("stream", 4)])
-def test_every_stage_of_the_method_has_its_work(groups, steps):
+@pytest.mark.parametrize("groups", ["split", "stream"])
+@pytest.mark.parametrize("shares", [1, 2])
+def test_every_stage_of_the_method_has_its_work(groups, shares, monkeypatch):
     """Whoever adds or renames a pass says what it must move."""
     vertices, faces = soup(3, 20)
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0), (1.0, 2.0, 3.0)])
-    session = Session(
-        make_method("ray_grids", {"queue": "always", "groups": groups}), prepared, 16, 16, "cpu"
-    )
+    method = make_method("ray_grids", trial(groups=groups, shares=shares))
+    plan_for_cuda(method, monkeypatch)
+    session = Session(method, prepared, 16, 16, "cpu")
     row = {"triangles": 20, "vertices": 60, "pixels": 256, "shadow_rays": 100}
     works = {work.name: ray_grids(row, work.name) for work in session.all_passes}
     assert not [name for name, work in works.items() if work is None]
-    # On a GPU each share is a pass; threads of a CPU take the shares of one.
-    shared = [name for name, work in works.items() if work.stage]
-    assert len(shared) == 4 + 2 * steps  # of the camera four, and of each light
-    assert {ray_grids(row, f"{name}, share 2 of 2").stage for name in shared} == set(shared)
+    stages = {work.stage for work in works.values() if work.stage}
+    steps = 5 if groups == "split" else 4
+    assert len(stages) == 3 + 2 * steps  # of the camera three, and of each light
+    assert sum(bool(work.stage) for work in works.values()) == shares * len(stages)
 
 
 def test_a_bar_says_three_digits_and_what_is_wrong_of_it():

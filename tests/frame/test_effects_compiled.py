@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,15 +14,24 @@ from helpers.compiled_twins import (
     Cut,
     compiled,
     effect_of,
+    functions_of,
     generated,
     generated_together,
     kernels_with_effects,
+    own,
     source_of,
     source_without,
     with_source,
+    without,
 )
 from shadowbench.harness.frame.effects import specialise
-from shadowbench.harness.frame.effects.specialise import NAMES, named, specialised
+from shadowbench.harness.frame.effects.specialise import (
+    NAMES,
+    called_by,
+    named,
+    overloads_of,
+    specialised,
+)
 from shadowbench.harness.scene.effects import Switches
 
 kernels = functools.cache(kernels_with_effects)
@@ -40,14 +50,14 @@ ROOT = Path(shadowbench.methods.__path__[0]).parent
 
 def others(kernel, effect):
     """Switches with ``effect`` off: all others off, and all others on where there are any."""
-    rest = {name: True for name in named(kernel) if name != effect}
+    rest = {name: True for name in own(kernel) if name != effect}
     return [Switches(), Switches(**rest)] if rest else [Switches()]
 
 
 def generated_variants(kernel):
     """The code of a kernel and of its twins, by the switches and the effect that is cut out, "" for none."""
     variants = {}
-    for effect in named(kernel):
+    for effect in own(kernel):
         for switches in others(kernel, effect):
             variants[switches, ""] = source_of(kernel), switches
             variants[switches, effect] = source_without(kernel, effect), switches
@@ -60,7 +70,7 @@ def test_off_generates_the_code_of_the_twin_and_on_does_not():
     """For the CPU: a branch is taken or left before a target has any part in it (for a GPU: the kernels below)."""
     for name, kernel in kernels().items():
         code = generated_variants(kernel)
-        for effect in named(kernel):
+        for effect in own(kernel):
             for switches in others(kernel, effect):
                 off = code[switches, ""]
                 assert off == code[switches, effect], (name, effect)
@@ -92,11 +102,52 @@ def test_the_same_generated_code_is_the_same_machine_code(effect, target, tmp_pa
 
 
 def test_every_effect_has_a_kernel_that_is_compiled():
-    assert {effect for kernel in kernels().values() for effect in named(kernel)} == SMALL.keys()
+    assert {effect for kernel in kernels().values() for effect in own(kernel)} == SMALL.keys()
+    assert {effect for kernel in kernels().values() for effect in named(kernel)} == {*NAMES}
+
+
+def functions_with_effects(function):
+    """The functions that a kernel or function calls, at any depth, and that branch on an effect."""
+    found = {}
+    for called in called_by(function).values():
+        for overload in overloads_of(called):
+            if own(overload):
+                found[overload.func] = overload
+            found |= functions_with_effects(overload.func)
+    return found
+
+
+def test_an_effect_of_functions_generates_nothing_where_it_is_off():
+    """Of each function that branches on an effect, a kernel that calls it, and its twin whose functions do not."""
+    left = {}
+    for kernel in kernels().values():
+        for function in functions_with_effects(kernel.func).values():
+            left.setdefault(function.func, (kernel, own(function)))
+    for kernel, effect in {(kernel, effect) for kernel, effects in left.values() for effect in effects}:
+        off = functions_in(with_source(kernel, source_of(kernel), Switches()), kernel)
+        assert off == functions_in(without(kernel, effect), kernel), kernel.key
+        assert off != functions_in(specialised(kernel, Switches(**{effect: True})), kernel)
+
+
+def functions_in(kernel, like):
+    """The functions that Warp generates of a kernel, in any order, without the numbers that tell those of one name apart.
+
+    A generic kernel has the overloads of the one that it is ``like``.
+    """
+    if kernel.is_generic:
+        for overload in like.overloads.values():
+            kernel.add_overload(list(overload.adj.arg_types.values()))
+    parts = functions_of(generated(kernel, "cpu"))
+    return {re.sub(r"\b([A-Za-z]\w*)_\d+\b", r"\1", part) for part in parts}
 
 
 def test_every_branch_on_an_effect_is_in_a_kernel_that_is_compared():
     compared = {kernel.func.__code__.co_filename + kernel.func.__name__ for kernel in kernels().values()}
+    compared |= {
+        function.__code__.co_filename + function.__name__
+        for kernel in kernels().values()
+        for function in functions_with_effects(kernel.func)
+    }
     seen = 0
     for file in [*ROOT.glob("methods/**/*.py"), *ROOT.glob("harness/**/*.py")]:
         if "wp.static(effects." not in file.read_text():
@@ -132,7 +183,7 @@ def test_variants_are_few_and_made_once():
             unnamed = {name: True for name in NAMES if name not in named(kernel)}
             wanted = {name: getattr(switches, name) for name in named(kernel)}
             assert specialised(kernel, Switches(**wanted, **unnamed)) is made
-    assert max(2 ** len(named(kernel)) for kernel in kernels().values()) <= 8  # docs/effects.md says so
+    assert max(2 ** len(named(kernel)) for kernel in kernels().values()) <= 16  # docs/effects.md says so
 
 
 def test_a_made_variant_is_the_kernel_with_the_switch_on(tmp_path):

@@ -280,7 +280,7 @@ VARIANTS = [
     ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3"}),
     ("perspective_spherical", {"triangle_chunk": "2", "clamp": "scene"}),
     ("perspective_spherical", {"staging": "none", "light_map": "cube"}),
-    ("ray_grids", {"queue": "always"}),
+    ("ray_grids", {"trial": "region=triangles"}),
 ]
 
 

@@ -22,7 +22,15 @@ from pathlib import Path
 import shadowbench.harness
 import shadowbench.methods
 import warp as wp
-from shadowbench.harness.frame.effects.specialise import is_effects, named
+from shadowbench.harness.frame.effects.specialise import (
+    NAMES,
+    called_by,
+    copied,
+    is_effects,
+    overloads_of,
+    own_switches,
+    switches_of,
+)
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
@@ -30,14 +38,15 @@ from shadowbench.methods.perspective_spherical.camera.trace_staged import make_s
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
 from shadowbench.methods.perspective_spherical.variants import Variant
-from shadowbench.methods.streams.camera import rows as camera_rows
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.occlusion import undecided as light_undecided
+from shadowbench.methods.streams.rays import sort
 from shadowbench.methods.trees.trace import closest as tree_closest
 from shadowbench.methods.trees.trace import shadow as tree_shadow
 from shadowbench.methods.uniform_grid import traversal as grid_traversal
+from shadowbench.methods.warp_bvh import mesh_kernels
 from warp._src.context import Module
 
 ARCH = 90
@@ -68,11 +77,45 @@ class Cut(ast.NodeTransformer):
         return node.orelse or None
 
 
+def own(kernel: wp.Kernel | wp.Function) -> tuple[str, ...]:
+    """The switches that the source of a kernel, or of a function, itself branches on."""
+    return tuple(name for name in NAMES if name in own_switches(kernel.func))
+
+
 def source_of(kernel: wp.Kernel) -> str:
     return textwrap.dedent(inspect.getsource(kernel.func))
 
 
-def source_without(kernel: wp.Kernel, effect: str) -> str:
+def without(kernel: wp.Kernel, effect: str) -> wp.Kernel:
+    """The kernel with functions that never heard of the effect, in a module of its own."""
+    copy = copied(kernel.func, _cut_calls(kernel.func, effect), {})
+    return wp.Kernel(
+        copy, key=kernel.func.__name__, module=Module("twin", None), options=dict(kernel.options)
+    )
+
+
+def _cut_calls(function: types.FunctionType, effect: str) -> dict[str, wp.Function]:
+    """What a kernel or function calls, by name, without the effect, where it branches on that."""
+    found = {}
+    for name, called in called_by(function).items():
+        overloads = overloads_of(called)
+        if any(effect in switches_of(overload.func) for overload in overloads):
+            first, *others = (_cut_function(overload, effect) for overload in overloads)
+            for other in others:
+                first.add_overload(other)
+            found[name] = first
+    return found
+
+
+def _cut_function(function: wp.Function, effect: str) -> wp.Function:
+    copy = copied(function.func, _cut_calls(function.func, effect), {})
+    source = source_without(function, effect) if effect in own(function) else None
+    return wp.Function(
+        func=copy, key=function.key, namespace="", module=Module("twin", None), source=source, scope_locals={}
+    )
+
+
+def source_without(kernel: wp.Kernel | wp.Function, effect: str) -> str:
     """The kernel's source with the effect's branches removed. Fails where nothing of the effect can be removed."""
     tree = ast.parse(source_of(kernel))
     cut = Cut(effect)
@@ -189,9 +232,9 @@ def made_kernels() -> dict[str, wp.Kernel]:
         make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
         make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
         camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
-        camera_rows.make_item_kernel: camera_rows.make_item_kernel(True, False),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
-        light_rows.make_item_kernel: light_rows.make_item_kernel(True, False),
+        light_rows.make_rows_kernel: light_rows.make_rows_kernel(False),
+        sort.make_scatter_kernel: sort.make_scatter_kernel(False),
         light_undecided.make_undecided_kernel: light_undecided.make_undecided_kernel(False, False),
         ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],
         ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],
@@ -199,17 +242,22 @@ def made_kernels() -> dict[str, wp.Kernel]:
         tree_closest.make_listed_kernel: tree_closest.make_listed_kernel(True),
         tree_closest.make_resolve_kernel: tree_closest.make_resolve_kernel(False),
         tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel(True, True),
+        mesh_kernels.make_mesh_shadow_kernel: mesh_kernels.make_mesh_shadow_kernel("plain_cut"),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
 
 
 def kernels_with_effects() -> dict[str, wp.Kernel]:
-    """Every kernel of harness and methods that branches on an effect, by module and name."""
-    found = {name: kernel for name, kernel in made_kernels().items() if named(kernel)}
+    """Every kernel of harness and methods that branches on an effect, or calls a function that does, by module and name."""
+    found = {name: kernel for name, kernel in made_kernels().items() if switches_of(kernel.func)}
     for package in (shadowbench.methods, shadowbench.harness):
         for entry in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             module = importlib.import_module(entry.name)
             for name, value in vars(module).items():
-                if isinstance(value, wp.Kernel) and value.module.name == entry.name and named(value):
+                if (
+                    isinstance(value, wp.Kernel)
+                    and value.module.name == entry.name
+                    and switches_of(value.func)
+                ):
                     found[f"{entry.name.split('.', 1)[1]}.{name}"] = value
     return found

@@ -37,12 +37,12 @@ BOUNDS = (
 )
 
 FACTORIES: dict[Callable[..., wp.Kernel], tuple[tuple[tuple[Any, ...], ...], tuple[str, ...]]] = {
-    make_trace_kernel: (TESTS, ("alpha",)),
-    make_staged_trace_kernel: (TESTS_IN_BLOCKS, ("alpha",)),
-    make_resolve_kernel: (TESTS, ()),
-    make_shadow_kernel: (TESTS, ("alpha",)),
-    make_staged_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha",)),
-    make_bound_kernel: (BOUNDS, ()),
+    make_trace_kernel: (TESTS, ("alpha", "wide")),
+    make_staged_trace_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
+    make_resolve_kernel: (TESTS, ("wide",)),
+    make_shadow_kernel: (TESTS, ("alpha", "wide")),
+    make_staged_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
+    make_bound_kernel: (BOUNDS, ("wide",)),
 }
 """By factory: all that it is given, and the effects that its kernels branch on."""
 

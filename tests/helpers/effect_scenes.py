@@ -67,7 +67,7 @@ def launches(session: Session, monkeypatch: pytest.MonkeyPatch) -> list[tuple[st
 
     def counting(launch):
         def counted(kernel, *args, **kwargs):
-            seen.append((at[0], kernel.key.rsplit(".", 1)[-1]))
+            seen.append((at[0], kernel.func.__name__))
             return launch(kernel, *args, **kwargs)
 
         return counted

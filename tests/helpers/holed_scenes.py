@@ -25,10 +25,10 @@ EXACT = [
     ("hybrid", {"shadows": "tree"}),
     ("perspective_spherical", {}),
     ("ray_grids", {}),
-    ("ray_grids", {"queue": "always", "inline_cells": "0"}),
+    ("ray_grids", {"trial": "inline_cells=0"}),
     ("coherent_grid", {}),
     ("visibility_buffer", {}),
-    ("visibility_buffer", {"inline_pixels": "0", "inline_cells": "0"}),
+    ("visibility_buffer", {"trial": "inline_pixels=0+inline_cells=0"}),
     ("perspective_spherical", {"light_map": "cube", "clamp": "none", "triangle_chunk": "3"}),
 ]
 NAMES = ["-".join([name, *(f"{k}={v}" for k, v in settings.items())]) for name, settings in EXACT]

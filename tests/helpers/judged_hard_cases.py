@@ -34,10 +34,8 @@ OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
     ),
     "uniform_grid": ({"density": "100"},),
     "ray_grids": (
-        {"queue": "never"},
-        {"queue": "always", "inline_cells": "0", "region": "triangles", "groups": "split"},
-        {"queue": "always", "inline_cells": "0", "groups": "stream", "streamed": "after"},
-        {"queue": "always", "region": "triangles", "groups": "stream", "streamed": "beside"},
+        {"trial": "inline_cells=0+region=triangles"},
+        {"trial": "inline_cells=0+spacing=rays"},
     ),
 }
 """Other settings of exact methods, which take other ways to the same answers."""

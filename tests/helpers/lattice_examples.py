@@ -53,18 +53,16 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "uniform_grid": {"density": ("4.0", "0.1", "40.0", "700.0"), "swizzle": ("true", "false")},
     "ray_grids": {
-        "queue": ("never", "always"),
-        "cells": ("0", "8", "16", "64"),
-        "inline_cells": ("64", "0", "4"),
-        "inline_rays": ("48", "0", "3"),
-        "shares": ("1", "2", "3"),
-        "beside": ("1", "2"),
-        "region": ("rays", "triangles"),
-        "spacing": ("even", "rays"),
-        "groups": ("split", "stream"),
-        "streamed": ("after", "beside"),
+        "trial": tuple(
+            f"cells={cells}+inline_cells={most}+region={region}+spacing={spacing}"
+            for cells in (64, 8, 16)
+            for most in (64, 0, 4)
+            for region in ("rays", "triangles")
+            for spacing in ("even", "rays")
+        ),
+        "threads": ("1", "2", "3"),
     },
-    "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
+    "warp_bvh": {"leaf_size": ("0", "2", "8")},
 }
 """Settings that must change no answer: the first of each is the plainest."""
 

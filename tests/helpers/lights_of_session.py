@@ -7,6 +7,11 @@ from typing import Any
 from shadowbench.harness.frame.session import Session
 
 
-def lights_of_session(session: Session) -> list[Any]:
-    """What launches the passes of each light that has shadows, in their order."""
+def placings_of_session(session: Session) -> list[Any]:
+    """What places the rays of each light that has shadows, in their order."""
     return [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
+
+
+def lights_of_session(session: Session) -> list[Any]:
+    """The rays of each light that has shadows, in their order."""
+    return [placing.rays for placing in placings_of_session(session)]

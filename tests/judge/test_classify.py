@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
 from shadowbench.harness.judge import arithmetic as exact
+from shadowbench.harness.judge.distances import segment_to_segment
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import prepare
@@ -144,7 +145,7 @@ def test_edge_bound_is_sixteen_units_of_the_largest_coordinate():
 
 def test_distances_of_segments():
     p, q = np.float64([[0, 0, 0]]), np.float64([[0, 0, 4]])
-    ask = lambda a, b: tuple(float(x[0]) for x in exact.segment_to_segment(p, q, *np.float64([[a], [b]])))  # noqa: E731
+    ask = lambda a, b: tuple(float(x[0]) for x in segment_to_segment(p, q, *np.float64([[a], [b]])))  # noqa: E731
     assert ask((1, -1, 1), (1, 1, 1)) == (1.0, 0.25)  # inside both
     assert ask((3, 0, 2), (3, 0, 8))[0] == 3.0  # parallel: any share in common
     assert ask((0, 3, -4), (0, 9, -4)) == (5.0, 0.0)  # before the start

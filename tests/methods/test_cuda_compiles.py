@@ -51,7 +51,7 @@ def test_streams_without_a_queue_compile_for_cuda(name):
 
 def test_a_queue_that_is_read_again_compiles_for_cuda():
     """Those that are read once are hot, as above."""
-    assert uses_of(light_rows.make_item_kernel(True, True).module)
+    assert uses_of(light_rows.make_rows_kernel(True).module)
 
 
 @pytest.mark.parametrize("name", EFFECTS)

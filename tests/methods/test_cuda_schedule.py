@@ -12,6 +12,7 @@ import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, all_mirrors, scene
+from helpers.planned_for_cuda import plan_for_cuda
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import graphs
 from shadowbench.harness.frame.schedule.capture import capture_passes, refuse_shared
@@ -24,35 +25,13 @@ VARIANTS: list[tuple[str, dict[str, str]]] = [
     *((name, WITH_TREE.get(name, {})) for name in method_names()),
     ("bvh2", {"precision": "float32"}),
     ("bvh2", {"update": "refit"}),
-    ("ray_grids", {"shares": "3"}),
-    ("ray_grids", {"region": "triangles"}),
-    ("ray_grids", {"region": "triangles", "streamed": "after"}),
+    ("ray_grids", {"trial": "shares=3"}),
+    ("ray_grids", {"trial": "region=triangles"}),
+    ("ray_grids", {"trial": "region=triangles+overlaps=false"}),
     ("hybrid", {"shadows": "grid"}),
 ]
 MARKING = ("ray_grids", "visibility_buffer", "bvh2", "hybrid", "perspective_spherical")
 """Methods of which no pass on a GPU says whether a light has a receiver."""
-
-REAL_DEVICE = wp.get_device
-
-
-class PlannedForCuda(str):
-    """The name of the CPU, where arrays lie; for a method that asks, a GPU."""
-
-    is_cuda, is_cpu, sm_count = True, False, 132
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(REAL_DEVICE("cpu"), name)
-
-
-def plan_for_cuda(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = method.plan
-
-    def planned(*arguments: Any) -> Any:
-        with monkeypatch.context() as patch:
-            patch.setattr(wp, "get_device", lambda ident=None: PlannedForCuda("cpu"))
-            return plan(*arguments)
-
-    method.plan = planned
 
 
 def session_for_cuda(

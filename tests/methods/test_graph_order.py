@@ -10,13 +10,14 @@ from typing import Any
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.planned_for_cuda import plan_for_cuda
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule import graphs
 from shadowbench.harness.frame.schedule.capture import capture_passes
 from shadowbench.harness.frame.schedule.passes import Hints, Pass
 from shadowbench.harness.frame.session import Session
 
-from .test_cuda_schedule import VARIANTS, plan_for_cuda
+from .test_cuda_schedule import VARIANTS
 
 LIGHTS = [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0), (-3.0, 1.0, 0.5), (0.0, 6.0, 0.0), (2.0, 0.0, -4.0)]
 
@@ -115,9 +116,9 @@ def test_a_pass_that_overlaps_and_needs_another_keeps_nothing_else_waiting(monke
     assert before["other rows"] == {"places", "offsets", "rays", "other stream"}
 
 
-@pytest.mark.parametrize("streamed", ["beside", "after"])
-def test_a_light_streams_few_triangles_while_its_rays_are_sorted(streamed, monkeypatch):
-    method = make_method("ray_grids", {"streamed": streamed, "shares": "2"})
+@pytest.mark.parametrize("overlaps", [True, False])
+def test_a_light_streams_few_triangles_while_its_rays_are_sorted(overlaps, monkeypatch):
+    method = make_method("ray_grids", {"trial": f"overlaps={overlaps}+shares=2"})
     plan_for_cuda(method, monkeypatch)
     prepared = make_scene(*soup(7, 300), LIGHTS[:1])
     before = recorded(Session(method, prepared, 32, 32, "cpu").passes, monkeypatch)
@@ -125,7 +126,7 @@ def test_a_light_streams_few_triangles_while_its_rays_are_sorted(streamed, monke
     for share in (1, 2):
         stream = before[f"light 0: stream triangles, share {share} of 2"]
         assert "light 0: map rays" in stream
-        assert sorting & stream == (sorting if streamed == "after" else set())
+        assert sorting & stream == (set() if overlaps else sorting)
         assert sorting <= before[f"light 0: queued rows, share {share} of 2"]
 
 

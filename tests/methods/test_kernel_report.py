@@ -46,6 +46,13 @@ def test_growth_is_reported():
     assert len(grown(before, Use(65, 17, 1097))) == 3
 
 
+def test_a_record_holds_no_kernel_that_is_gone():
+    use = Use(60, 0, 1000)
+    before = {("a", "renamed"): use, ("gone", "kernel"): use, ("b", "kernel"): use}
+    found = {("a", "kernel"): Use(50, 0, 900)}
+    assert kernel_report.kept(before, found, {"a", "b"}) == {("b", "kernel"): use, **found}
+
+
 def spilling(cap: int | None) -> wp.Kernel:
     """A kernel with many values alive at once, given ``cap`` registers a thread."""
 

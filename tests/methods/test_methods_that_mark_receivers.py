@@ -14,7 +14,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.perspective_spherical.light import placement
-from shadowbench.methods.trees.trace import rays
+from shadowbench.methods.trees.trace import tree_rays
 
 SIZE = 96, 64
 METHODS = [
@@ -42,7 +42,7 @@ def test_a_method_marks_the_receivers_that_the_harness_marks(method, settings, n
     if reason:
         pytest.skip(f"{method}: {reason}")
     moment = prepared.moment(0, *SIZE)
-    monkeypatch.setattr(rays, "marks_receivers", lambda cuda, effects: True)
+    monkeypatch.setattr(tree_rays, "marks_receivers", lambda cuda, effects: True)
     monkeypatch.setattr(placement, "marks_receivers", lambda cuda: True)
     marked = Session(make_method(method, settings), prepared, *SIZE, device)
     by_harness = Session(make_method("uniform_grid", {}), prepared, *SIZE, device)

@@ -8,7 +8,8 @@ from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.accuracy_ladder.kernels import make_kernels
 from shadowbench.methods.accuracy_ladder.parameters import TESTS
-from shadowbench.methods.warp_bvh import exact
+from shadowbench.methods.common.box_tree import Boxes, walk
+from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from tools.loops import loop_counts
 
 
@@ -39,5 +40,5 @@ def test_ladder_has_one_loop(test, fast_math) -> None:
     "switches", [Switches(), Switches(alpha=True), Switches(bounced=True), Switches(receivers=True)]
 )
 def test_tree_has_one_loop(switches) -> None:
-    for kernel in (exact.primary_kernel, exact.shadow_kernel):
+    for kernel in (make_primary_kernel(Boxes, walk), make_shadow_kernel(Boxes, walk)):
         assert set(loop_counts(specialised(kernel, switches).module).values()) == {1}, kernel.key

@@ -17,19 +17,17 @@ import warp as wp
 from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
-from shadowbench.methods.common import bounds, grid, grid_build
+from shadowbench.methods.common import bounds, box_tree, grid, grid_build, ray_kernels
 from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
 from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.streams.camera import pixels as camera_pixels
-from shadowbench.methods.streams.camera import stream as camera_stream
-from shadowbench.methods.streams.cube import footprint as light_cells
-from shadowbench.methods.streams.occlusion import groups as light_split
+from shadowbench.methods.streams.cube import footprint
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.rays import region as light_region
-from shadowbench.methods.warp_bvh import exact
+from shadowbench.methods.warp_bvh import method as warp_bvh
 
 PACKAGE = "shadowbench.methods."
 
@@ -53,7 +51,7 @@ class Mutation:
     cases: tuple[str, ...]
 
 
-OWN_TRIANGLE = """    if wp.abs(side_h) <= total(n) * hit_error(h, origin_size) + rounding * total(ha):
+OWN_TRIANGLE = """    if wp.abs(side_h) <= own + rounding * total(ha):
         return False
 """
 
@@ -120,13 +118,16 @@ MUTATIONS = (
         "a light traced from its far end",
         (
             Planted(
-                exact,
-                "shadow_kernel",
+                box_tree,
+                "walk",
                 (
-                    ("segment.start, way, segment", "segment.light, -way, segment"),
-                    ("nothing_found(SLACK)", "nothing_found(1.0 - 1.0e-4)"),
+                    (
+                        "    return traverse(",
+                        "    if end == wp.float64(1.0):\n        start = start + direction\n        direction = -direction\n"
+                        "        found = nothing_found(1.0 - 1.0e-4)\n    return traverse(",
+                    ),
                 ),
-                exact,
+                warp_bvh,
             ),
         ),
         "warp_bvh",
@@ -137,7 +138,7 @@ MUTATIONS = (
         "no rule for the own triangle",
         (
             Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
-            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), exact),
+            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), ray_kernels),
         ),
         "warp_bvh",
         EXACT_BVH,
@@ -257,26 +258,25 @@ MUTATIONS = (
                 camera_pixels,
                 "sign_bound",
                 (("24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])", "0.0 * tangents[0]"),),
-                camera_stream,
+                camera_pixels,
             ),
         ),
         "ray_grids",
-        (("queue", "never"),),
+        (),
         ("P29b",),
     ),
     Mutation(
         "cells of the light without a pad",
-        tuple(
+        (
             Planted(
-                light_cells,
+                footprint,
                 "on_bins",
                 (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
-                user,
-            )
-            for user in (light_stream, light_split)
+                light_stream,
+            ),
         ),
         "ray_grids",
-        (("region", "rays"),),
+        (("trial", "region=rays"),),
         ("S34", "S34b"),
     ),
     Mutation(
@@ -286,11 +286,11 @@ MUTATIONS = (
                 camera_pixels,
                 "edge_planes",
                 (("    planes.steep = ", "    planes.steep = True or "),),
-                camera_stream,
+                camera_pixels,
             ),
         ),
         "ray_grids",
-        (("region", "rays"),),
+        (("trial", "region=rays"),),
         ("P51 2^-42",),
     ),
     Mutation(
@@ -304,7 +304,7 @@ MUTATIONS = (
             ),
         ),
         "ray_grids",
-        (("queue", "always"), ("region", "triangles")),
+        (("trial", "region=triangles"),),
         ("P24",),
     ),
 )  # fmt: skip

@@ -22,7 +22,7 @@ def test_frozen_example(path: Path) -> None:
 
 
 def test_a_short_run_finds_nothing(tmp_path: Path, capsys) -> None:
-    assert fuzz.fuzz(25, 1, 60.0, tmp_path, METHODS, "cpu") == 0
+    assert fuzz.fuzz(25, 1, 600.0, tmp_path, METHODS, "cpu") == 0
     assert "seed 1: 25 examples" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
 

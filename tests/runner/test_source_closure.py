@@ -112,7 +112,7 @@ def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> N
 @pytest.mark.parametrize(
     ("module", "methods"),
     [
-        ("methods.warp_bvh.exact", {"warp_bvh"}),
+        ("methods.warp_bvh.method", {"warp_bvh"}),
         ("methods.common.box_tree", {"warp_bvh", "accuracy_ladder"}),
         ("methods.streams.camera.pixels", {"ray_grids", "shadow_map"}),
         ("methods.uniform_grid.traversal", {"uniform_grid"}),

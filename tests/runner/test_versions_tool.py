@@ -45,13 +45,20 @@ def planted(tmp_path_factory) -> Path:
 def test_a_version_and_a_variant_are_timed_in_turns(tmp_path):
     out = tmp_path / "times.json"
     done = versions(
-        "--version", f"now={ROOT}", "--variant", "now:cells=64", "--scene", "balls-300@16", "--out", str(out)
+        "--version",
+        f"now={ROOT}",
+        "--variant",
+        "now:trial=cells=64",
+        "--scene",
+        "balls-300@16",
+        "--out",
+        str(out),
     )
     assert done.returncode == 0, done.stdout + done.stderr
     rows = json.loads(out.read_text())
     assert [(row["name"], row["settings"]) for row in rows] == [
         ("now", {}),
-        ("now:cells=64", {"cells": "64"}),
+        ("now:trial=cells=64", {"trial": "cells=64"}),
     ]
     assert all(len(row["ms"]["balls-300@16"]) == 2 and min(row["ms"]["balls-300@16"]) > 0 for row in rows)
     assert "!" not in done.stdout
@@ -70,7 +77,7 @@ def test_other_answers_are_marked(planted):
     [
         (["--version", "a=nothing", "--scene", "fairy"], "no folder and no commit"),
         (
-            ["--version", "a=.", "--variant", "b:cells=8", "--scene", "fairy"],
+            ["--version", "a=.", "--variant", "b:trial=cells=8", "--scene", "fairy"],
             "is not VERSION:SETTING=VALUE of a",
         ),
         (["--version", "a=.", "--scene", "nothing"], "a, nothing: UserError: no scene or file 'nothing'"),

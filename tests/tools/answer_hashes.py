@@ -50,9 +50,9 @@ ROWS = (
     "hybrid:shadows=grid", "kdtree", "perspective_spherical",
     "perspective_spherical:light_map=cube,clamp=none,balancing=algorithm-1,r=3",
     "perspective_spherical:light_map=two-angle,aimed=false,clamp=view,tile=5,staging=none", "ray_grids",
-    "ray_grids:occluders=last,region=triangles",
-    "ray_grids:queue=always,inline_cells=0,region=triangles,groups=split",
-    "ray_grids:queue=always,inline_cells=0,groups=stream,streamed=after", "ray_grids:spacing=rays",
+    "ray_grids:occluders=last,trial=region=triangles",
+    "ray_grids:trial=inline_cells=0+region=triangles+groups=split",
+    "ray_grids:trial=inline_cells=0+groups=stream+overlaps=false", "ray_grids:trial=spacing=rays",
     "two_level_grid", "uniform_grid", "visibility_buffer", "warp_bvh", "warp_bvh:update=bvh_rebuild",
     "warp_bvh:constructor=lbvh,leaf_size=4",
 )  # fmt: skip

@@ -12,7 +12,6 @@ does not fit into registers.
 from __future__ import annotations
 
 import csv
-import importlib
 import re
 import struct
 import sys
@@ -45,14 +44,23 @@ def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
     from shadowbench.harness.frame.effects.specialise import specialised
     from shadowbench.harness.scene.effects import Switches
+    from shadowbench.methods.common.box_tree import Boxes, walk
+    from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
+    from shadowbench.methods.streams.camera import remainder as camera_remainder
     from shadowbench.methods.streams.camera import rows as camera_rows
     from shadowbench.methods.streams.camera import stream as camera_stream
+    from shadowbench.methods.streams.camera.resolve import make_resolve_kernel
+    from shadowbench.methods.streams.cube import aim
+    from shadowbench.methods.streams.occlusion import groups
     from shadowbench.methods.streams.occlusion import rows as light_rows
     from shadowbench.methods.streams.occlusion import stream as light_stream
     from shadowbench.methods.streams.occlusion import undecided as light_undecided
+    from shadowbench.methods.streams.rays import cone, region
+    from shadowbench.methods.streams.rays import sort as sort_rays
+    from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
     from shadowbench.methods.trees.trace import closest, shadow
     from shadowbench.methods.uniform_grid.method import Trace as GridTrace
@@ -61,24 +69,31 @@ def hot_modules() -> dict[str, wp.Module | str]:
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
     grid_primary, grid_shadow = make_kernels(GridTrace().registers)
     return {
-        "warp_bvh": "shadowbench.methods.warp_bvh.exact",
+        "warp_bvh: primary": make_primary_kernel(Boxes, walk).module,
+        "warp_bvh: shadow": make_shadow_kernel(Boxes, walk).module,
         "uniform_grid: primary": grid_primary.module,
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
-        "ray_grids camera: rows": camera_rows.make_item_kernel(True, False).module,
-        "ray_grids camera: parts": "shadowbench.methods.streams.camera.remainder",
-        "ray_grids camera": "shadowbench.methods.streams.camera.stream",
-        "ray_grids camera: resolve": "shadowbench.methods.streams.camera.resolve",
-        "ray_grids light: aim": "shadowbench.methods.streams.cube.aim",
-        "ray_grids light: bins": "shadowbench.methods.streams.rays.sort",
-        "ray_grids light: spots": "shadowbench.methods.streams.rays.cone",
+        "ray_grids camera: rows": camera_rows.__name__,
+        "ray_grids camera: chunks and undecided": camera_remainder.__name__,
+        "ray_grids camera": camera_stream.__name__,
+        "ray_grids camera: resolve": make_resolve_kernel("none").module,
+        "ray_grids light: aim": aim.__name__,
+        "ray_grids light: region": region.__name__,
+        "ray_grids light: cone": cone.__name__,
+        "ray_grids light: place": make_place_kernel("hits").module,
+        "ray_grids light: place, region found": make_map_kernel("hits").module,
+        "ray_grids light: place, spot": make_place_kernel("marked", True).module,
+        "ray_grids light: sort": sort_rays.__name__,
+        "ray_grids light: scatter": sort_rays.make_scatter_kernel(False).module,
+        "ray_grids light: scatter, region found": sort_rays.make_scatter_kernel(True).module,
         "ray_grids light: stream": light_stream.make_stream_kernel(True, False).module,
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
         "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,
-        "ray_grids light: rows": light_rows.make_item_kernel(True, False).module,
-        "ray_grids light: doubts": light_undecided.make_undecided_kernel(False, False).module,
-        "ray_grids light: doubts of a spot": light_undecided.make_undecided_kernel(False, True).module,
-        "ray_grids light: split": "shadowbench.methods.streams.occlusion.groups",
+        "ray_grids light: rows": light_rows.make_rows_kernel(False).module,
+        "ray_grids light: undecided": light_undecided.make_undecided_kernel(False, False).module,
+        "ray_grids light: undecided of a spot": light_undecided.make_undecided_kernel(False, True).module,
+        "ray_grids light: split": groups.__name__,
         "bvh2: tree": hploc.make_hploc_kernel(2).module,
         "bvh2: tree, lbvh": lbvh.make_lbvh_kernel().module,
         "bvh2: refit": "shadowbench.methods.trees.builders.refit",
@@ -112,8 +127,6 @@ def uses_of(module: wp.Module | str) -> dict[str, Use]:
 
 def binary_of(module: wp.Module | str) -> bytes:
     """A module compiled for the GPU, ahead of time and without one. Warp keeps it, by a hash of its source and options."""
-    if isinstance(module, str):
-        importlib.import_module(module)  # its kernels are known to Warp once it is imported
     (path,) = wp.compile_aot_module(module, arch=ARCH, use_ptx=False)
     return path.read_bytes()
 
@@ -201,6 +214,14 @@ def record(found: dict[tuple[str, str], Use]) -> None:
         writer.writerows([*key, *astuple(use)] for key, use in found.items())
 
 
+def kept(
+    before: dict[tuple[str, str], Use], found: dict[tuple[str, str], Use], labels: set[str]
+) -> dict[tuple[str, str], Use]:
+    """What is recorded now: what was found, and before it what was not asked for, of labels that there still are."""
+    asked = {label for label, _ in found}
+    return {key: use for key, use in before.items() if key[0] in labels - asked} | found
+
+
 def main(arguments: list[str]) -> None:
     found = report(tuple(text for text in arguments if text != "--record") or ("",))
     before = recorded() if RECORD.exists() else {}
@@ -213,7 +234,7 @@ def main(arguments: list[str]) -> None:
         ]
         print(f"{': '.join(key):52} {' '.join(cells)}")
     if "--record" in arguments:
-        record(before | found)
+        record(kept(before, found, set(hot_modules())))
         print(f"recorded in {RECORD}")
 
 

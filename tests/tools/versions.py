@@ -1,7 +1,7 @@
 """Versions of the project against one another: frames timed in turns, with a process for each version.
 
     python tests/tools/versions.py --version before=main --version now=. --scene fairy --scene sibenik@512
-    python tests/tools/versions.py --version now=. --variant now:part=128 --variant now:part=256,cells=512 --scene cloth
+    python tests/tools/versions.py --version now=. --variant now:trial=chunk=128+cells=512 --scene cloth
     python tests/tools/versions.py --version a=aa29322 --version b=../other --scene fairy:count=4 --scene buddha:spot=20
 
 A version is a commit or a folder that holds harness/, methods/ and experiments/; a variant is a version with settings of the

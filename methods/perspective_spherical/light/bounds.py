@@ -11,7 +11,8 @@ import functools
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
-from ...exact.triangle import U64, largest, to_float64, total
+from ...exact.segment import side_of_light
+from ...exact.triangle import largest, to_float64
 from ...gpu.entries import set_entry
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
@@ -44,17 +45,6 @@ class LitTriangle:
     n: wp.vec3d
     height: wp.float64
     slope: wp.float64
-
-
-@wp.func
-def holds_light(light: wp.vec3f, corners: Corners) -> wp.bool:
-    """Whether the light lies in the triangle's plane within rounding: then it never occludes (see ``occludes``)."""
-    a64 = to_float64(corners.a)
-    ab = to_float64(corners.b) - a64
-    ac = to_float64(corners.c) - a64
-    la = to_float64(light) - a64
-    rounding = U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(la)
-    return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= rounding
 
 
 @wp.func
@@ -174,7 +164,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
             return
         light = space.lights[space.index]
         corners = corners_of(mesh, i)
-        if holds_light(light, corners) or faces_away(outward, light, corners):
+        if side_of_light(light, corners) == 0.0 or faces_away(outward, light, corners):
             return
         s = lit_triangle(space, side, widening, corners)
         # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.

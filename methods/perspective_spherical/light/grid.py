@@ -183,7 +183,7 @@ class LightGrid:
         f, b, bins, places = self.frame, self.build, self.bins, self.places
         bins.clear_queue()
         self._launch(
-            make_bound_kernel(places.map, b.light_bounds),
+            specialised(make_bound_kernel(places.map, b.light_bounds), self.effects.switches(self.index)),
             bins.items,
             [
                 f.triangle_count, self.test, self.widening, self.outward, places.space, self.tiles, f.mesh,

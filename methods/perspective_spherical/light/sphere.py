@@ -59,6 +59,14 @@ def arc_elevation(bounds: wp.vec4d, p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp
 
 
 @wp.func
+def is_half_turn(p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp.bool:
+    """Whether an arc p-q with normal n is half a circle within rounding: then it may be any half circle."""
+    return largest(n) <= wp.float64(64.0) * ROUNDING * largest(p) * largest(q) and wp.dot(p, q) < wp.float64(
+        0.0
+    )
+
+
+@wp.func
 def small_arctangent(t: wp.float64) -> wp.float64:
     """atan(t) for |t| <= 0.1, to 1e-16."""
     s = t * t
@@ -166,12 +174,14 @@ def triangle_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
     if pole:
         normal = wp.cross(b - a, c - a)
         side = wp.dot(normal, a)
-        flat_normal = wp.abs(normal[2]) <= ROUNDING * largest(b - a) * largest(c - a)
+        # Which pole it is: either where the normal is level, or the plane so near the light that rounding hides its side.
+        product = ROUNDING * largest(b - a) * largest(c - a)
+        either = wp.abs(normal[2]) <= product or wp.abs(side) <= wp.float64(8.0) * product * largest(a)
         low_b = bounds[2]
         high_b = bounds[3]
-        if side * normal[2] > wp.float64(0.0) or flat_normal:
+        if side * normal[2] > wp.float64(0.0) or either:
             high_b = HALF_PI
-        if side * normal[2] < wp.float64(0.0) or flat_normal:
+        if side * normal[2] < wp.float64(0.0) or either:
             low_b = -HALF_PI
         return wp.vec4d(-PI, PI, low_b, high_b)
     pad = wp.float64(4.0) * ROUNDING

@@ -1,7 +1,9 @@
-"""The camera's passes: arrays and launches of the stream of triangles over its pixels."""
+"""The camera's passes: clear, test triangles against the pixels, resolve."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import warp as wp
@@ -12,137 +14,73 @@ from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
 from ..queues import BLOCK_DIM, COUNTERS, WORDS, Queues, Step, copy_counts_kernel, in_shares
-from ..settings import Streams
-from . import remainder as camera_parts
-from . import resolve as camera_resolve
-from . import rows as camera_rows
-from . import stream as camera_stream
+from ..settings import Settings
+from . import remainder, resolve, rows, stream
 
 
-class CameraStream:
-    """Primary rays. ``threads``: of a CPU, that each resolve a band of the image.
+class Camera:
+    """The primary rays of a frame. ``threads``: of a CPU, that each resolve a band of the image.
 
-    hit: hit points [pixels], vec3d if the ``points`` that are kept are "exact", vec3f if they are "rounded"; else empty.
-
-    ``needs`` (int64): where the stream's counters are copied to for another method. structure: resources of a structure
-    that the steps read.
+    hit, rounded  hit points [pixels], vec3d if the ``points`` that are kept are "exact", vec3f if they are "rounded";
+           else empty
+    needs  int64: where the stream's counters are copied to for another method, or None
     """
-
-    structure: tuple[str, ...] = ()
 
     def __init__(
         self,
         frame: Frame,
-        build: Streams,
+        settings: Settings,
         queues: Queues,
         effects: Effects,
         needs: wp.array | None = None,
         points: str = "exact",
         threads: int = 1,
     ):
-        self.frame, self.queues = frame, queues
-        self.build: Any = build
+        self.frame, self.settings, self.queues = frame, settings, queues
         self.effects, self.needs = effects, needs
         self.queue = queues.of_stream(0)
-        kept = points != "none"
+        self._points = points
         with wp.ScopedDevice(frame.device):
-            self.hit = wp.zeros(
-                frame.pixels if kept else 0, dtype=wp.vec3f if points == "rounded" else wp.vec3d
-            )
-            self._points = self.hit if kept else wp.zeros(0, dtype=camera_resolve.NO_POINT)
+            self.hit = wp.zeros(frame.pixels if points == "exact" else 0, dtype=wp.vec3d)
+            self.rounded = wp.zeros(frame.pixels if points == "rounded" else 0, dtype=wp.vec3f)
         self.bands = Bands(frame, threads)
 
-    def passes(self) -> list[Pass]:
-        """Clear, stream the shares of the triangles at the same time, and resolve."""
-        scene = (*self.structure, "points", "triangles", "camera", *self.effects.surface_reads())
+    def passes(
+        self, steps: Callable[[Camera], list[Step]] | None = None, structure: tuple[str, ...] = ()
+    ) -> list[Pass]:
+        """Clear, test the shares of the triangles at the same time, and resolve. ``steps``: the passes of each share,
+        by default :func:`stream_steps`; structure: resources that they read besides the scene."""
+        scene = (*structure, "points", "triangles", "camera", *self.effects.surface_reads())
         words = (WORDS,)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
-        passes += in_shares("camera", "trace", self.steps(), self.queues, (*scene, *words), words)
+        made = (steps or stream_steps)(self)
+        passes += in_shares("camera", "trace", made, self.queues, (*scene, *words), words)
         passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
         return passes
 
-    def passes_beside(self, others: list[Pass]) -> list[Pass]:
-        """The passes, and ``others``, of which few or none read the answers: on a GPU these are resolved where they leave it
-        idle."""
-        *first, resolve = self.passes()
-        resolve = resolve.hinted(overlap=True, yields=True)
-        others = [work if work.hints.early else work.hinted(phase=1) for work in others]
-        return [*first, resolve, *others] if self.hit.size else [*first, *others, resolve]
-
-    def steps(self) -> list[Step]:
-        """The passes of each share of the triangles."""
-        steps: list[Step] = [("stream triangles", (), ("items",), self.launch_stream)]
-        if self.queues.queued:
-            steps.append(("queued rows", ("items",), ("parts",), self.launch_items))
-            if self.queues.cuda:
-                return [*steps, ("further parts, doubtful pairs", ("parts",), (), self.launch_last)]
-            steps.append(("further parts", ("parts",), (), self.launch_chunks))
-        return [*steps, self.undecided()]
-
-    def undecided(self) -> Step:
-        """The last step, where undecided pairs have a pass of their own."""
-        return ("doubtful pairs", (), (), self.launch_undecided)
-
-    def launch_stream(self, share: int) -> None:
-        f, q = self.frame, self.queues
+    def launch(
+        self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]
+    ) -> None:
+        """Launch a kernel of a step, for the frame's effects. ``outputs``: those before the queue of the share."""
         wp.launch(
-            specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
-            dim=q.share_threads,
-            inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, q.exact_path, self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
-
-    def _launch_rows(self, share: int, again: bool) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(camera_rows.make_item_kernel(q.cuda, again), self.effects.switches()),
-            dim=q.threads,
-            inputs=[q.threads, self.build.part, f.camera, f.alpha],
-            outputs=[q.nearest, self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
-
-    def launch_items(self, share: int) -> None:
-        self._launch_rows(share, again=False)
-
-    def launch_chunks(self, share: int) -> None:
-        self._launch_rows(share, again=True)
-
-    def launch_last(self, share: int) -> None:
-        """Further chunks and undecided pairs."""
-        f, q = self.frame, self.queues
-        threads = camera_parts.BLOCKS * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
-        wp.launch(
-            specialised(camera_parts.last_kernel, self.effects.switches()),
+            specialised(kernel, self.effects.switches()),
             dim=threads,
-            inputs=[threads, self.build.part, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, self.queue[share]],
-            device=f.device,
+            inputs=inputs,
+            outputs=[*outputs, self.queue[share]],
+            device=self.frame.device,
             block_dim=BLOCK_DIM,
         )
-        self._copy_needs(share)
 
-    def launch_undecided(self, share: int) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(camera_stream.undecided_kernel, self.effects.switches()),
-            dim=q.few_threads,
-            inputs=[q.few_threads, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, self.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
-        self._copy_needs(share)
-
-    def _copy_needs(self, share: int) -> None:
+    def copy_needs(self, share: int) -> None:
+        """The counters, where another method reads them; after the last step."""
         if self.needs is not None:
-            f = self.frame
             counts = self.queue[share].counts
             wp.launch(
-                copy_counts_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device
+                copy_counts_kernel,
+                dim=COUNTERS,
+                inputs=[counts],
+                outputs=[self.needs],
+                device=self.frame.device,
             )
 
     def launch_resolve(self) -> None:
@@ -151,10 +89,65 @@ class CameraStream:
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
         wp.launch(
-            camera_resolve.resolve_kernel,
+            specialised(resolve.make_resolve_kernel(self._points), self.effects.switches()),
             dim=band.thread_count(True),
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
-            outputs=[band.fields_of(f.hits(0)), band.of(self._points)],
+            outputs=[band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+
+
+def resolved_late(passes: list[Pass], others: list[Pass], first: bool) -> list[Pass]:
+    """The camera's passes, and ``others``, of which few or none read the answers: on a GPU these are resolved where
+    they leave it idle. first: whether the pass stands before the others, because one reads what it writes."""
+    *before, resolving = passes
+    resolving = resolving.hinted(overlap=True, yields=True)
+    others = [work if work.hints.early else work.hinted(phase=1) for work in others]
+    return [*before, resolving, *others] if first else [*before, *others, resolving]
+
+
+def stream_steps(camera: Camera) -> list[Step]:
+    """The stream of triangles, and on a GPU the rows of larger ones."""
+    first: Step = ("stream triangles", (), ("items",), partial(launch_stream, camera))
+    if not camera.queues.queued:
+        return [first, undecided_step(camera)]
+    return [
+        first,
+        ("queued rows", ("items",), ("parts",), partial(launch_rows, camera)),
+        ("further parts, doubtful pairs", ("parts",), (), partial(launch_remainder, camera)),
+    ]
+
+
+def undecided_step(camera: Camera) -> Step:
+    """The last step, where undecided pairs have a pass of their own."""
+    return ("doubtful pairs", (), (), partial(launch_undecided, camera))
+
+
+def launch_stream(camera: Camera, share: int) -> None:
+    f, q = camera.frame, camera.queues
+    inputs = [q.share(share), camera.settings.inline_pixels, f.camera, f.mesh, f.alpha]
+    kernel = stream.make_stream_kernel(q.queued)
+    camera.launch(kernel, share, q.share_threads, inputs, [q.nearest, q.exact_path])
+
+
+def launch_rows(camera: Camera, share: int) -> None:
+    f, q = camera.frame, camera.queues
+    inputs = [q.threads, camera.settings.chunk, f.camera, f.alpha]
+    camera.launch(rows.rows_kernel, share, q.threads, inputs, [q.nearest])
+
+
+def launch_remainder(camera: Camera, share: int) -> None:
+    """Further chunks and undecided pairs."""
+    f, q = camera.frame, camera.queues
+    threads = remainder.BLOCKS * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
+    inputs = [threads, camera.settings.chunk, f.camera, f.mesh, f.alpha]
+    camera.launch(remainder.last_kernel, share, threads, inputs, [q.nearest])
+    camera.copy_needs(share)
+
+
+def launch_undecided(camera: Camera, share: int) -> None:
+    f, q = camera.frame, camera.queues
+    inputs = [q.few_threads, f.camera, f.mesh, f.alpha]
+    camera.launch(stream.undecided_kernel, share, q.few_threads, inputs, [q.nearest])
+    camera.copy_needs(share)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners
 from ...common.pixels import whole_quotient
-from ...exact.triangle import U32, U64, largest, nearness_key, to_float64
+from ...exact.triangle import U32, U64, largest, nearness_key, spare_bits, to_float64
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.division import about_inverse, quotient, reciprocal
-from ...gpu.entries import entry_now, raise_entry
+from ...gpu.entries import entry, entry_now, raise_entry
 from ..queues import Queue, queue_undecided
 from ..reads import direction_at
 
@@ -83,6 +84,10 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
         return planes
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     planes.steep = wp.abs(det) > LEAST_HEIGHT * product and reach < LONGEST_WAY * size
+    if wp.static(effects.wide):
+        # Where sizes are unlike, 1 / t of another triangle may not be known by its plane in float64.
+        if not planes.steep:
+            return planes
     scale = about_inverse(reach * edge)
     if det < wp.float64(0.0):
         scale = -scale
@@ -114,6 +119,44 @@ def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
     inverse = reciprocal(height)
     return wp.vec3d(
         quotient(n[0], height, inverse), quotient(n[1], height, inverse), quotient(n[2], height, inverse)
+    )
+
+
+@wp.func
+def candidate_of(
+    i: wp.int32, o: wp.vec3f, corners: Corners, camera: Camera, triangles: wp.int32
+) -> Candidate:
+    """A triangle as pixels are tested against it; without holes."""
+    candidate = Candidate()
+    candidate.i = i
+    candidate.spare = spare_bits(triangles)
+    candidate.bound = sign_bound(camera.tangents)
+    candidate.sure = candidate.bound
+    candidate.planes = edge_planes(o, corners)
+    candidate.m = inverse_depth(o, corners)
+    return candidate
+
+
+@wp.func
+def greatest_edge(n: wp.vec3f, camera: Camera, box: wp.vec4i) -> wp.float32:
+    """The largest value of an edge function over a box of pixels."""
+    x = wp.max(wp.dot(n, entry(camera.column, box[0])), wp.dot(n, entry(camera.column, box[2])))
+    y = wp.max(wp.dot(n, entry(camera.row, box[1])), wp.dot(n, entry(camera.row, box[3])))
+    return x + y
+
+
+@wp.func
+def is_outside(planes: Planes, bound: wp.float32, camera: Camera, box: wp.vec4i) -> wp.bool:
+    """Whether all pixels of a box lie certainly outside an edge plane.
+
+    Directions are sums of a column's and a row's part, and each part is a multiple of an axis plus another, but for the
+    rounding of the tables. So the largest edge function of the box is that of a corner; four bounds cover all rounding, as
+    in :func:`.stream.plane_line`. A plane that is not a number leaves nothing out.
+    """
+    return (
+        greatest_edge(planes.n0, camera, box) < -4.0 * bound
+        or greatest_edge(planes.n1, camera, box) < -4.0 * bound
+        or greatest_edge(planes.n2, camera, box) < -4.0 * bound
     )
 
 

@@ -37,7 +37,8 @@ def last_kernel(
     nearest: wp.array(dtype=wp.uint64),
     queue: Queue,
 ):
-    """Undecided pairs and further chunks; ``size``: elements of a chunk, at most :data:`..settings.MOST_PART`."""
+    """Undecided pairs and further chunks; ``size``: elements of a chunk, at most ``most_chunk`` of
+    :class:`..constants.Constants`."""
     thread = wp.tid()
     k = warp_of(thread)
     lane = lane_of(thread)

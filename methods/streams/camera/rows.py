@@ -1,8 +1,6 @@
-"""Primary rays of larger triangles: groups of rows (of tall ones: columns), cut to the triangle, pixel by pixel."""
+"""Primary rays of larger triangles, on a GPU: groups of rows (of tall ones: columns), cut to the triangle."""
 
 from __future__ import annotations
-
-import functools
 
 import warp as wp
 
@@ -10,11 +8,12 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera
 from ...exact.triangle import spare_bits
-from ...gpu.entries import entry, entry_now, entry_of_four
+from ...gpu.entries import entry, entry_of_four
 from ...gpu.warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
-from ..queues import CHUNKS, ITEMS, UNDECIDED, Queue, queue_chunks
+from ..queues import ITEMS, UNDECIDED, Queue, queue_chunks
 from ..reads import direction_at
-from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
+from .pixels import Candidate, sign_bound, test_pixel
+from .queued import stored_candidate, stored_planes
 from .stream import Lines, pixels_of_row
 
 REGISTERS = 56
@@ -51,21 +50,12 @@ def queued_rows(queue: Queue, item: wp.int32, spare: wp.int32, bound: wp.float32
     """A group of the queue. ``spare``, ``bound``: see :class:`.pixels.Candidate`."""
     work = entry(queue.items, item)
     i = work[0]
-    r0 = entry_of_four(queue.records, i, 0)
-    r1 = entry_of_four(queue.records, i, 1)
-    r2 = entry_of_four(queue.records, i, 2)
-    r3 = entry_of_four(queue.records, i, 3)
+    stored = stored_planes(queue, i)
+    inverse = entry_of_four(queue.records, i, 3)
     rows = Rows()
-    rows.candidate.i = i
-    rows.candidate.spare = spare
-    rows.candidate.bound = bound
-    rows.candidate.sure = bound
-    rows.candidate.m = entry_now(queue.depths, i)
-    rows.candidate.planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])
-    rows.candidate.planes.n1 = wp.vec3f(r1[0], r1[1], r1[2])
-    rows.candidate.planes.n2 = wp.vec3f(r2[0], r2[1], r2[2])
-    rows.lines.start = wp.vec3f(r0[3], r1[3], r2[3])
-    rows.lines.inverse = wp.vec3f(r3[0], r3[1], r3[2])
+    rows.candidate = stored_candidate(queue, i, stored.planes, spare, bound)
+    rows.lines.start = stored.more
+    rows.lines.inverse = wp.vec3f(inverse[0], inverse[1], inverse[2])
     rows.first = work[1] & 65535
     rows.number = work[1] >> 16
     rows.low = work[2] & 65535
@@ -121,81 +111,42 @@ def pixel_of(rows: Rows, lanes: LaneRow, at: wp.int32, lane: wp.int32) -> wp.vec
     return wp.vec2i(wp.where(rows.tall, line, along), wp.where(rows.tall, along, line))
 
 
-@functools.cache
-def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
-    """Queued groups of rows, one warp for each on the GPU, one thread on the CPU; ``again``: their further chunks, on
-    the CPU (on the GPU: :mod:`.remainder`)."""
-    counter = CHUNKS if again else ITEMS
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
-    def item_kernel(
-        threads: wp.int32,
-        size: wp.int32,
-        camera: Camera,
-        alpha: Alpha,
-        nearest: wp.array(dtype=wp.uint64),
-        queue: Queue,
-    ):
-        k = wp.tid()
-        stop = queue.counts[wp.static(counter)]
-        if wp.static(again):
-            stop = wp.min(stop, queue.chunks.shape[0])
-        else:
-            stop = wp.min(stop, queue.items.shape[0])
-        bound = sign_bound(camera.tangents)
-        spare = spare_bits(queue.depths.shape[0])
-        step = threads
-        lane = wp.int32(0)
-        if wp.static(cuda):
-            lane = lane_of(k)
-            k = warp_of(k)
-            step = warp_of(threads)
-        held = wp.int32(0)
-        while k < stop:
-            item = k
-            chunk = wp.int32(0)
-            if wp.static(again):
-                further = entry(queue.chunks, k)
-                item = further[0]
-                chunk = further[1]
-            k += step
-            rows = queued_rows(queue, item, spare, bound)
-            i = rows.candidate.i
-            if wp.static(effects.alpha):
-                if alpha.masked[i] != wp.uint8(0):
-                    rows.candidate.sure = wp.INF
-            number = wp.int32(0)
-            if wp.static(cuda):
-                lanes = rows_of_lanes(rows, lane, camera)
-                number = lanes.number
-                at = wp.int32(0)
-                end = wp.min(number, size)
-                while at < end:
-                    p = pixel_of(rows, lanes, at, lane)
-                    unsure = wp.bool(False)
-                    pixel = p[1] * camera.width + p[0]
-                    if at + lane < end:
-                        unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
-                    at += LANES
-                    held = append_pairs(
-                        unsure, i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided
-                    )
-            else:
-                for line in range(rows.first, rows.first + rows.number):
-                    ends = ends_of_row(rows, line, camera)
-                    for along in range(ends[0], ends[1] + 1):
-                        # A chunk has its share of the group's pixels in order, as on the GPU.
-                        if number // size == chunk:
-                            x = wp.where(rows.tall, line, along)
-                            y = wp.where(rows.tall, along, line)
-                            pixel = y * camera.width + x
-                            test_pixel_or_queue(
-                                nearest, queue, pixel, rows.candidate, direction_at(camera, x, y)
-                            )
-                        number += 1
-            if wp.static(not again):
-                queue_chunks(queue, item, number, size, lane)
-        if wp.static(cuda):
-            append_pairs(False, 0, 0, held, True, queue.counts, UNDECIDED, queue.undecided)
-
-    return item_kernel
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def rows_kernel(
+    threads: wp.int32,
+    size: wp.int32,
+    camera: Camera,
+    alpha: Alpha,
+    nearest: wp.array(dtype=wp.uint64),
+    queue: Queue,
+):
+    """Queued groups of rows, a warp for each: its first ``size`` pixels; further chunks of so many are queued."""
+    k = wp.tid()
+    stop = wp.min(queue.counts[ITEMS], queue.items.shape[0])
+    bound = sign_bound(camera.tangents)
+    spare = spare_bits(queue.depths.shape[0])
+    lane = lane_of(k)
+    k = warp_of(k)
+    step = warp_of(threads)
+    held = wp.int32(0)
+    while k < stop:
+        item = k
+        k += step
+        rows = queued_rows(queue, item, spare, bound)
+        i = rows.candidate.i
+        if wp.static(effects.alpha):
+            if alpha.masked[i] != wp.uint8(0):
+                rows.candidate.sure = wp.INF
+        lanes = rows_of_lanes(rows, lane, camera)
+        at = wp.int32(0)
+        end = wp.min(lanes.number, size)
+        while at < end:
+            p = pixel_of(rows, lanes, at, lane)
+            unsure = wp.bool(False)
+            pixel = p[1] * camera.width + p[0]
+            if at + lane < end:
+                unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
+            at += LANES
+            held = append_pairs(unsure, i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided)
+        queue_chunks(queue, item, lanes.number, size, lane)
+    append_pairs(False, 0, 0, held, True, queue.counts, UNDECIDED, queue.undecided)

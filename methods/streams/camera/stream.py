@@ -22,13 +22,13 @@ from ..reads import corners_at, direction_at, weld_at
 from .pixels import (
     Candidate,
     Planes,
-    edge_planes,
+    candidate_of,
     hit_word,
     inverse_depth,
-    sign_bound,
     test_box,
     test_pixel_or_queue,
 )
+from .queued import store_candidate
 
 GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
@@ -121,16 +121,10 @@ def queue_triangle(queue: Queue, box: wp.vec4i, tall: wp.bool, candidate: Candid
     For a tall triangle its columns: (triangle, first column and columns << 16, first row and last << 16, 1).
     """
     i = candidate.i
-    n0 = candidate.planes.n0
-    n1 = candidate.planes.n1
-    n2 = candidate.planes.n2
-    set_entry_of_four(queue.records, i, 0, wp.vec4f(n0[0], n0[1], n0[2], lines.start[0]))
-    set_entry_of_four(queue.records, i, 1, wp.vec4f(n1[0], n1[1], n1[2], lines.start[1]))
-    set_entry_of_four(queue.records, i, 2, wp.vec4f(n2[0], n2[1], n2[2], lines.start[2]))
+    store_candidate(queue, candidate, lines.start)
     set_entry_of_four(
         queue.records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0)
     )
-    queue.depths[i] = candidate.m
     first = box[1]
     last = box[3]
     along = box[0] | (box[2] << 16)
@@ -189,14 +183,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         box = box_of(corners, o, camera)
         if not counted or box[2] < box[0] or box[3] < box[1]:
             return
-        candidate = Candidate()
-        candidate.i = i
-        candidate.spare = spare_bits(share.triangles)
-        candidate.bound = sign_bound(camera.tangents)
-        candidate.planes = edge_planes(o, corners)
-        candidate.m = inverse_depth(o, corners)
+        candidate = candidate_of(i, o, corners, camera, share.triangles)
         exact_path[i] = wp.uint8(not candidate.planes.steep)
-        candidate.sure = candidate.bound
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):
                 candidate.sure = wp.INF

@@ -8,8 +8,7 @@ import warp as wp
 
 from ....harness.frame.frame import Frame
 from ...gpu.entries import entry, set_entry
-from ..settings import Streams
-from .aim import FACES
+from .faces import FACES
 from .farthest import TILE_CELLS
 
 SPARE = wp.constant(4)
@@ -21,10 +20,10 @@ class RayCells:
     """The shadow rays of one light, sorted into the cells of its cube.
 
     cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
-    rectangle  int32 [12]: what the rays cover (:mod:`.aim`)
+    rectangle  int32 [12]: what the rays cover (:mod:`.rectangle`)
     table      vec4f [7]: what they cover, for triangles (:mod:`.rectangle`)
     place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray (face: also :data:`..rays.sort.STORED_FACE`)
-    point      vec4f [pixels]: hit point and pixel, where a ray's is stored (:func:`..rays.sort.place_ray`)
+    point      vec4f [pixels]: hit point and pixel, where a ray's is stored (:func:`..rays.place.place_ray`)
     triangle   int32 [pixels]: what each pixel's ray hit
     slot       int32 [pixels]: cell and rank of each pixel's ray (:func:`set_slot`); -1: none
     bits       of a cell in a slot           rank  int32 [pixels]: ranks that have no room there
@@ -71,13 +70,13 @@ class SpacedCells:
     density: wp.array(dtype=wp.float32)
 
 
-def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[str, Any]:
-    """The arrays of :class:`RayCells` that lights in one branch use in turn. On the GPU the scan empties ``count``.
+def cell_arrays(frame: Frame, cells: tuple[int, int, int], sorted_rays: bool = True) -> dict[str, Any]:
+    """The arrays of :class:`RayCells` that lights in one branch use in turn. ``cells``: of :class:`RayCells`. On the
+    GPU the scan empties ``count``.
 
     Not ``sorted_rays``: those that sort rays into cells are one element long.
     """
-    cuda = wp.get_device(frame.device).is_cuda
-    many, few, faces = build.cells_along(frame.triangle_count, frame.pixels, cuda)
+    many, few, faces = cells
     spare, all_faces = int(SPARE), int(FACES)
     # Each face has its own place. If the finer cells are for a single face, it is face 0, and only that needs room.
     number = max(all_faces * many * (many + spare), (1 if faces == 1 else all_faces) * few * (few + spare))

@@ -19,11 +19,11 @@ from ...gpu.entries import entry
 from ...gpu.warps import lanes_with, of_lane
 from ..camera.stream import box_of
 from ..reads import corners_at, direction_at
-from .aim import FACES, RANGE, Cube
 from .cells import RayCells, SpacedCells
-from .faces import face_of, on_face
+from .faces import FACES, face_of, on_face
 from .footprint import turned
-from .rectangle import cells_in_use, face_rectangle
+from .lights import Cube
+from .rectangle import RANGE, cells_in_use, face_rectangle
 from .spacing import AXES, BINS
 
 INTERVALS = wp.constant(64)

@@ -9,10 +9,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...common.pixels import tile_threads
-from ...exact.triangle import U32
 from ...gpu.entries import entry
 from ...gpu.reserve import raise_to
-from .aim import Cube
 
 TILE_SHIFT = wp.constant(3)
 """A tile is 8 cells wide and high: the number of cells along a face is a multiple of that."""
@@ -59,13 +57,6 @@ def raise_from(seen: wp.int32, farthest: wp.array(dtype=wp.int32), tile: wp.int3
     depth = wp.cast(along, wp.int32)
     if seen < depth:
         raise_to(farthest, tile, depth)
-
-
-@wp.func
-def depth_slack(extent: wp.float32, cube: Cube) -> wp.float32:
-    """Error bound of a corner's coordinate on the cube: depths are known to 8 u extent, and those of receivers to u of
-    their own and what :func:`.rectangle.extent_with_rays` adds for them."""
-    return 32.0 * U32 * (extent + cube.distance)
 
 
 @wp.func

@@ -13,8 +13,9 @@ import warp as wp
 from ....harness.frame.geometry import Corners
 from ...exact.triangle import U32, largest, total
 from ...gpu.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
-from .aim import Cube
 from .faces import on_face
+from .lights import Cube
+from .rectangle import max_coordinate_of
 from .spacing import BIN_SLACK, BINS, CELL_SLACK, in_cells, row_between
 
 FINEST = wp.constant(2.0**-31)
@@ -26,7 +27,7 @@ where a few vertices lie 2^26 times as far away as the others, and the light far
 class Flat:
     """A triangle projected to a face, in bins (:mod:`.spacing`). ``pad`` bounds the error of a coordinate.
 
-    ``known``: :func:`is_projected`.
+    ``valid``: :func:`is_projected`.
     """
 
     a: wp.vec2f
@@ -51,6 +52,20 @@ def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
 def extent_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
     """The largest |p - middle|_1 of the corners."""
     return wp.max(total(corners.a - middle), wp.max(total(corners.b - middle), total(corners.c - middle)))
+
+
+@wp.func
+def extent_with_rays(cube: Cube, corners: Corners, row: wp.vec4f) -> wp.float32:
+    """:func:`extent_from`, enlarged so that bounds of 32 u extent cover four times what hit points are off by,
+    which is at most u of their largest coordinate (:mod:`..rays.hit_points`)."""
+    return extent_from(cube.middle, corners) + 0.125 * max_coordinate_of(row)
+
+
+@wp.func
+def depth_slack(extent: wp.float32, cube: Cube) -> wp.float32:
+    """Error bound of a corner's coordinate on the cube: depths are known to 8 u extent, and those of receivers to u of
+    their own and what :func:`extent_with_rays` adds for them."""
+    return 32.0 * U32 * (extent + cube.distance)
 
 
 @wp.func

@@ -1,4 +1,7 @@
-"""What the rays of a light cover, as its triangles read it: a rectangle for each face, and a row for all of them.
+"""What the rays of a light cover of its cube: the rectangle, as the rays make it, and the table, as its triangles read it.
+
+The rectangle is int32 [12]: the sides of what the rays cover of face 0, whether each face is in use, the largest coordinate
+of a hit point, and what the scene may cover of face 0.
 
 Rows of the table, vec4f: of a face (low u, low v, bins per u, bins per v), zero if it has no ray; after the faces
 (cells along a face, largest coordinate of a hit point, sum of 2^face of those with rays, 0).
@@ -8,11 +11,128 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Corners
 from ...gpu.entries import entry
-from .aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
-from .footprint import extent_from
+from .faces import FACES
 from .spacing import BINS
+
+LOW_U, LOW_V, HIGH_U, HIGH_V = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)
+"""The first words: the sides of what the rays cover of face 0, :func:`ordered`: the least u and v, and the least -u and -v.
+Without a ray they are :data:`EMPTY`."""
+
+FACE = wp.constant(4)
+"""From this word on, one for each face: 0 where rays lie on it, else :data:`EMPTY`."""
+
+LARGEST = wp.constant(10)
+"""After the faces: bits of the largest coordinate of a hit point, as float32; 0 without a ray."""
+
+RANGE = wp.constant(11)
+"""Last: a bound on the magnitude of u and v of what the scene covers of face 0, as float32; at most 1."""
+
+RECTANGLE_WORDS = wp.constant(12)
+
+EMPTY = wp.constant(2147483647)
+
+
+@wp.func
+def ordered(x: wp.float32) -> wp.int32:
+    """An integer that is ordered as the floats are, so that atomics find the least."""
+    bits = wp.cast(x, wp.int32)
+    if bits < 0:
+        bits = bits ^ 2147483647
+    return bits
+
+
+@wp.func
+def from_ordered(bits: wp.int32) -> wp.float32:
+    """The float of an integer made by :func:`ordered`."""
+    word = bits
+    if word < 0:
+        word = word ^ 2147483647
+    return wp.cast(word, wp.float32)
+
+
+# The threads of a block combine their values before one thread per word updates the words that all blocks share: an
+# access by every warp would be as many requests to one address of the second-level cache, and would take several times as
+# long as the pass.
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+__shared__ int agreed[6];
+if (threadIdx.x < 6) agreed[threadIdx.x] = threadIdx.x < {FACE} ? {EMPTY} : 0;
+if (!__syncthreads_or(face >= 0)) return;
+int used = face < 0 ? 0 : 1 << face;
+#if __CUDA_ARCH__ >= 800
+low_u = __reduce_min_sync(0xffffffffu, low_u);
+low_v = __reduce_min_sync(0xffffffffu, low_v);
+high_u = __reduce_min_sync(0xffffffffu, high_u);
+high_v = __reduce_min_sync(0xffffffffu, high_v);
+used = __reduce_or_sync(0xffffffffu, used);
+largest = __reduce_max_sync(0xffffffffu, largest);
+if ((threadIdx.x & 31) == 0 && used)
+#else
+if (used)
+#endif
+{{
+    atomicMin(agreed + {LOW_U}, low_u);
+    atomicMin(agreed + {LOW_V}, low_v);
+    atomicMin(agreed + {HIGH_U}, high_u);
+    atomicMin(agreed + {HIGH_V}, high_v);
+    atomicOr(agreed + 4, used);
+    atomicMax(agreed + 5, largest);
+}}
+__syncthreads();
+int k = threadIdx.x, *word = words.data + k;
+if (k < {FACE}) {{
+    if (agreed[k] < __ldcg(word)) atomicMin(word, agreed[k]);
+}} else if (k < {LARGEST}) {{
+    if (agreed[4] >> (k - {FACE}) & 1 && __ldcg(word)) *word = 0;
+}} else if (k == {LARGEST}) {{
+    if (agreed[5] > __ldcg(word)) atomicMax(word, agreed[5]);
+}}
+#else
+if (face < 0) return;
+// Kernels may run in several threads. Few rays change a word, and what nobody writes the threads' caches share.
+auto change = [&](int k, int value, bool raise) {{
+    int *word = words.data + k, known = __atomic_load_n(word, __ATOMIC_RELAXED);
+    while ((raise ? known < value : value < known) &&
+        !__atomic_compare_exchange_n(word, &known, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {{}}
+}};
+change({LOW_U}, low_u, false);
+change({LOW_V}, low_v, false);
+change({HIGH_U}, high_u, false);
+change({HIGH_V}, high_v, false);
+change({FACE} + face, 0, false);
+change({LARGEST}, largest, true);
+#endif
+""")
+def record_rays(
+    words: wp.array(dtype=wp.int32),
+    low_u: wp.int32,
+    low_v: wp.int32,
+    high_u: wp.int32,
+    high_v: wp.int32,
+    face: wp.int32,
+    largest: wp.int32,
+):
+    """Lower a rectangle's sides, mark the face as in use (-1: no ray), raise the largest coordinate.
+
+    All threads of a block, full warps of it, must call it.
+    """
+
+
+@wp.func
+def record_place(p: wp.vec4f, size: wp.float32, rectangle: wp.array(dtype=wp.int32)):
+    """Include a place (face -1: no ray) and the size of its point in the bounds of all rays (:func:`record_rays`)."""
+    low_u = EMPTY
+    low_v = EMPTY
+    high_u = EMPTY
+    high_v = EMPTY
+    face = wp.int32(p[2])
+    if face == 0:
+        low_u = ordered(p[0])
+        low_v = ordered(p[1])
+        high_u = ordered(-p[0])
+        high_v = ordered(-p[1])
+    record_rays(rectangle, low_u, low_v, high_u, high_v, face, wp.cast(size, wp.int32))
 
 
 @wp.func
@@ -105,10 +225,3 @@ def faces_of(row: wp.vec4f) -> wp.uint32:
 def max_coordinate_of(row: wp.vec4f) -> wp.float32:
     """The largest coordinate of a hit point."""
     return row[1]
-
-
-@wp.func
-def extent_with_rays(cube: Cube, corners: Corners, row: wp.vec4f) -> wp.float32:
-    """:func:`.footprint.extent_from`, enlarged so that bounds of 32 u extent cover four times what hit points are off by,
-    which is at most u of their largest coordinate (:mod:`..rays.hit_points`)."""
-    return extent_from(cube.middle, corners) + 0.125 * max_coordinate_of(row)

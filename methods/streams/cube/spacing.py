@@ -20,8 +20,8 @@ import warp as wp
 
 from ...gpu.division import about_inverse
 from ...gpu.entries import entry
-from .aim import FACES
 from .cells import RayCells, SpacedCells
+from .faces import FACES
 
 AXES, BINS = wp.constant(2), wp.constant(32)
 

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of
 from ...gpu.entries import entry, set_entry
-from ...gpu.prefetch import FEW_ROWS
+from ...gpu.prefetch import FEW_ROWS, shared_entry
 from ...gpu.reserve import reserve_groups
 from ...gpu.warps import LANES
-from ..cube.aim import Cube, cube_of
 from ..cube.faces import on_face
-from ..cube.footprint import Flat, Sides, cube_space, on_bins, sides_of_flat, sides_of_planes
-from ..cube.rectangle import extent_with_rays, last_row
+from ..cube.footprint import (
+    Flat,
+    Sides,
+    cells_of_row,
+    cube_space,
+    extent_with_rays,
+    on_bins,
+    sides_of_flat,
+    sides_of_planes,
+)
+from ..cube.lights import Cube, Light, cube_of_light, position_of
+from ..cube.rectangle import last_row
 from ..queues import ITEMS, LARGE, SMALL, Queue
+from ..rays.sort import span_of
 from .planes import Occluder, occluder_of, occludes_none
 
 SPLITTERS = wp.constant(2)
@@ -66,9 +78,7 @@ def queue_rows(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, sides: 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def split_kernel(
     threads: wp.int32,
-    light: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array2d(dtype=wp.vec4f),
+    light: Light,
     table: wp.array(dtype=wp.vec4f),
     mesh: Mesh,
     queue: Queue,
@@ -78,9 +88,9 @@ def split_kernel(
     first = k % SPLITTERS
     k = k // SPLITTERS
     stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
-    cube = cube_of(cubes, light)
+    cube = cube_of_light(light)
     row = last_row(table)
-    position = lights[light]
+    position = position_of(light)
     while k < stop:
         work = entry(queue.large, k)
         k += threads // SPLITTERS
@@ -139,3 +149,40 @@ def set_group(
     set_entry(groups, at, 5, occluder.e1)
     set_entry(groups, at, 6, occluder.e2)
     set_entry(groups, at, 7, occluder.plane)
+
+
+@wp.func
+def rays_of_row(group: wp.int32, r: wp.int32, along: wp.int32, cells: Any) -> wp.vec2i:
+    """First ray and end in row r of a group in shared memory, cut to the triangle; none beyond its rows. ``along``: cells
+    along a face."""
+    head = shared_entry(True, group, wp.vec4f())
+    which = wp.cast(head[0], wp.int32)
+    span = wp.vec2i(0, 0)
+    if r < ((which >> 4) & 63):
+        sides = Sides()
+        sides.line0 = shared_entry(True, group + 16, wp.vec4f())
+        sides.line1 = shared_entry(True, group + 32, wp.vec4f())
+        sides.line2 = shared_entry(True, group + 48, wp.vec4f())
+        limits = wp.cast(head[1], wp.int32)
+        y = (which >> 16) + r
+        face = which & 15
+        ends = cells_of_row(sides, face, y, limits & 65535, limits >> 16, along, cells)
+        if ends[1] >= ends[0]:
+            span = span_of(cells.offset, face, ends[0], ends[1], y, along)
+    return span
+
+
+@wp.func
+def occluder_of_group(occluder: Occluder, group: wp.int32, loaded: wp.int32) -> Occluder:
+    """The occluder of a group in shared memory, unless that is the one ``loaded`` before."""
+    o = occluder
+    other = group != loaded
+    head = shared_entry(other, group, wp.vec4f(0.0, 0.0, wp.cast(occluder.i, wp.float32), occluder.bound))
+    o.i = wp.cast(head[2], wp.int32)
+    o.bound = head[3]
+    o.sure = head[3]
+    o.e0 = shared_entry(other, group + 64, occluder.e0)
+    o.e1 = shared_entry(other, group + 80, occluder.e1)
+    o.e2 = shared_entry(other, group + 96, occluder.e2)
+    o.plane = shared_entry(other, group + 112, occluder.plane)
+    return o

@@ -9,23 +9,24 @@ an index of no triangle is passed over.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.effects.specialise import effects, specialised, with_type
+from ....harness.frame.effects.specialise import effects, specialised
 from ....harness.frame.frame import Frame
-from ....harness.frame.geometry import Camera, Mesh, filled
-from ....harness.frame.schedule.passes import Hints, Pass
+from ....harness.frame.geometry import Mesh
+from ....harness.frame.schedule.passes import Pass
 from ...common.pixels import thread_count, tile_pixel
 from ...exact.triangle import largest, to_float32
 from ...gpu.entries import entry, set_entry
-from ..light import LightStream
+from ..cube.lights import Light
 from ..queues import BLOCK_DIM, WORDS
-from ..rays.hit_points import Words, point_of
+from ..rays.hit_points import PrimaryHits, point_of
+from ..rays.light_rays import LightRays
 from ..reads import corners_at
-from .planes import YES, Occluder, RememberedBits, float32_verdict, set_planes, sign_bound
+from .planes import Occluder, set_planes, sign_bound
+from .ray_test import certain
 
 
 @wp.func
@@ -54,19 +55,16 @@ def certainly_occludes(
     occluder.i = i
     occluder.bound = sign_bound(wp.max(size, wp.max(largest(h), largest(eye))))
     occluder.sure = occluder.bound
-    return (
-        float32_verdict(wp.vec4f(h[0], h[1], h[2], 0.0), set_planes(occluder, light, corners, False)) == YES
-    )
+    planes = set_planes(occluder, light, corners, False)
+    misses, hits = certain(wp.vec4f(h[0], h[1], h[2], 0.0), planes)
+    return hits and not misses
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def settle_kernel(
-    light: wp.int32,
-    camera: Camera,
-    lights: wp.array(dtype=wp.vec3f),
-    mesh: Mesh,
+    light: Light,
+    hits: PrimaryHits,
     alpha: Alpha,
-    rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
     last: wp.array(dtype=wp.int32),
     sought: wp.array2d(dtype=wp.uint8),
@@ -77,15 +75,16 @@ def settle_kernel(
     sought: uint8 [lights, pixels]: 1 = the pixel has a ray, to be placed in the grid. A pass of its own: in the pass that
     maps rays, the registers of this test would halve the number of threads.
     """
+    camera = hits.camera
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    point = point_of(rays, pixel, at, camera, mesh)
+    point = point_of(hits, pixel, at)
     remembered = entry(last, pixel)
     wanted = point.triangle >= 0
     if wp.static(effects.receivers):
-        wanted = receivers[light, pixel] != wp.uint8(0)
+        wanted = receivers[light.index, pixel] != wp.uint8(0)
     bit = wp.uint8(0)
     if wanted and remembered != 0:
         i = remembered - 1
@@ -93,81 +92,69 @@ def settle_kernel(
         if wp.static(effects.alpha):
             unsure = unsure or has_holes(alpha, i)
         h = to_float32(point.hit)
-        if not unsure and certainly_occludes(i, point.triangle, h, camera.eye[0], lights[light], mesh):
+        if not unsure and certainly_occludes(
+            i, point.triangle, h, camera.eye[0], light.position[light.index], hits.mesh
+        ):
             bit = wp.uint8(1)
             wanted = False
         else:
             set_entry(last, pixel, 0)
-    shadowed[light, pixel] = bit
-    sought[light, pixel] = wp.uint8(wanted)
+    shadowed[light.index, pixel] = bit
+    sought[light.index, pixel] = wp.uint8(wanted)
 
 
-def occluder_arrays(frame: Frame) -> dict[str, wp.array]:
-    """The arrays that the lights of a frame share: see :class:`RememberingLight`. No occluder is known yet."""
+def occluder_arrays(frame: Frame) -> tuple[wp.array, wp.array]:
+    """What the lights of a frame share: the receivers that are sought in the grid, uint8 [lights, pixels], and the last
+    occluders, int32 [lights, pixels], of which none is known yet."""
     shape = (frame.light_count, frame.pixels)
     with wp.ScopedDevice(frame.device):
-        return {"sought": wp.zeros(shape, dtype=wp.uint8), "last": wp.zeros(shape, dtype=wp.int32)}
+        return wp.zeros(shape, dtype=wp.uint8), wp.zeros(shape, dtype=wp.int32)
 
 
-class RememberingLight(LightStream):
-    """Shadow rays of one light that tests the last frame's occluders first.
+class LastOccluder:
+    """The test of the last frame's occluders, of one light.
 
-    sought uint8 [lights, pixels]: rays that are placed in the grid; last int32 [lights, pixels]: 1 + the occluder, or 0.
-    Both belong to all lights; the second is kept from frame to frame. The harness marks the receivers.
+    last  int32 [pixels]: 1 + the occluder, or 0; kept from frame to frame. Rays that it leaves are ``rays.sought``: uint8
+    [lights, pixels]. The harness marks the receivers.
     """
 
-    marks = False
-
-    def __init__(self, frame: Frame, index: int, *given: Any, sought: wp.array, last: wp.array):
-        super().__init__(frame, index, *given)
-        self.sought, self.last = sought, last[index]
-        self.given = self.switches
-        self.receivers = sought
-        self.switches = replace(self.switches, receivers=True)
-        self.bits = filled(
-            RememberedBits,
-            light=index,
-            triangle=self.bits.triangle,
-            shadowed=self.bits.shadowed,
-            last=self.last,
-        )
+    def __init__(self, rays: LightRays, last: wp.array):
+        self.rays, self.last = rays, last
 
     def settled(self) -> int:
         """Rays of the last frame that their remembered occluder still shadowed."""
-        bits = self.frame.answers.shadowed[self.index].numpy()
-        return int(((bits == 1) & (self.sought[self.index].numpy() == 0)).sum())
+        r = self.rays
+        bits, sought = (array[r.index].numpy() for array in (r.frame.answers.shadowed, r.receivers))
+        return int(((bits == 1) & (sought == 0)).sum())
 
-    def variant(self, kernel: wp.Kernel) -> wp.Kernel:
-        return with_type(kernel, "bits", RememberedBits)
-
-    def receiver_reads(self) -> tuple[str, ...]:
-        return (f"rays sought/{self.index}",)
-
-    def passes(self, branch: int = 0) -> list[Pass]:
-        """The light's passes: the rays' places follow from the occluders, which the stream's steps write."""
-        i, made = self.index, super().passes(branch)
-        memory, bits, effect = f"occluders/{i}", f"shadowed/{i}", f"shadows/{i}"
-        reads = ("points", "triangles", "camera", WORDS, f"light/{i}", memory, *self.effects.surface_reads())
-        settle = Pass(
-            f"light {i}: last occluders",
-            "shadow",
-            (*reads, *self.effects.receiver_reads(i)),
-            (memory, *self.receiver_reads(), bits),
-            self.launch_settle,
-            effect,
-            hints=Hints(parallel=(branch,)),
+    def settling(self) -> Pass:
+        """The pass before the rays are placed."""
+        r = self.rays
+        memory, of_receivers = r.name("occluders"), r.effects.receiver_reads(r.index)
+        reads = (
+            "points",
+            "triangles",
+            "camera",
+            WORDS,
+            f"light/{r.index}",
+            memory,
+            *r.effects.surface_reads(),
         )
-        made = [replace(w, writes=(*w.writes, memory)) if bits in w.reads else w for w in made]
-        place = next(k for k, work in enumerate(made) if not work.hints.early)
-        return [*made[:place], settle, *made[place:]]
+        writes = (memory, r.name("rays sought"), r.name("shadowed"))
+        name = f"{r.who}: last occluders"
+        return Pass(name, "shadow", (*reads, *of_receivers), writes, self.launch_settle, r.effect)
+
+    def noting(self, work: Pass) -> Pass:
+        """A pass that tests triangles: it notes the occluders."""
+        return replace(work, writes=(*work.writes, self.rays.name("occluders")))
 
     def launch_settle(self) -> None:
-        f = self.frame
+        r, f = self.rays, self.rays.frame
         wp.launch(
-            specialised(settle_kernel, self.given),
+            specialised(settle_kernel, r.effects.switches(r.index)),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, self.rays, f.receivers],
-            outputs=[self.last, self.sought, f.answers.shadowed],
+            inputs=[r.light, r.hits, f.alpha, f.receivers],
+            outputs=[self.last, r.receivers, f.answers.shadowed],
             device=f.device,
             block_dim=BLOCK_DIM,
         )

@@ -1,23 +1,17 @@
-"""A triangle against the shadow rays in some cells: planes through the light in float32, with a bound on their error.
+"""A triangle as shadow rays are tested against it: planes through the light in float32, with a bound on their error.
 
-Each plane is n . p + c, with a bound on its float32 error at any hit point of the frame. A set bit stays set, so
-the order in which triangles arrive does not matter. What the planes cannot decide is left to ``occludes`` in float64
-(:mod:`.undecided`).
+Each plane is n . p + c, with a bound on its float32 error at any hit point of the frame.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...exact.triangle import U32, U64, largest, to_float64, total
+from ...exact.segment import side_of_light
+from ...exact.triangle import U32, largest
 from ...gpu.division import about_inverse
-from ...gpu.entries import entry, entry_if, set_entry
 from ..cube.rectangle import max_coordinate_of
-from ..queues import Queue, queue_undecided
-from ..rays.sort import span_of
 
 
 @wp.struct
@@ -42,29 +36,6 @@ class Occluder:
 
 
 @wp.struct
-class ShadowBits:
-    """The shadow bits of one light.
-
-    light       its row of ``shadowed``      triangle  int32 [pixels]: what each pixel's ray hit
-    shadowed  uint8 [lights, pixels]: 1 = shadowed
-    """
-
-    light: wp.int32
-    triangle: wp.array(dtype=wp.int32)
-    shadowed: wp.array2d(dtype=wp.uint8)
-
-
-@wp.struct
-class RememberedBits:
-    """:class:`ShadowBits`, and ``last`` int32 [pixels]: 1 + the triangle that last shadowed each pixel's ray, or 0."""
-
-    light: wp.int32
-    triangle: wp.array(dtype=wp.int32)
-    shadowed: wp.array2d(dtype=wp.uint8)
-    last: wp.array(dtype=wp.int32)
-
-
-@wp.struct
 class Facing:
     """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
     planes through its edges and turns them inside. Zeros if float64 must decide. never: the plane contains the light, so
@@ -73,20 +44,6 @@ class Facing:
     normal: wp.vec3f
     toward: wp.float32
     never: wp.bool
-
-
-@wp.func
-def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
-    """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ca x ab) . la; 0 if the plane contains it
-    within the rounding of float64 (:func:`...exact.segment.plane_crosses_segment`)."""
-    a = to_float64(corners.a)
-    ab = to_float64(corners.b) - a
-    ac = to_float64(corners.c) - a
-    la = a - to_float64(light)
-    side = wp.dot(wp.cross(ab, ac), la)
-    if wp.abs(side) <= wp.float64(16.0) * U64 * largest(ab) * largest(ac) * total(la):
-        return 0.0
-    return wp.where(side > wp.float64(0.0), 1.0, -1.0)
 
 
 @wp.func
@@ -185,173 +142,3 @@ def occluder_of(
     o.bound = bound_of(row, corners)
     o.sure = wp.where(holes, wp.INF, o.bound)
     return set_planes(o, light, corners, closely)
-
-
-@wp.func
-def value_at(plane: wp.vec4f, h: wp.vec4f) -> wp.float32:
-    """n . h + c, in three operations on a GPU."""
-    return plane[0] * h[0] + (plane[1] * h[1] + (plane[2] * h[2] + plane[3]))
-
-
-NO, YES, MAYBE = wp.constant(0), wp.constant(1), wp.constant(2)
-"""Verdicts of float32 on a (triangle, ray) pair."""
-
-
-@wp.func
-def certain(h: wp.vec4f, occluder: Occluder) -> tuple[wp.bool, wp.bool]:
-    """Whether a ray (hit point and pixel) certainly misses a triangle, and whether it certainly hits it."""
-    low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
-    side = value_at(occluder.plane, h)
-    return low < -occluder.bound or side > occluder.bound, low > occluder.sure and side < -occluder.sure
-
-
-@wp.func
-def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
-    """The verdict of float32 on a ray (hit point and pixel) and a triangle.
-
-    A ray's own triangle passes through its hit point, so it is always among the undecided.
-    """
-    misses, hits = certain(h, occluder)
-    verdict = wp.int32(MAYBE)
-    if misses:
-        verdict = NO
-    elif hits:
-        verdict = YES
-    return verdict
-
-
-@wp.func
-def set_shadowed(bits: ShadowBits, pixel: wp.int32, i: wp.int32):
-    """Set the pixel's bit: triangle i shadows it."""
-    set_entry(bits.shadowed, bits.light, pixel, wp.uint8(1))
-
-
-@wp.func
-def set_shadowed(bits: RememberedBits, pixel: wp.int32, i: wp.int32):
-    """Set the pixel's bit: triangle i shadows it. Of several triangles any one is remembered."""
-    set_entry(bits.shadowed, bits.light, pixel, wp.uint8(1))
-    set_entry(bits.last, pixel, i + 1)
-
-
-@wp.func
-def set_bit_or_undecided(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32) -> wp.bool:
-    """Set the pixel's bit where the verdict is YES; of an undecided pair, whether float64 must decide. Not for NO."""
-    if verdict == YES:
-        set_shadowed(bits, pixel, i)
-        return False
-    return entry(bits.triangle, pixel) != i and entry(bits.shadowed, bits.light, pixel) == wp.uint8(0)
-
-
-@wp.func
-def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h: wp.vec4f):
-    """Set the ray's bit where the verdict is YES; queue an undecided pair for float64. Not for NO.
-
-    Few pairs are undecided, but nearly every warp meets one; if it were decided here, all lanes of the warp would wait.
-    """
-    pixel = wp.cast(h[3], wp.int32)
-    if set_bit_or_undecided(bits, verdict, i, pixel):
-        queue_undecided(queue, i, pixel)
-
-
-@wp.func
-def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
-    """Queue an undecided pair for float64, unless the pixel is shadowed already."""
-    if entry(bits.shadowed, bits.light, pixel) == wp.uint8(0):
-        queue_undecided(queue, i, pixel)
-
-
-@wp.func
-def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
-    """Test a ray against the triangle and act on the verdict of float32."""
-    verdict = float32_verdict(h, occluder)
-    if verdict != NO:
-        set_bit_or_queue(bits, queue, verdict, occluder.i, h)
-
-
-@wp.func
-def store_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder):
-    """Store the planes of a queued triangle, four words per plane."""
-    set_entry(records, occluder.i, 0, occluder.e0)
-    set_entry(records, occluder.i, 1, occluder.e1)
-    set_entry(records, occluder.i, 2, occluder.e2)
-    set_entry(records, occluder.i, 3, occluder.plane)
-
-
-@wp.func
-def stored_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder) -> Occluder:
-    """An occluder with the planes that :func:`store_planes` stored."""
-    o = occluder
-    o.e0 = entry(records, occluder.i, 0)
-    o.e1 = entry(records, occluder.i, 1)
-    o.e2 = entry(records, occluder.i, 2)
-    o.plane = entry(records, occluder.i, 3)
-    return o
-
-
-@wp.func
-def test_rays_of_row(
-    bits: Any,
-    queue: Queue,
-    cells: Any,
-    along: wp.int32,
-    face: wp.int32,
-    y: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
-    occluder: Occluder,
-):
-    """Test the rays in cells first..last of a row; ``along``: cells along a face."""
-    if last >= first:
-        span = span_of(cells.offset, face, first, last, y, along)
-        for at in range(span[0], span[1]):
-            test_ray(bits, queue, entry(cells.rays, at), occluder)
-
-
-@wp.func
-def test_rays_of_box(
-    bits: Any,
-    queue: Queue,
-    cells: Any,
-    along: wp.int32,
-    face: wp.int32,
-    box: wp.vec4i,
-    occluder: Occluder,
-):
-    """Test the rays in a box of cells; ``along``: cells along a face.
-
-    One loop over the rays of all rows, two at a time: in a loop of its own for each row, the lanes of a warp would
-    wait for the longest row every time, and for memory at every ray.
-    """
-    y = wp.int32(box[1])
-    span = span_of(cells.offset, face, box[0], box[2], y, along)
-    at = wp.int32(span[0])
-    end = wp.int32(span[1])
-    while at < end or y < box[3]:
-        if at >= end:
-            y += 1
-            span = span_of(cells.offset, face, box[0], box[2], y, along)
-            at = span[0]
-            end = span[1]
-        if at < end:
-            h = entry(cells.rays, at)
-            g = wp.vec4f()
-            two = at + 1 < end
-            if two:
-                g = entry(cells.rays, at + 1)
-            at += 2
-            misses, hits = certain(h, occluder)
-            misses_other, hits_other = certain(g, occluder)
-            i = occluder.i
-            pixel = wp.cast(h[3], wp.int32)
-            pixel_other = wp.cast(g[3], wp.int32)
-            # Both are loaded before either is looked at.
-            own = entry_if(not misses and not hits, bits.triangle, pixel, i)
-            own_other = entry_if(two and not misses_other and not hits_other, bits.triangle, pixel_other, i)
-            if hits:
-                set_shadowed(bits, pixel, i)
-            if two and hits_other:
-                set_shadowed(bits, pixel_other, i)
-            if own != i:
-                queue_if_lit(bits, queue, i, pixel)
-            if own_other != i:
-                queue_if_lit(bits, queue, i, pixel_other)

@@ -1,4 +1,4 @@
-"""Shadow rays of larger triangles: the rays in groups of rows, cut to the triangle."""
+"""Shadow rays of larger triangles, on a GPU: the rays in groups of rows, cut to the triangle."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from ...gpu.prefetch import (
 )
 from ...gpu.warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from ..cube.cells import RayCells
-from ..cube.footprint import Sides
 from ..cube.rectangle import cells_of, last_row
-from ..queues import CHUNKS, ITEMS, SMALL, UNDECIDED, Queue, claim_chunks, queue_chunks, store_chunks
-from .planes import Occluder, ShadowBits, certain, set_shadowed, test_ray
-from .stored_groups import rays_of_row, shared_occluder, shared_rays_of_row, stored_occluder
+from ..queues import CHUNKS, ITEMS, SMALL, UNDECIDED, Queue, claim_chunks, store_chunks
+from .groups import occluder_of_group, rays_of_row
+from .planes import Occluder
+from .ray_test import ShadowBits, certain, set_shadowed
 
 REGISTERS = 56
 """Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor."""
@@ -111,12 +111,12 @@ def test_fetched(
 
 
 @functools.cache
-def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
-    """Queued groups of rows: on the GPU a warp for each large one and for four small ones, on the CPU a thread for each;
-    ``again``: their further chunks."""
+def make_rows_kernel(again: bool) -> wp.Kernel:
+    """Queued groups of rows, a warp for each large one and for four small ones: their first ``size`` rays; or the further
+    chunks of so many (``again``)."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
-    def item_kernel(
+    def rows_kernel(
         threads: wp.int32,
         size: wp.int32,
         cells: RayCells,
@@ -129,121 +129,88 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         large = wp.min(queue.counts[ITEMS], capacity)
         small = wp.min(queue.counts[SMALL], capacity)
         along = cells_of(last_row(cells.table))
-        stop = large + small
-        if wp.static(cuda):
-            stop = large + packs_of(small)
+        stop = large + packs_of(small)
         if wp.static(again):
             stop = wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])
-        if wp.static(cuda):
-            lane = lane_of(k)
-            k = warp_of(k)
-            step = warp_of(threads)
-            steps = place_of_steps()
-            tested = Tested()
-            # The groups of the next item are fetched while this one's are in use.
+        lane = lane_of(k)
+        k = warp_of(k)
+        step = warp_of(threads)
+        steps = place_of_steps()
+        tested = Tested()
+        # The groups of the next item are fetched while this one's are in use.
+        item = k
+        chunk = wp.int32(0)
+        set = wp.int32(0)
+        following = wp.int32(0)
+        if k < stop:
+            if wp.static(again):
+                further = entry(queue.chunks, k)
+                item = further[0]
+                chunk = further[1]
+            following = fetch_groups(queue.groups, item, large, small, set)
+        while k < stop:
+            wait_for_groups()
+            group = following
+            this_item = item
+            this_chunk = chunk
+            k += step
             item = k
-            chunk = wp.int32(0)
-            set = wp.int32(0)
-            following = wp.int32(0)
+            set = 1 - set
             if k < stop:
                 if wp.static(again):
                     further = entry(queue.chunks, k)
                     item = further[0]
                     chunk = further[1]
                 following = fetch_groups(queue.groups, item, large, small, set)
-            while k < stop:
-                wait_for_groups()
-                group = following
-                this_item = item
-                this_chunk = chunk
-                k += step
-                item = k
-                set = 1 - set
-                if k < stop:
-                    if wp.static(again):
-                        further = entry(queue.chunks, k)
-                        item = further[0]
-                        chunk = further[1]
-                    following = fetch_groups(queue.groups, item, large, small, set)
-                row = lane
-                if this_item >= large:
-                    group += pack_of(lane) * GROUP_BYTES
-                    row = lane & (FEW_ROWS - 1)
-                span = shared_rays_of_row(group, row, along, cells)
-                length = span[1] - span[0]
-                sums = sum_to_lane(length)
-                number = of_lane(sums, LANES - 1)
-                start = sums - length
-                rows = set_rows(length > 0, span[0] - start, group)
-                if length == 0:
-                    start = NOWHERE
-                claimed = wp.int32(0)
-                if wp.static(not again):
-                    if number > size:
-                        claimed = claim_chunks(queue, number, size)
-                at = this_chunk * size
-                end = wp.min(number, at + size)
-                if at < end:
-                    for ahead in range(3):
-                        fetch_ray_of_lane(steps, rows, start, at + ahead * LANES, lane, end, cells.rays)
-                    occluder = Occluder()
-                    loaded = wp.int32(-1)
-                    if this_item < large:
-                        # All rays are of one group: its occluder is loaded once.
-                        occluder = shared_occluder(occluder, group, loaded)
-                        if wp.static(effects.alpha):
-                            occluder.sure = sure_of(occluder, alpha)
-                        while at < end:
-                            wait_for_step()
-                            h = fetched_ray(steps, step_of(at))
-                            inside = at + lane < end
-                            fetch_ray_of_lane(steps, rows, start, at + 3 * LANES, lane, end, cells.rays)
-                            tested = test_fetched(h, occluder, inside, tested, bits, queue)
-                            at += LANES
+            row = lane
+            if this_item >= large:
+                group += pack_of(lane) * GROUP_BYTES
+                row = lane & (FEW_ROWS - 1)
+            span = rays_of_row(group, row, along, cells)
+            length = span[1] - span[0]
+            sums = sum_to_lane(length)
+            number = of_lane(sums, LANES - 1)
+            start = sums - length
+            rows = set_rows(length > 0, span[0] - start, group)
+            if length == 0:
+                start = NOWHERE
+            claimed = wp.int32(0)
+            if wp.static(not again):
+                if number > size:
+                    claimed = claim_chunks(queue, number, size)
+            at = this_chunk * size
+            end = wp.min(number, at + size)
+            if at < end:
+                for ahead in range(3):
+                    fetch_ray_of_lane(steps, rows, start, at + ahead * LANES, lane, end, cells.rays)
+                occluder = Occluder()
+                loaded = wp.int32(-1)
+                if this_item < large:
+                    # All rays are of one group: its occluder is loaded once.
+                    occluder = occluder_of_group(occluder, group, loaded)
+                    if wp.static(effects.alpha):
+                        occluder.sure = sure_of(occluder, alpha)
                     while at < end:
                         wait_for_step()
-                        of_ray = fetched_group(steps, step_of(at))
                         h = fetched_ray(steps, step_of(at))
-                        occluder = shared_occluder(occluder, of_ray, loaded)
-                        if wp.static(effects.alpha):
-                            occluder.sure = sure_of(occluder, alpha)
-                        loaded = of_ray
                         inside = at + lane < end
                         fetch_ray_of_lane(steps, rows, start, at + 3 * LANES, lane, end, cells.rays)
                         tested = test_fetched(h, occluder, inside, tested, bits, queue)
                         at += LANES
-                if wp.static(not again):
-                    store_chunks(queue, claimed, this_item, number, size, lane)
-            append_tested(tested, True, queue)
-        else:
-            while k < stop:
-                item = k
-                chunk = wp.int32(0)
-                if wp.static(again):
-                    further = entry(queue.chunks, k)
-                    item = further[0]
-                    chunk = further[1]
-                k += threads
-                # Small groups lie at the end.
-                at = wp.where(item < large, item, capacity - 1 - (item - large))
-                head = entry(queue.groups, at, 0)
-                which = wp.cast(head[0], wp.int32)
-                sides = Sides()
-                sides.line0 = entry(queue.groups, at, 1)
-                sides.line1 = entry(queue.groups, at, 2)
-                sides.line2 = entry(queue.groups, at, 3)
-                occluder = stored_occluder(queue.groups, at)
-                if wp.static(effects.alpha):
-                    occluder.sure = sure_of(occluder, alpha)
-                number = wp.int32(0)
-                for r in range((which >> 4) & 63):
-                    span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, along, cells)
-                    for ray in range(span[0], span[1]):
-                        # A chunk has its share of the group's rays in order, as on the GPU.
-                        if number // size == chunk:
-                            test_ray(bits, queue, entry(cells.rays, ray), occluder)
-                        number += 1
-                if wp.static(not again):
-                    queue_chunks(queue, item, number, size, 0)
+                while at < end:
+                    wait_for_step()
+                    of_ray = fetched_group(steps, step_of(at))
+                    h = fetched_ray(steps, step_of(at))
+                    occluder = occluder_of_group(occluder, of_ray, loaded)
+                    if wp.static(effects.alpha):
+                        occluder.sure = sure_of(occluder, alpha)
+                    loaded = of_ray
+                    inside = at + lane < end
+                    fetch_ray_of_lane(steps, rows, start, at + 3 * LANES, lane, end, cells.rays)
+                    tested = test_fetched(h, occluder, inside, tested, bits, queue)
+                    at += LANES
+            if wp.static(not again):
+                store_chunks(queue, claimed, this_item, number, size, lane)
+        append_tested(tested, True, queue)
 
-    return item_kernel
+    return rows_kernel

@@ -1,7 +1,7 @@
 """Shadow rays: triangles streamed over the rays in the cells of the light's cube.
 
 Which cells a triangle covers is computed relative to the scene's middle in float32, with a pad that covers its rounding
-(:mod:`..cube.footprint`); rays are placed in float64. How a ray is tested is in :mod:`.planes`.
+(:mod:`..cube.footprint`); rays are placed in float64. How a ray is tested is in :mod:`.ray_test`.
 """
 
 from __future__ import annotations
@@ -16,17 +16,26 @@ from ....harness.frame.geometry import Mesh
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number
-from ..cube.aim import cube_of
 from ..cube.cells import RayCells
 from ..cube.faces import on_face
-from ..cube.farthest import all_rays_end_before, depth_slack, nearest_depth
-from ..cube.footprint import cells_of_row, cube_space, flat_box, leaves_out, on_bins
-from ..cube.rectangle import cells_of, extent_with_rays, faces_of, last_row
+from ..cube.farthest import all_rays_end_before, nearest_depth
+from ..cube.footprint import (
+    cells_of_row,
+    cube_space,
+    depth_slack,
+    extent_with_rays,
+    flat_box,
+    leaves_out,
+    on_bins,
+)
+from ..cube.lights import Light, cube_of_light, position_of
+from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
 from ..reads import corners_at
 from .groups import queue_rows, sides_on_face
-from .planes import ShadowBits, occluder_of, occludes_none, test_rays_of_box, test_rays_of_row
+from .planes import occluder_of, occludes_none
+from .ray_test import ShadowBits, test_rays_of_box, test_rays_of_row
 
 INLINE_ROWS = wp.constant(16)
 """A triangle over more rows of cells is queued: its thread would read them one after the other."""
@@ -58,8 +67,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
         share: Share,
         inline_cells: wp.int32,
         inline_rays: wp.int32,
-        lights: wp.array(dtype=wp.vec3f),
-        cubes: wp.array2d(dtype=wp.vec4f),
+        light: Light,
         cells: RayCells,
         mesh: Mesh,
         alpha: Alpha,
@@ -73,7 +81,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
         row = last_row(cells.table)
         faces = wp.where(entry(mesh.valid, i) != wp.uint8(0), faces_of(row), wp.uint32(0))
         corners = corners_at(mesh, i)
-        cube = cube_of(cubes, bits.light)
+        cube = cube_of_light(light)
         along = cells_of(row)
         qa = cube_space(corners.a, cube)
         qb = cube_space(corners.b, cube)
@@ -114,7 +122,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
                         here = face
                         box_here = box
                     elif wp.static(splits):
-                        position = lights[bits.light]
+                        position = position_of(light)
                         again = corners_at(mesh, i)
                         sides_here = sides_on_face(flat, position, cube, face, again, r)
                         large = occluder_of(i, False, position, again, row, True)
@@ -126,9 +134,9 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
                             work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
                             set_entry(queue.large, place, work)
                     else:
-                        light = lights[bits.light]
-                        sides = sides_on_face(flat, light, cube, face, corners, r)
-                        planes = occluder_of(i, holes, light, corners, row, True)
+                        origin = position_of(light)
+                        sides = sides_on_face(flat, origin, cube, face, corners, r)
+                        planes = occluder_of(i, holes, origin, corners, row, True)
                         last = wp.where(occludes_none(planes), box[1] - 1, box[3])
                         for y in range(box[1], last + 1):
                             ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
@@ -136,7 +144,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
         if wp.static(not splits):
             if here >= 0:
                 # Corners are read again: held until here, they would take the registers of the loop.
-                planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row, False)
+                planes_here = occluder_of(i, holes, position_of(light), corners_at(mesh, i), row, False)
                 test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
 
     return stream_kernel

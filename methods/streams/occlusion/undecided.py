@@ -17,9 +17,10 @@ from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
 from ...exact.triangle import largest
 from ...gpu.entries import entry
+from ..cube.lights import Light, position_of
 from ..queues import UNDECIDED, Queue
 from ..reads import corners_at, direction_at, weld_at
-from .planes import ShadowBits, set_shadowed
+from .ray_test import ShadowBits, set_shadowed
 
 PAIRS_UNASKED = wp.constant(4)
 """Undecided pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
@@ -36,7 +37,7 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def undecided_kernel(
         threads: wp.int32,
-        lights: wp.array(dtype=wp.vec3f),
+        light: Light,
         camera: Camera,
         mesh: Mesh,
         alpha: Alpha,
@@ -49,7 +50,7 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
         ``outside``."""
         pairs = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
         origin_size = wp.float64(largest(camera.eye[0]))
-        light = lights[bits.light]
+        place = position_of(light)
         # Whether the pixel is shadowed already: a thread with few pairs would wait for the answer, and what it reads of both
         # triangles is on its way at once without it. Where a light stands close to a surface, pairs are a hundred times as
         # many, and nearly all of their pixels are shadowed.
@@ -87,10 +88,10 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
                         ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
                         own = corners_at(mesh, entry(bits.triangle, pair[1]))
                         h = hit_point(ray, plane_distance(ray, own), own)
-                    occluded = occludes(h, light, corners, weld, origin_size)
+                    occluded = occludes(h, place, corners, weld, origin_size)
                     if wp.static(effects.alpha):
                         if occluded:
-                            occluded = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
+                            occluded = opaque_to_light(alpha, i, h, place, corners, weld, origin_size)
                     if occluded:
                         set_shadowed(bits, pair[1], i)
 

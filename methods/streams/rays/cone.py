@@ -11,21 +11,13 @@ direction.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Mesh
-from ...common.pixels import tile_pixel
-from ...gpu.entries import entry, set_entry
-from ...gpu.reserve import number_among
-from ..cube.aim import CONE, EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
-from ..cube.cells import RayCells
-from ..cube.faces import on_face
-from ..cube.spacing import BINS
-from .hit_points import Words, placed, placed_exactly, point_of
-from .receivers import REGISTERS, mark_receiver
-from .sort import count_exactly, count_quickly, set_row_edges
+from ..cube.aim import CONE
+from ..cube.faces import FACES, on_face
+from ..cube.lights import Light
+from ..cube.rectangle import EMPTY, FACE, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
 
 SLACK = 1.0e-4
 """Added to the angle of a cone: a ray that the camera's words place is right to 2^-18 of its direction
@@ -76,23 +68,19 @@ def raise_side(rectangle: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float64):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def cone_kernel(
-    light: wp.int32,
-    axes: wp.array(dtype=wp.mat33d),
-    spots: wp.array2d(dtype=wp.float64),
-    rectangle: wp.array(dtype=wp.int32),
-    outside_rays: wp.array(dtype=wp.int32),
-):
+def cone_kernel(light: Light, rectangle: wp.array(dtype=wp.int32), outside_rays: wp.array(dtype=wp.int32)):
     """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside a cone
     that is wholly before its centre. One thread. A spot of another kind, or of nearly all directions, keeps all. Empties
     the list of ``outside_rays``."""
     outside_rays[0] = 0
-    cosine = spots[light, 10]
-    if spots[light, 0] != CONE or cosine < WIDEST:
+    cosine = light.spot[light.index, 10]
+    if light.spot[light.index, 0] != CONE or cosine < WIDEST:
         return
     sine = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0)))
     wider = cosine * COS_SLACK - sine * SIN_SLACK
-    axis = axes[light] * wp.vec3d(spots[light, 1], spots[light, 2], spots[light, 3])
+    axis = light.axes[light.index] * wp.vec3d(
+        light.spot[light.index, 1], light.spot[light.index, 2], light.spot[light.index, 3]
+    )
     for face in range(FACES):
         if face_cosine(on_face(axis, face)) < wider:
             rectangle[FACE + face] = EMPTY
@@ -107,60 +95,3 @@ def cone_kernel(
         wide = from_ordered(rectangle[LOW_U]) < -from_ordered(rectangle[HIGH_U])
         if not (wide and from_ordered(rectangle[LOW_V]) < -from_ordered(rectangle[HIGH_V])):
             rectangle[FACE] = EMPTY  # the cone misses what the triangles cover
-
-
-@wp.func
-def in_region(place: wp.vec4f, cells: Any) -> wp.bool:
-    """Whether a place lies in the region; a face without rays has no bins per unit."""
-    r = entry(cells.table, wp.int32(place[2]))
-    x = (place[0] - r[0]) * r[2]
-    y = (place[1] - r[1]) * r[3]
-    return r[2] > 0.0 and wp.min(x, y) >= 0.0 and wp.max(x, y) <= wp.float32(BINS)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def place_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    front_facing: wp.array2d(dtype=wp.uint8),
-    cones: wp.array(dtype=wp.vec4f),
-    proxy_positions: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.mat33d),
-    rays: Words,
-    cells: RayCells,
-    receivers: wp.array2d(dtype=wp.uint8),
-    reached: wp.array(dtype=wp.int32),
-    shadowed: wp.array2d(dtype=wp.uint8),
-    outside_rays: wp.array(dtype=wp.int32),
-):
-    """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.sort.count_kernel` in one.
-
-    outside_rays: int32 [1 + pixels]: the number of rays outside the region, and their pixels. They get no slot."""
-    set_row_edges(first + wp.tid(), camera, cells)
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    set_entry(shadowed, light, pixel, wp.uint8(0))
-    point = point_of(rays, pixel, at, camera, mesh)
-    if not mark_receiver(
-        light, False, pixel, at, point, camera, mesh, lights, spots, front_facing, cones, receivers, reached
-    ):
-        return
-    proxy = entry(proxy_positions, light)
-    axis = entry(axes, light)
-    found = placed(point, True, proxy, axis)
-    if found.place[2] >= 0.0:
-        count_quickly(pixel, point.triangle, found, cells)
-        return
-    found = placed_exactly(rays, pixel, at, camera, mesh, proxy, axis)
-    if in_region(found.place, cells):
-        count_exactly(pixel, point.triangle, found, cells)
-        return
-    set_entry(cells.slot, pixel, -1)
-    set_entry(cells.triangle, pixel, point.triangle)
-    set_entry(outside_rays, 1 + number_among(outside_rays, 0), pixel)

@@ -20,6 +20,7 @@ from ...exact.triangle import largest, spare_bits, to_float32
 from ...gpu.entries import entry, entry_now
 from ..camera.pixels import distance_of, index_of
 from ..cube.faces import place_of
+from ..cube.lights import Aim
 from ..reads import corners_at, direction_at
 
 FAR = wp.constant(wp.float32(1.0 / 32.0))
@@ -31,16 +32,18 @@ more than 2^-18."""
 
 
 @wp.struct
-class Words:
+class PrimaryHits:
     """The nearest hits of the camera's stream: nearest uint64 [pixels], exact_path uint8 [triangles]
-    (:class:`..queues.Queues`)."""
+    (:class:`..queues.Queues`); and of what they are hits."""
 
+    camera: Camera
+    mesh: Mesh
     nearest: wp.array(dtype=wp.uint64)
     exact_path: wp.array(dtype=wp.uint8)
 
 
 @wp.struct
-class Point:
+class HitPoint:
     """A hit point. triangle: -1 at a miss; way: the largest coordinate of its way from the eye; exact_path:
     whether :func:`exact_point` must give it; t: its distance, to 2^-23 of itself unless it must."""
 
@@ -52,21 +55,27 @@ class Point:
 
 
 @wp.func
-def has_hit(rays: Words, pixel: wp.int32) -> wp.bool:
-    return entry(rays.nearest, pixel) != wp.uint64(0)
+def ray_at(camera: Camera, at: wp.vec2i) -> Ray:
+    """The ray of the pixel in column and row ``at``."""
+    return Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
 
 
 @wp.func
-def point_of(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, mesh: Mesh) -> Point:
+def has_hit(hits: PrimaryHits, pixel: wp.int32) -> wp.bool:
+    return entry(hits.nearest, pixel) != wp.uint64(0)
+
+
+@wp.func
+def point_of(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> HitPoint:
     """The hit point of a pixel in column and row ``at``."""
-    point = Point()
+    point = HitPoint()
     point.triangle = -1
-    word = entry(rays.nearest, pixel)
+    word = entry(hits.nearest, pixel)
     if word != wp.uint64(0):
-        spare = spare_bits(mesh.triangles.shape[0])
+        spare = spare_bits(hits.mesh.triangles.shape[0])
         point.triangle = index_of(word, spare)
-        point.exact_path = entry(rays.exact_path, point.triangle) != wp.uint8(0)
-        ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
+        point.exact_path = entry(hits.exact_path, point.triangle) != wp.uint8(0)
+        ray = ray_at(hits.camera, at)
         t = distance_of(word, spare)
         point.t = wp.float32(t)
         point.hit = along(ray, t)
@@ -75,18 +84,18 @@ def point_of(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, mesh: M
 
 
 @wp.func
-def point_of_word(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, spare: wp.int32) -> wp.vec3f:
+def point_of_word(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> wp.vec3f:
     """The hit point that :func:`point_of` gives, rounded; of a pixel with a hit."""
-    ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-    return to_float32(along(ray, distance_of(entry(rays.nearest, pixel), spare)))
+    spare = spare_bits(hits.mesh.triangles.shape[0])
+    return to_float32(along(ray_at(hits.camera, at), distance_of(entry(hits.nearest, pixel), spare)))
 
 
 @wp.func
-def exact_point(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, mesh: Mesh) -> wp.vec3d:
+def exact_point(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> wp.vec3d:
     """The hit point of the answer."""
-    word = entry_now(rays.nearest, pixel)
-    corners = corners_at(mesh, index_of(word, spare_bits(mesh.triangles.shape[0])))
-    ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
+    word = entry_now(hits.nearest, pixel)
+    corners = corners_at(hits.mesh, index_of(word, spare_bits(hits.mesh.triangles.shape[0])))
+    ray = ray_at(hits.camera, at)
     return hit_point(ray, plane_distance(ray, corners), corners)
 
 
@@ -101,12 +110,12 @@ class Placed:
 
 
 @wp.func
-def placed(point: Point, wanted: wp.bool, light: wp.vec3f, axes: wp.mat33d) -> Placed:
+def placed(point: HitPoint, wanted: wp.bool, aim: Aim) -> Placed:
     """Where a hit point lies; face -1 if it has no ray (not ``wanted``), or if :func:`placed_exactly` must say."""
     found = Placed()
     found.place = wp.vec4f(0.0, 0.0, -1.0, 0.0)
     if wanted and not point.exact_path:
-        place = place_of(point.hit, light, axes)
+        place = place_of(point.hit, aim.proxy, aim.axes)
         if place[3] >= NEAR_LIGHT * point.way and place[3] < wp.INF:
             found.place = place
             found.h = to_float32(point.hit)
@@ -115,20 +124,12 @@ def placed(point: Point, wanted: wp.bool, light: wp.vec3f, axes: wp.mat33d) -> P
 
 
 @wp.func
-def placed_exactly(
-    rays: Words,
-    pixel: wp.int32,
-    at: wp.vec2i,
-    camera: Camera,
-    mesh: Mesh,
-    light: wp.vec3f,
-    axes: wp.mat33d,
-) -> Placed:
+def placed_exactly(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i, aim: Aim) -> Placed:
     """Where the hit point of an answer lies. Few rays need it, and it takes many registers. So it reads everything again:
     what a kernel held for it, it would hold for all rays."""
     found = Placed()
-    hit = exact_point(rays, pixel, at, camera, mesh)
-    found.place = place_of(hit, light, axes)
+    hit = exact_point(hits, pixel, at)
+    found.place = place_of(hit, aim.proxy, aim.axes)
     found.h = to_float32(hit)
     found.size = largest(found.h)
     return found

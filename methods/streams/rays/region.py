@@ -14,22 +14,21 @@ from typing import Any
 
 import warp as wp
 
-from ....harness.frame.effects.receivers import faces_light, note_receiver
+from ....harness.frame.effects.receivers import faces_light
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
-from ...common.pixels import tile_pixel
-from ...exact.triangle import U32, largest, spare_bits, to_float32, to_float64, total
+from ...exact.triangle import U32, largest, to_float32, to_float64, total
 from ...gpu.entries import entry, set_entry
-from ..camera.pixels import edge_planes, index_of, inverse_depth
+from ..camera.pixels import edge_planes, inverse_depth
 from ..camera.stream import box_of
-from ..cube.aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, cube_of, ordered
 from ..cube.cells import RayCells
 from ..cube.density import expect_triangles
-from ..cube.faces import on_face
+from ..cube.faces import FACES, on_face
 from ..cube.footprint import FINEST, beyond_face, cube_space, extent_from, turned
+from ..cube.lights import Cube, Light, cube_of_light
+from ..cube.rectangle import FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
 from ..reads import corners_at
-from .hit_points import FAR, Words, has_hit, point_of
-from .sort import REGISTERS, count_placed, put_ray, set_row_edges
+from .hit_points import FAR
 
 OFF = wp.constant(wp.float32(2.0**-7))
 """Share of the way from the eye that is added to the extent of a triangle: a hit point is off by at most 2^-29 of that way
@@ -207,11 +206,9 @@ def bounds_kernel(
     threads: wp.int32,
     lanes: wp.int32,
     empties: wp.bool,
-    light: wp.int32,
+    light: Light,
     camera: Camera,
-    cubes: wp.array2d(dtype=wp.vec4f),
     mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
     cells: RayCells,
     facing: wp.array(dtype=wp.uint8),
 ):
@@ -226,7 +223,7 @@ def bounds_kernel(
         for tile in range(i, cells.farthest.shape[0], threads):
             cells.farthest[tile] = 0
     o = entry(camera.eye, 0)
-    cube = cube_of(cubes, light)
+    cube = cube_of_light(light)
     box = wp.vec4i(0, 0, -1, -1)
     if i < mesh.triangles.shape[0] and mesh.valid[i] != wp.uint8(0):
         corners = corners_at(mesh, i)
@@ -234,85 +231,10 @@ def bounds_kernel(
         wanted = box[2] >= box[0] and box[3] >= box[1]
         if wp.static(effects.receivers):
             if wanted:
-                wanted = faces_light(light, o, corners, lights)
+                wanted = faces_light(light.index, o, corners, light.position)
                 set_entry(facing, i, wp.uint8(wanted))
         if wanted:
             bound_rays(corners, box, o, camera, cube, cells)
         else:
             box = wp.vec4i(0, 0, -1, -1)
     expect_triangles(i, lanes, box, o, camera, cube, mesh, cells)
-
-
-@wp.func
-def facing_of(rays: Words, pixel: wp.int32, mesh: Mesh, facing: wp.array(dtype=wp.uint8)) -> wp.uint8:
-    """What ``facing`` says of the triangle that a pixel hits; 0 at a miss."""
-    word = entry(rays.nearest, pixel)
-    faces = wp.uint8(0)
-    if word != wp.uint64(0):
-        faces = entry(facing, index_of(word, spare_bits(mesh.triangles.shape[0])))
-    return faces
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def place_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    camera: Camera,
-    lights: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.mat33d),
-    mesh: Mesh,
-    rays: Words,
-    facing: wp.array(dtype=wp.uint8),
-    cells: RayCells,
-    receivers: wp.array2d(dtype=wp.uint8),
-    reached: wp.array(dtype=wp.int32),
-    shadowed: wp.array2d(dtype=wp.uint8),
-):
-    """:func:`.sort.map_kernel` and :func:`.sort.count_kernel` in one, where the rectangle is known. Sets where rows begin.
-
-    If not all hits have a ray, marks the receivers, too: those on triangles that are ``facing`` (:func:`bounds_kernel`).
-    reached: int32 [1], set to 1 if there is one; or empty.
-    """
-    set_row_edges(first + wp.tid(), camera, cells)
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    set_entry(shadowed, light, pixel, wp.uint8(0))
-    faces = wp.uint8(0)
-    if wp.static(effects.receivers):
-        # Before the point is computed: the byte is then on its way together with what that reads of the triangle.
-        faces = facing_of(rays, pixel, mesh, facing)
-    point = point_of(rays, pixel, at, camera, mesh)
-    wanted = point.triangle >= 0
-    if wp.static(effects.receivers):
-        wanted = faces != wp.uint8(0)
-        set_entry(receivers, light, pixel, wp.uint8(wanted))
-        if wanted:
-            note_receiver(reached)
-    if wanted:
-        count_placed(rays, point, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), cells)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    rays: Words,
-    receivers: wp.array2d(dtype=wp.uint8),
-    cells: RayCells,
-):
-    """:func:`.sort.scatter_kernel`, where pixels without a ray have no slot."""
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    wanted = wp.bool(False)
-    if wp.static(effects.receivers):
-        wanted = entry(receivers, light, pixel) != wp.uint8(0)
-    else:
-        wanted = has_hit(rays, pixel)
-    if wanted:
-        put_ray(rays, pixel, at, entry(cells.slot, pixel), camera, mesh, cells)

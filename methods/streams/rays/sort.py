@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import warp as wp
 
 from ....harness.frame.effects.specialise import effects
-from ....harness.frame.geometry import Camera, Mesh
+from ....harness.frame.geometry import Camera
 from ...common.pixels import tile_pixel, tile_threads
-from ...exact.triangle import spare_bits
 from ...gpu.entries import entry, entry_if, set_entry
 from ...gpu.reserve import number_among
 from ...gpu.warps import scan_row
 from ..cube.cells import SPARE, RayCells, place_in_order, set_slot
-from ..cube.density import expect_ray
-from ..cube.faces import record_place
-from ..cube.farthest import empty_tiles, raise_from, tile_index
+from ..cube.farthest import raise_from, tile_index
 from ..cube.rectangle import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 from ..cube.spacing import in_cells, set_edges
 from ..queues import RAYS
-from .hit_points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
+from .hit_points import PrimaryHits, has_hit, point_of_word
 
 STORED_FACE = wp.constant(8)
 """Added to the face of a place whose ray has its point in ``point``."""
-
-REGISTERS = 40
-"""Registers per thread of the passes that place rays, for twelve blocks of 128 per multiprocessor. The few rays that take
-care spill; with 32 the others would, too."""
 
 
 @wp.func
@@ -76,87 +70,6 @@ def rays_in_box(offset: wp.array(dtype=wp.int32), face: wp.int32, box: wp.vec4i,
 
 
 @wp.func
-def store_point(pixel: wp.int32, triangle: wp.int32, h: wp.vec3f, cells: Any):
-    """Store a pixel's hit point and what its ray hit."""
-    set_entry(cells.triangle, pixel, triangle)
-    set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
-
-
-@wp.func
-def place_ray(
-    rays: Words,
-    point: Point,
-    wanted: wp.bool,
-    pixel: wp.int32,
-    at: wp.vec2i,
-    camera: Camera,
-    mesh: Mesh,
-    light: wp.vec3f,
-    axes: wp.mat33d,
-    keeps: wp.bool,
-    cells: Any,
-):
-    """Store the place of a pixel's ray, if it has one (``wanted``). All threads of a block must call it.
-
-    Not ``keeps``: only points that the triangle gives are stored; what the word gives :func:`put_ray` computes again, which
-    takes less than 24 bytes of memory traffic.
-    """
-    found = placed(point, wanted, light, axes)
-    if found.place[2] >= 0.0:
-        set_entry(cells.place, pixel, found.place)
-        if keeps:
-            store_point(pixel, point.triangle, found.h, cells)
-        else:
-            set_entry(cells.triangle, pixel, point.triangle)
-    elif wanted:
-        found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
-        store_point(pixel, point.triangle, found.h, cells)
-        p = found.place
-        if not keeps:
-            p[2] += wp.float32(STORED_FACE)
-        set_entry(cells.place, pixel, p)
-    expect_ray(pixel, found.place, cells)
-    record_place(found.place, found.size, cells.rectangle)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def map_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    camera: Camera,
-    lights: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.mat33d),
-    mesh: Mesh,
-    rays: Words,
-    receivers: wp.array2d(dtype=wp.uint8),
-    keeps: wp.bool,
-    cells: RayCells,
-    shadowed: wp.array2d(dtype=wp.uint8),
-):
-    """Places of rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits, unless
-    the receivers' pass of the harness has. ``first``: of an image's threads, the first one here (as in the passes below).
-
-    point: the hit in float32, and the pixel's number in the bits of the fourth; ``keeps``: of :func:`place_ray`. Nothing is
-    written for pixels without ray.
-    """
-    empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-    point = Point()
-    wanted = wp.bool(False)
-    pixel = at[1] * camera.width + at[0]
-    if at[0] >= 0:
-        point = point_of(rays, pixel, at, camera, mesh)
-        if wp.static(effects.receivers):
-            wanted = entry(receivers, light, pixel) != wp.uint8(0)
-        else:
-            set_entry(shadowed, light, pixel, wp.uint8(0))
-            wanted = point.triangle >= 0
-    place_ray(
-        rays, point, wanted, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), keeps, cells
-    )
-
-
-@wp.func
 def count_in_cell(
     pixel: wp.int32,
     p: wp.vec4f,
@@ -200,62 +113,25 @@ def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: Any):
     count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(last_row(cells.table)), stored, cells)
 
 
-@wp.func
-def count_quickly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
-    """Count a ray that the word places: its point is not stored (:func:`place_ray`)."""
-    set_entry(cells.triangle, pixel, triangle)
-    count_in_table(pixel, found.place, False, cells)
-
-
-@wp.func
-def count_exactly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
-    """Count a ray that the triangle places, and store its point."""
-    store_point(pixel, triangle, found.h, cells)
-    count_in_table(pixel, found.place, True, cells)
-
-
-@wp.func
-def count_placed(
-    rays: Words,
-    point: Point,
-    pixel: wp.int32,
-    at: wp.vec2i,
-    camera: Camera,
-    mesh: Mesh,
-    light: wp.vec3f,
-    axes: wp.mat33d,
-    cells: Any,
-):
-    """Place the ray of a pixel and count it in its cell, where the rectangle is known. Points are stored
-    as by :func:`place_ray`."""
-    found = placed(point, True, light, axes)
-    if found.place[2] >= 0.0:
-        count_quickly(pixel, point.triangle, found, cells)
-    else:
-        found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
-        count_exactly(pixel, point.triangle, found, cells)
-
-
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
     first: wp.int32,
     light: wp.int32,
-    camera: Camera,
-    rays: Words,
+    hits: PrimaryHits,
     receivers: wp.array2d(dtype=wp.uint8),
     cells: RayCells,
 ):
     """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
     does."""
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), hits.camera.width, hits.camera.height)
     if at[0] < 0:
         return
-    pixel = at[1] * camera.width + at[0]
+    pixel = at[1] * hits.camera.width + at[0]
     if wp.static(effects.receivers):
         if entry(receivers, light, pixel) == wp.uint8(0):
             set_entry(cells.slot, pixel, -1)
             return
-    elif not has_hit(rays, pixel):
+    elif not has_hit(hits, pixel):
         set_entry(cells.slot, pixel, -1)
         return
     count_ray(pixel, entry(cells.place, pixel), cells)
@@ -285,9 +161,7 @@ def scan_kernel(threads: wp.int32, tabled: wp.bool, cells: RayCells, counts: wp.
 
 
 @wp.func
-def put_ray(
-    rays: Words, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, camera: Camera, mesh: Mesh, cells: Any
-):
+def put_ray(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, cells: Any):
     """Put the ray of a pixel in column and row ``at`` where its slot says, if it has one."""
     if slot == -1:
         return
@@ -295,15 +169,34 @@ def put_ray(
     if slot < 0:
         set_entry(cells.rays, place, entry(cells.point, pixel))
     else:
-        h = point_of_word(rays, pixel, at, camera, spare_bits(mesh.triangles.shape[0]))
+        h = point_of_word(hits, pixel, at)
         set_entry(cells.rays, place, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(first: wp.int32, camera: Camera, mesh: Mesh, rays: Words, cells: RayCells):
-    """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    put_ray(rays, pixel, at, entry(cells.slot, pixel), camera, mesh, cells)
+@functools.cache
+def make_scatter_kernel(slotted: bool) -> wp.Kernel:
+    """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth. ``slotted``: whether every
+    pixel has a slot, also those without a ray."""
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def scatter_kernel(
+        first: wp.int32,
+        light: wp.int32,
+        hits: PrimaryHits,
+        receivers: wp.array2d(dtype=wp.uint8),
+        cells: RayCells,
+    ):
+        at = tile_pixel(first + wp.tid(), hits.camera.width, hits.camera.height)
+        if at[0] < 0:
+            return
+        pixel = at[1] * hits.camera.width + at[0]
+        wanted = wp.bool(True)
+        if wp.static(not slotted):
+            if wp.static(effects.receivers):
+                wanted = entry(receivers, light, pixel) != wp.uint8(0)
+            else:
+                wanted = has_hit(hits, pixel)
+        if wanted:
+            put_ray(hits, pixel, at, entry(cells.slot, pixel), cells)
+
+    return scatter_kernel

@@ -26,15 +26,13 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+from ..constants import BLOCK
 from .climb import make_builder
 
 CLUSTERS = 16
 """Clusters that a node may keep: half the lanes of a warp, so that those of two nodes fit one warp."""
 
 TALL = 64
-
-BLOCK = 128
-"""Threads per block on the GPU."""
 
 HEIGHT_BIT = 25
 """A cluster's name takes the bits below, its height those above."""
@@ -115,9 +113,9 @@ auto merge_down = [&](Cluster& c, int& number, int enough) {
         } else {
 #pragma unroll
             for (int step = 1; step <= RADIUS; step++) {
-                float beside[6];
-                for (int k = 0; k < 6; k++) beside[k] = __shfl_sync(ALL, c.box[k], lane + step);
-                unsigned int cost = lane + step < number ? cost_of(c.box, beside) : NONE;
+                float neighbour[6];
+                for (int k = 0; k < 6; k++) neighbour[k] = __shfl_sync(ALL, c.box[k], lane + step);
+                unsigned int cost = lane + step < number ? cost_of(c.box, neighbour) : NONE;
                 if (cost != NONE) best = min(best, cost | (lane + step));
                 unsigned int back = __shfl_sync(ALL, cost, lane - step);
                 if (lane >= step && back != NONE) best = min(best, back | (lane - step));
@@ -126,9 +124,9 @@ auto merge_down = [&](Cluster& c, int& number, int enough) {
         int other = best & 31;
         int chosen = __shfl_sync(ALL, best == NONE ? 32 : other, other);
         bool held = lane < number, paired = held && best != NONE && chosen == lane;
-        Cluster beside = of_lane(c, other);
+        Cluster neighbour = of_lane(c, other);
         bool first = paired && lane < other;
-        if (first) c = merged(c, beside);
+        if (first) c = merged(c, neighbour);
         unsigned int stay = __ballot_sync(ALL, first || (held && !paired));
         number = __popc(stay);
         if (stay >> lane & 1u) mine[__popc(stay & ((1u << lane) - 1u))] = lane;
@@ -226,17 +224,17 @@ while (true) {
             }
             int first = is_lower ? r + 1 : (int)(unsigned int)other;
             int end = is_lower ? (int)(unsigned int)other : l - 1;
-            Cluster beside = c;
-            beside.ref = NONE;
-            if (lane < CLUSTERS && first + lane <= end) beside = load(first + lane, end - first < CLUSTERS);
-            int more = __popc(__ballot_sync(ALL, beside.ref != NONE));
+            Cluster neighbour = c;
+            neighbour.ref = NONE;
+            if (lane < CLUSTERS && first + lane <= end) neighbour = load(first + lane, end - first < CLUSTERS);
+            int more = __popc(__ballot_sync(ALL, neighbour.ref != NONE));
             if (is_lower) {
-                Cluster moved = of_lane(beside, lane - number);
+                Cluster moved = of_lane(neighbour, lane - number);
                 if (lane >= number) c = moved;
                 r = end, upper = other >> 32;
             } else {
                 Cluster moved = of_lane(c, lane - more);
-                c = lane < more ? beside : moved;
+                c = lane < more ? neighbour : moved;
                 l = first, lower = other >> 32;
             }
             number += more;
@@ -327,6 +325,6 @@ while (true) {
 
 @functools.cache
 def make_hploc_kernel(radius: int) -> Any:
-    """A thread for each leaf in key order, and up to a full block of :data:`BLOCK`."""
+    """A thread for each leaf in key order, and up to a full block."""
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{BY_WARPS}\n#else\n{ONE_BY_ONE}\n#endif\n"
     return make_builder(f"constexpr int RADIUS = {radius};" + SHARED + by_device)

@@ -26,11 +26,11 @@ while (before != NONE || after != NONE) {
         other = exchange(parent, left ? far_end(l, before) : far_end(r, after));
         if (other == EMPTY) return;
     }
-    float beside[6];
-    unsigned int sibling = take_box(4 * parent + 2 - side, beside);
-    if (left) put_node((float*)tree.nodes.data, parent, pad, box, ref, beside, sibling);
-    else put_node((float*)tree.nodes.data, parent, pad, beside, sibling, box, ref);
-    join(box, beside);
+    float sibling_box[6];
+    unsigned int sibling = take_box(4 * parent + 2 - side, sibling_box);
+    if (left) put_node((float*)tree.nodes.data, parent, pad, box, ref, sibling_box, sibling);
+    else put_node((float*)tree.nodes.data, parent, pad, sibling_box, sibling, box, ref);
+    join(box, sibling_box);
     ref = (unsigned int)parent;
     if (left) r = (int)(unsigned int)other, after = (unsigned int)(other >> 32);
     else l = (int)(unsigned int)other, before = (unsigned int)(other >> 32);

@@ -13,7 +13,7 @@ from ....harness.frame.schedule.passes import Pass
 from .. import constants
 from ..nodes import empty_tree
 from .climb import Leaves
-from .hploc import BLOCK, make_hploc_kernel
+from .hploc import make_hploc_kernel
 from .keys import NO_LEAF, SceneBox, key_kernel
 from .lbvh import make_lbvh_kernel
 from .sort import Sort
@@ -65,9 +65,9 @@ class Rebuilt:
         f = self.frame
         wp.launch(
             MAKERS[self.builder](),
-            dim=-(-f.triangle_count // BLOCK) * BLOCK,
+            dim=-(-f.triangle_count // constants.BLOCK) * constants.BLOCK,
             inputs=[self.leaves, f.mesh],
             outputs=[self.scratch, self.flags, self.tree],
             device=f.device,
-            block_dim=BLOCK,
+            block_dim=constants.BLOCK,
         )

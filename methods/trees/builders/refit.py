@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.errors import UserError
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, filled
 from ....harness.frame.schedule.passes import Pass
@@ -33,12 +32,12 @@ class Topology:
 
 
 REFIT = """
-int triangle = known.order.data[i];
+int triangle = topology.order.data[i];
 float box[6];
 clear(box);
 bool counts = mesh.valid.data[triangle] != 0;
 if (counts) box_of_triangle(triangle, box);
-int slot = known.leaf_parent.data[i];
+int slot = topology.leaf_parent.data[i];
 if (slot < 0) tree.root.data[0] = counts ? (int)LEAF : (int)NONE;
 while (slot >= 0) {
     int node = slot >> 1, other = slot ^ 1;
@@ -50,13 +49,13 @@ while (slot >= 0) {
     int arrived = flags.data[node]++;
 #endif
     if ((arrived & 1) == 0) return;
-    float beside[6];
-    take_box(2 * other, beside);
-    unsigned int own = (unsigned int)known.refs.data[slot], sibling = (unsigned int)known.refs.data[other];
-    if (slot < other) put_node((float*)tree.nodes.data, node, pad, box, own, beside, sibling);
-    else put_node((float*)tree.nodes.data, node, pad, beside, sibling, box, own);
-    join(box, beside);
-    slot = known.node_parent.data[node];
+    float sibling_box[6];
+    take_box(2 * other, sibling_box);
+    unsigned int own = (unsigned int)topology.refs.data[slot], sibling = (unsigned int)topology.refs.data[other];
+    if (slot < other) put_node((float*)tree.nodes.data, node, pad, box, own, sibling_box, sibling);
+    else put_node((float*)tree.nodes.data, node, pad, sibling_box, sibling, box, own);
+    join(box, sibling_box);
+    slot = topology.node_parent.data[node];
 }
 """
 
@@ -65,7 +64,7 @@ while (slot >= 0) {
 def refit(
     i: wp.int32,
     pad: wp.float32,
-    known: Topology,
+    topology: Topology,
     mesh: Mesh,
     scratch: wp.array(dtype=wp.vec4f),
     flags: wp.array(dtype=wp.int32),
@@ -76,7 +75,7 @@ def refit(
 @wp.kernel(enable_backward=False, grid_stride=False)
 def refit_kernel(
     count: wp.int32,
-    known: Topology,
+    topology: Topology,
     mesh: Mesh,
     scratch: wp.array(dtype=wp.vec4f),
     flags: wp.array(dtype=wp.int32),
@@ -86,7 +85,7 @@ def refit_kernel(
     i = wp.tid()
     if i < count:
         pad = padding(entry(tree.max_coordinate, 0), entry(tree.extent, 0))
-        refit(i, pad, known, mesh, scratch, flags, tree)
+        refit(i, pad, topology, mesh, scratch, flags, tree)
 
 
 @wp.kernel(enable_backward=False)
@@ -97,21 +96,17 @@ def extent_kernel(box: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.flo
 class Refitted:
     """A SAH tree of the animation's first frame (:class:`.sah.Topology`), with boxes of each.
 
-    scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: the geometry does not move; refused where
-    it does"""
+    scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: whether the mesh does not move
+    """
 
     def __init__(self, frame: Frame, still: bool):
         self.frame, self.still = frame, still
         prepared = frame.prepared
-        if still and prepared.moves:
-            raise UserError(
-                f"update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; choose rebuild or refit"
-            )
         points, valid = prepared.points(0)
         topology = sah_topology(points[prepared.faces], valid)
         with wp.ScopedDevice(frame.device):
             self.box = SceneBox(frame)
-            self.known = filled(
+            self.topology = filled(
                 Topology,
                 order=wp.array(topology.order, dtype=wp.int32),
                 refs=wp.array(topology.leaves().view("int32"), dtype=wp.int32),
@@ -137,7 +132,7 @@ class Refitted:
         wp.launch(
             refit_kernel,
             dim=f.triangle_count,
-            inputs=[f.triangle_count, self.known, f.mesh],
+            inputs=[f.triangle_count, self.topology, f.mesh],
             outputs=[self.scratch, self.flags, self.tree],
             device=f.device,
             block_dim=BLOCK,

@@ -25,7 +25,7 @@ class Topology:
     """A tree without its boxes.
 
     order        int32 [triangles]: the triangle at each place
-    refs         uint32 [2 * nodes]: children, 2 * node and the next; a place with :data:`.snippets.LEAF`, or a node
+    refs         uint32 [2 * nodes]: children, 2 * node and the next; a place with :data:`..native.LEAF`, or a node
     leaf_parent  int32 [triangles]: where a place is referred to; -1: it is the root
     node_parent  int32 [nodes]: where a node is referred to; -1: it is the root, node 0
     """

@@ -19,30 +19,24 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import filled
+from ..constants import COUNT_BLOCKS, MANY_KEYS, SORT_THREADS, TILES_AT_ONCE
 
 DIGIT = 8
 DIGITS = 1 << DIGIT
-THREADS = 256
-COUNT_BLOCKS = 264
-MANY = 400_000
-"""From this number of keys on, a thread takes 16 of them; below, it takes 8, so that tiles fill the GPU."""
-
-AHEAD = 4
-"""Tiles whose counts a thread reads at once when it looks back."""
 
 COUNT = f"""
 #if defined(__CUDA_ARCH__)
 __shared__ int found[4 * {DIGITS}];
-for (int k = threadIdx.x; k < passes * {DIGITS}; k += {THREADS}) found[k] = 0;
+for (int k = threadIdx.x; k < passes * {DIGITS}; k += {SORT_THREADS}) found[k] = 0;
 __syncthreads();
-for (int i = blockIdx.x * {THREADS} + threadIdx.x; i < count; i += gridDim.x * {THREADS}) {{
+for (int i = blockIdx.x * {SORT_THREADS} + threadIdx.x; i < count; i += gridDim.x * {SORT_THREADS}) {{
     unsigned int key = keys.data[i];
     if (key == (unsigned int)nothing) continue;
     for (int pass = 0; pass < passes; pass++)
         atomicAdd(found + pass * {DIGITS} + ((key >> pass * {DIGIT}) & {DIGITS - 1}), 1);
 }}
 __syncthreads();
-for (int k = threadIdx.x; k < passes * {DIGITS}; k += {THREADS})
+for (int k = threadIdx.x; k < passes * {DIGITS}; k += {SORT_THREADS})
     if (found[k]) atomicAdd(state.data + k, found[k]);
 #endif
 """
@@ -51,11 +45,11 @@ SWEEP = (
     f"""
 #if defined(__CUDA_ARCH__)
 constexpr unsigned int ALL = 0xffffffffu, OWN = 1u << 30, UPTO = 2u << 30, NUMBER = OWN - 1u;
-constexpr int WARPS = {THREADS} / 32;
+constexpr int WARPS = {SORT_THREADS} / 32;
 __shared__ int of_warp[WARPS][{DIGITS}];
 __shared__ int base[{DIGITS}];
 __shared__ int sums[2][WARPS];
-__shared__ unsigned int kept[{THREADS} * ITEMS];
+__shared__ unsigned int kept[{SORT_THREADS} * ITEMS];
 __shared__ int taken;
 int thread = threadIdx.x, lane = thread & 31, warp = thread >> 5;
 """
@@ -64,8 +58,8 @@ if (pass_ > 0) count = held.data[0];
 if (thread == 0) taken = atomicAdd(state.data + 4 * DIGITS + pass_, 1);
 for (int k = 0; k < WARPS; k++) of_warp[k][thread] = 0;
 __syncthreads();
-int tile = taken, first = tile * THREADS * ITEMS + warp * 32 * ITEMS + lane;
-if (pass_ > 0 && tile * THREADS * ITEMS >= count) return;
+int tile = taken, first = tile * SORT_THREADS * ITEMS + warp * 32 * ITEMS + lane;
+if (pass_ > 0 && tile * SORT_THREADS * ITEMS >= count) return;
 unsigned int key[ITEMS];
 int rank[ITEMS], shift = pass_ * DIGIT;
 #pragma unroll
@@ -96,8 +90,8 @@ if (tile < tiles - 1) told[tile * DIGITS + thread] = (tile ? OWN : UPTO) | (unsi
 // Keys of smaller digits, of all tiles and of this one.
 int number = state.data[pass_ * DIGITS + thread], smaller = number, inner = own;
 for (int step = 1; step < 32; step <<= 1) {
-    int other = __shfl_up_sync(ALL, smaller, step), beside = __shfl_up_sync(ALL, inner, step);
-    if (lane >= step) smaller += other, inner += beside;
+    int other = __shfl_up_sync(ALL, smaller, step), other_inner = __shfl_up_sync(ALL, inner, step);
+    if (lane >= step) smaller += other, inner += other_inner;
 }
 if (lane == 31) sums[0][warp] = smaller, sums[1][warp] = inner;
 __syncthreads();
@@ -113,13 +107,13 @@ for (int k = 0; k < WARPS; k++) of_warp[k][thread] += inner;
 int value[ITEMS], earlier = 0;
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) value[k] = first + 32 * k < count ? source.values.data[first + 32 * k] : 0;
-for (int back = tile - 1; back >= 0; back -= AHEAD) {
-    unsigned int said[AHEAD];
+for (int back = tile - 1; back >= 0; back -= TILES_AT_ONCE) {
+    unsigned int said[TILES_AT_ONCE];
 #pragma unroll
-    for (int k = 0; k < AHEAD; k++) said[k] = back - k < 0 ? UPTO : told[(back - k) * DIGITS + thread];
+    for (int k = 0; k < TILES_AT_ONCE; k++) said[k] = back - k < 0 ? UPTO : told[(back - k) * DIGITS + thread];
     bool all = false;
 #pragma unroll
-    for (int k = 0; k < AHEAD; k++) {
+    for (int k = 0; k < TILES_AT_ONCE; k++) {
         while (!all && said[k] < OWN) said[k] = told[(back - k) * DIGITS + thread];
         if (!all) earlier += said[k] & NUMBER;
         all = all || said[k] >= UPTO;
@@ -139,7 +133,7 @@ __syncthreads();
 int place[ITEMS];
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) {
-    int at = thread + THREADS * k;
+    int at = thread + SORT_THREADS * k;
     unsigned int sorted = kept[at];
     place[k] = at < here ? base[(sorted >> shift) & (DIGITS - 1)] + at : -1;
     if (place[k] >= 0) target.keys.data[place[k]] = sorted;
@@ -151,7 +145,7 @@ for (int k = 0; k < ITEMS; k++)
 __syncthreads();
 #pragma unroll
 for (int k = 0; k < ITEMS; k++)
-    if (place[k] >= 0) target.values.data[place[k]] = kept[thread + THREADS * k];
+    if (place[k] >= 0) target.values.data[place[k]] = kept[thread + SORT_THREADS * k];
 #endif
 """
 )
@@ -189,10 +183,11 @@ def count_kernel(
 
 @functools.cache
 def make_sweep_kernel(items: int) -> Any:
-    """One pass: a block of :data:`THREADS` for each tile of ``items`` keys per thread."""
-    constants = f"constexpr int DIGIT = {DIGIT}, DIGITS = {DIGITS}, THREADS = {THREADS}, ITEMS = {items}, AHEAD = {AHEAD};"
+    """One pass: a block of :data:`SORT_THREADS` for each tile of ``items`` keys per thread."""
+    sizes = f"constexpr int DIGIT = {DIGIT}, DIGITS = {DIGITS}, ITEMS = {items};"
+    tuned = f"constexpr int SORT_THREADS = {SORT_THREADS}, TILES_AT_ONCE = {TILES_AT_ONCE};"
 
-    @wp.func_native(constants + SWEEP)
+    @wp.func_native(sizes + tuned + SWEEP)
     def sweep(
         count: wp.int32,
         pass_: wp.int32,
@@ -249,8 +244,8 @@ class Sort:
         self.count, self.bits, self.nothing = count, bits, nothing
         self.device = wp.get_device(device)
         self.passes = -(-bits // DIGIT)
-        self.items = 8 if count < MANY else 16
-        self.tiles = -(-count // (THREADS * self.items))
+        self.items = 8 if count < MANY_KEYS else 16
+        self.tiles = -(-count // (SORT_THREADS * self.items))
         words = 4 * DIGITS + 32 + self.passes * self.tiles * DIGITS
         with wp.ScopedDevice(device):
             self.keys, self.values = (wp.zeros(2 * count, dtype=wp.int32) for _ in range(2))
@@ -267,15 +262,15 @@ class Sort:
             wp.utils.radix_sort_pairs(self.keys, self.values, self.count, 0, self.bits)
             self._run(held_kernel, 1, [self.count, self.nothing, self.keys], [self.held], 1)
             return
-        threads = THREADS * min(COUNT_BLOCKS, self.tiles)
+        threads = SORT_THREADS * min(COUNT_BLOCKS, self.tiles)
         self._run(count_kernel, threads, [self.count, self.passes, self.nothing, self.unsorted], [self.state])
         for k in range(self.passes):
             source, target = self._halves[(self.passes + k) % 2], self._halves[(self.passes + k + 1) % 2]
             inputs = [self.count, k, self.tiles, self.nothing, source, self.state]
             kernel = make_sweep_kernel(self.items)
-            self._run(kernel, THREADS * self.tiles, inputs, [self.held, target])
+            self._run(kernel, SORT_THREADS * self.tiles, inputs, [self.held, target])
 
     def _run(
-        self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = THREADS
+        self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = SORT_THREADS
     ) -> None:
         wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)

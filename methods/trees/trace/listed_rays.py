@@ -31,7 +31,7 @@ class ListedRays:
     lists    for each bounce and share, which (:class:`.closest.Listed`)
     found    vec4i [threads] for each share: what the traversal of each ray gave
 
-    ``starts`` as in :class:`.rays.TreeRays`.
+    ``starts`` as in :class:`.tree_rays.TreeRays`.
     """
 
     def __init__(

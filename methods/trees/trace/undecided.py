@@ -7,7 +7,7 @@ with more room).
 
 Entering one takes 40 instructions and an atomic whose answer is waited for. That stays out of the loop of a single ray:
 where it has kept more than :data:`MOST_KEPT` it leaves the loop, enters them and continues in a second one that enters
-each.
+each. A leaf, whose two triangles may add as many, is tested with at most that many kept.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...gpu.reserve import WITHIN
-
-MOST_KEPT = 14
-"""A leaf, whose two triangles may add as many, is tested with at most this many kept."""
+from ..constants import MOST_KEPT
 
 
 @wp.struct

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.tuned_trees import tuned
+from helpers.tuned_trees import built, children
 from numpy.typing import NDArray
-from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.trees.builders.sah import DEEP, sah_topology
 from shadowbench.methods.trees.native import INDEX, LEAF, NONE, PAIR, STACK
-from shadowbench.methods.trees.nodes import NODE_BYTES
 
 BUILDS = [
     {"builder": "lbvh", "SHARED_AREA": 0.0},
@@ -24,24 +20,6 @@ BUILDS = [
     {"RADIUS": 8},
     {"update": "refit"},
 ]
-
-
-def built(prepared: Prepared, settings: dict[str, Any], device: str = "cpu") -> Session:
-    with tuned(settings) as given:
-        session = Session(make_method("bvh2", given), prepared, 8, 8, device)
-        session.answers(prepared.moment(0, 8, 8))
-    return session
-
-
-def children(session: Session) -> tuple[NDArray, NDArray, NDArray, int]:
-    """(centres, extents, references) of both children, [nodes, 2, ...], and the root's reference."""
-    tree = session.method._rays.tree
-    nodes = tree.nodes.numpy().reshape(-1, NODE_BYTES // 4)
-    centres, refs = nodes.reshape(-1, 3, 4)[:, :2, :3], nodes.reshape(-1, 3, 4)[:, :2, 3]
-    packed = np.ascontiguousarray(nodes[:, 8:11]).view(np.uint16).reshape(-1, 2, 3)
-    extents = (packed.astype(np.uint32) << 16).view(np.float32)
-    root = int(tree.root.numpy().view(np.uint32)[0])
-    return centres, extents, np.ascontiguousarray(refs).view(np.uint32).reshape(-1, 2), root
 
 
 def checked_depth(session: Session, prepared: Prepared) -> int:
@@ -105,24 +83,6 @@ SCENES = scenes()
 def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
     prepared = make_scene(*SCENES[name], [(5.0, 4.0, 3.0)])
     assert checked_depth(built(prepared, settings, device), prepared) <= STACK
-
-
-def test_neighbours_of_the_mesh_share_a_leaf_where_their_common_box_is_small(device):
-    quad = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0.0, 0, 0], [1, 0, 1], [0, 0, 1]])
-    corners = np.concatenate([quad + [k % 10, 0.1 * k, k // 10] for k in range(60)]).reshape(-1, 3, 3)
-    apart = np.stack([corners[:60], corners[60:]], axis=1).reshape(-1, 3, 3)
-
-    def leaves(triangles: NDArray, settings: dict[str, Any]) -> int:
-        points = triangles.reshape(-1, 3)
-        prepared = make_scene(points, np.arange(len(points)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
-        _, _, refs, _ = children(built(prepared, settings, device))
-        return int(((refs & LEAF) != 0).sum())
-
-    assert leaves(corners, {}) == 60
-    assert leaves(corners[:-1], {}) == 60
-    assert leaves(corners, {"SHARED_AREA": 0.0}) == 120
-    assert leaves(apart, {}) == 120
-    assert leaves(apart, {"SHARED_AREA": 1000.0}) == 60
 
 
 def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():

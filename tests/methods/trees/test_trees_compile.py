@@ -6,9 +6,8 @@ import pytest
 from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.trees.builders import hploc, lbvh, sort
-from shadowbench.methods.trees.constants import EYE_REGISTERS, REGISTERS
+from shadowbench.methods.trees.constants import EYE_REGISTERS, MOST_KEPT, REGISTERS
 from shadowbench.methods.trees.trace import closest, shadow
-from shadowbench.methods.trees.trace.undecided import MOST_KEPT
 from tools.kernel_report import uses_of
 
 STACK_BYTES = 512

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.streams import trial
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -14,8 +15,8 @@ from shadowbench.harness.scene.prepared import Prepared
 
 NAME = "visibility_buffer"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
-TILES = {"inline_pixels": "0", "inline_cells": "0"}
-FEW = {"inline_rays": "2", "cells": "8"}
+TILES = {"inline_pixels": 0, "inline_cells": 0}
+FEW = {"inline_rays": 2, "cells": 8}
 
 
 def small_and_large(seed: int = 7) -> Prepared:
@@ -29,22 +30,22 @@ def small_and_large(seed: int = 7) -> Prepared:
     )
 
 
-@pytest.mark.parametrize("trial", TRIALS)
-def test_equals_brute_force_on_hard_scenes(trial, device):
-    assert_exact(NAME, TILES, *TRIALS[trial], device)
+@pytest.mark.parametrize("name", TRIALS)
+def test_equals_brute_force_on_hard_scenes(name, device):
+    assert_exact(NAME, trial(**TILES), *TRIALS[name], device)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_equals_brute_force_under_random_settings(seed, device):
     random = np.random.default_rng(seed)
-    settings = {
-        "cells": ["0", "8", "64", "200"][seed],
-        "inline_pixels": str(random.integers(0, 60)),
-        "inline_cells": str(random.integers(0, 100)),
-        "inline_rays": str(random.integers(0, 8)),
-        "shares": str(1 + seed % 3),
-        "beside": str(1 + seed % 2),
-    }
+    settings = trial(
+        cells=[16, 8, 64, 200][seed],
+        inline_pixels=random.integers(0, 60),
+        inline_cells=random.integers(0, 100),
+        inline_rays=random.integers(0, 8),
+        shares=1 + seed % 3,
+        lights_at_once=1 + seed % 2,
+    )
     assert_exact(NAME, settings, small_and_large(seed), 37, 29, device)
 
 
@@ -53,8 +54,8 @@ def test_equals_brute_force_under_random_settings(seed, device):
     [
         {},
         TILES,
-        {"inline_pixels": "4000", "inline_cells": "4000", "cells": "128"},
-        {**TILES, "cells": "8", "shares": "1"},
+        {"inline_pixels": 4000, "inline_cells": 4000, "cells": 128},
+        {**TILES, "cells": 8, "shares": 1},
         FEW,
     ],
     ids=str,
@@ -62,7 +63,7 @@ def test_equals_brute_force_under_random_settings(seed, device):
 def test_has_the_bits_of_ray_grids(settings, device):
     prepared = small_and_large()
     _, _, wanted = trace("ray_grids", {}, prepared, 93, 71, device)
-    session, _, got = trace(NAME, settings, prepared, 93, 71, device)
+    session, _, got = trace(NAME, trial(**settings), prepared, 93, 71, device)
     for key, values in wanted.items():
         np.testing.assert_array_equal(got[key], values, key)
     session.frame.answers.poison()
@@ -77,7 +78,7 @@ def test_tiles_that_hold_nothing_are_left_out():
     ends = rng.normal(size=(20, 2, 3)) * 2.0
     vertices = np.concatenate([ends, ends[:, 1:] + 0.01], axis=1).reshape(-1, 3)
     prepared = make_scene(vertices, np.arange(60).reshape(-1, 3), [(5.0, 4.0, 3.0)])
-    session, _, _ = trace(NAME, TILES, prepared, 128, 128)
+    session, _, _ = trace(NAME, trial(**TILES), prepared, 128, 128)
     counts = session.method.counters()
     for stream in ("camera", "light 0"):
         assert 0 < counts[f"{stream} parts"] < 8 * counts[f"{stream} items"], stream  # of 32 tiles an item
@@ -85,9 +86,9 @@ def test_tiles_that_hold_nothing_are_left_out():
 
 def test_queues_grow_and_the_frame_is_repeated(device):
     prepared = small_and_large()
-    tiny = {f"{name}_capacity": "1" for name in ("item", "part", "doubt")}
-    _, _, roomy = trace(NAME, TILES, prepared, 40, 40, device)
-    session, _, tight = trace(NAME, {**TILES, **tiny}, prepared, 40, 40, device)
+    tiny = trial(**TILES, items=1, chunks=1, undecided=1)
+    _, _, roomy = trace(NAME, trial(**TILES), prepared, 40, 40, device)
+    session, _, tight = trace(NAME, tiny, prepared, 40, 40, device)
     assert session.regrown >= 1
     for key, values in roomy.items():
         np.testing.assert_array_equal(tight[key], values, key)
@@ -96,13 +97,13 @@ def test_queues_grow_and_the_frame_is_repeated(device):
 @pytest.mark.parametrize(
     ("settings", "memory", "message"),
     [
-        ({"cells": "1024"}, 2**20, "map of .* texels"),
-        ({**TILES, "item_capacity": "1", "shares": "1"}, 2**12, "needs .* work items"),
+        ({"cells": 1024}, 2**20, "map of .* texels"),
+        ({**TILES, "items": 1, "shares": 1}, 2**12, "needs .* work items"),
     ],
 )
 def test_a_need_beyond_the_memory_limit_is_rejected(settings, memory, message):
     prepared = small_and_large()
-    method = make_method(NAME, {"cells": "8", **settings})
+    method = make_method(NAME, trial(**{"cells": 8, **settings}))
     with pytest.raises(CapacityRejected, match=message):
         Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=memory)).answers(
             prepared.moment(0, 64, 64)
@@ -113,9 +114,9 @@ def test_a_moved_frame_equals_a_fresh_one(device):
     vertices, faces = soup(5, 200)
     near = make_scene(vertices, faces, [(1.0, 2.0, 3.0)])
     far = make_scene(vertices * 0.5, faces, [(0.1, 0.2, 0.3)])
-    session, moment, first = trace(NAME, TILES, near, 32, 32, device)
+    session, moment, first = trace(NAME, trial(**TILES), near, 32, 32, device)
     after = session.answers(far.moment(0, 32, 32))
-    _, _, fresh = trace(NAME, TILES, far, 32, 32, device)
+    _, _, fresh = trace(NAME, trial(**TILES), far, 32, 32, device)
     again = session.answers(moment)
     for key in first:
         np.testing.assert_array_equal(first[key], again[key], key)

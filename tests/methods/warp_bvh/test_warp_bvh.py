@@ -28,7 +28,7 @@ MESHES = [
     {"update": "static"},
     {"update": "rebuild", "constructor": "sah"},
     {"update": "rebuild", "constructor": "median", "leaf_size": "1"},
-    {"update": "rebuild", "constructor": "lbvh", "swizzle": "false"},
+    {"update": "rebuild", "constructor": "lbvh"},
     {"update": "refit", "constructor": "cubql"},
 ]
 PLAIN = [{"update": "rebuild", "origin": "plain"}, {"update": "refit", "origin": "plain_cut"}]
@@ -258,7 +258,7 @@ def test_boxes_of_triangles_without_area_are_spread_over_an_edge_of_the_scene(de
     """Warp rebuilds a tree of boxes that share a Morton code slowly: of 10,000 at most 10 may."""
     prepared, bare = with_slivers(1), with_slivers(1, 0)
     session, moment, got = trace(NAME, EXACT, prepared, 16, 16, device)
-    tree = session.method._exact.tree
+    tree = session.method._tree
     lowers, uppers = tree._lowers.numpy()[400:], tree._uppers.numpy()[400:]
     np.testing.assert_array_equal(lowers, uppers)
     places, counts = np.unique(lowers, axis=0, return_counts=True)
@@ -290,7 +290,6 @@ def test_only_the_mesh_made_anew_cannot_be_captured_and_only_the_bvh_is_exact():
         {"constructor": "bsp"},
         {"leaf_size": "-1"},
         {"update": "bvh_rebuild", "constructor": "cubql"},
-        {"swizzle": "maybe"},
         {"origin": "epsilon"},
         {"origin": "plain", "update": "bvh_rebuild"},
     ],

@@ -8,35 +8,35 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.lights_of_session import lights_of_session
 from numpy.typing import NDArray
-from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.common.pixels import thread_count, tile_pixel
 from shadowbench.methods.streams.camera.pixels import distance_of, hit_word
-from shadowbench.methods.streams.rays.hit_points import Words, exact_point, placed, point_of
+from shadowbench.methods.streams.cube.lights import Light, aim_of
+from shadowbench.methods.streams.rays.hit_points import PrimaryHits, exact_point, placed, point_of
 
 SIZE = 48, 40
 
 
 @wp.kernel(enable_backward=False)
 def points_kernel(
-    camera: Camera, mesh: Mesh, rays: Words, light: wp.array(dtype=wp.vec3f), axes: wp.array(dtype=wp.mat33d),
+    hits: PrimaryHits, light: Light,
     triangle: wp.array(dtype=wp.int32), rough: wp.array(dtype=wp.vec3d), exact: wp.array(dtype=wp.vec3d),
     way: wp.array(dtype=wp.float32), t: wp.array(dtype=wp.float32), placed_as: wp.array(dtype=wp.vec4f),
 ):  # fmt: skip
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    at = tile_pixel(wp.tid(), hits.camera.width, hits.camera.height)
     if at[0] < 0:
         return
-    pixel = at[1] * camera.width + at[0]
-    point = point_of(rays, pixel, at, camera, mesh)
+    pixel = at[1] * hits.camera.width + at[0]
+    point = point_of(hits, pixel, at)
     triangle[pixel] = point.triangle
     if point.triangle >= 0:
-        exact[pixel] = exact_point(rays, pixel, at, camera, mesh)
+        exact[pixel] = exact_point(hits, pixel, at)
         rough[pixel] = point.hit
         t[pixel] = point.t
         way[pixel] = wp.where(point.exact_path, wp.float32(-1.0), point.way)
-        placed_as[pixel] = placed(point, True, light[0], axes[0]).place
+        placed_as[pixel] = placed(point, True, aim_of(light)).place
 
 
 def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
@@ -49,11 +49,10 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
         triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f
     )
     found = {name: wp.zeros(pixels, dtype=kind, device="cpu") for name, kind in kinds.items()}
-    frame, aims = light.frame, light.aims
     wp.launch(
         points_kernel,
         dim=thread_count(*SIZE, True),
-        inputs=[frame.camera, frame.mesh, light.rays, aims.proxy_positions, aims.axes],
+        inputs=[light.hits, light.light],
         outputs=list(found.values()),
         device="cpu",
     )

@@ -7,14 +7,15 @@ import pytest
 import warp as wp
 from helpers.brute_force import soup
 from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
-from helpers.lights_of_session import lights_of_session
+from helpers.lights_of_session import placings_of_session
+from helpers.streams import trial
 from shadowbench.harness.frame.effects.receivers import reached_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.receivers import facing
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Geometry, Light, Scene, Spot
-from shadowbench.methods.streams.rays.placing import KnownRegionLight
+from shadowbench.methods.streams.rays.placing import ByTriangles
 
 SIZE = 160, 120
 SPOTS = {
@@ -83,21 +84,23 @@ def rough(lights: tuple[Light, ...]) -> Prepared:
     return prepare(Scene("rough", "rough", lambda: made, EYE, lights, facing=True))
 
 
-def known_lights(session: Session) -> list[KnownRegionLight]:
-    return [light for light in lights_of_session(session) if isinstance(light, KnownRegionLight)]
+def known_lights(session: Session) -> list[ByTriangles]:
+    return [placing for placing in placings_of_session(session) if isinstance(placing, ByTriangles)]
 
 
-@pytest.mark.parametrize("queue", ["always", "never"])
 @pytest.mark.parametrize("name", LIGHTS)
-def test_the_triangles_decide_which_hits_face_a_light(name, queue, device):
+def test_the_triangles_decide_which_hits_face_a_light(name, device):
     prepared = rough(LIGHTS[name])
-    settings = {"region": "triangles", "queue": queue}
     by_triangles, by_rays, by_harness = (
         Session(make_method(*way), prepared, *SIZE, device)
-        for way in (("ray_grids", settings), ("ray_grids", {"region": "rays"}), ("uniform_grid", {}))
+        for way in (
+            ("ray_grids", trial(region="triangles")),
+            ("ray_grids", trial(region="rays")),
+            ("uniform_grid", {}),
+        )
     )
     assert len(known_lights(by_triangles)) == len(LIGHTS[name])
-    known = [light for light in known_lights(by_triangles) if light.by_facing()]
+    known = [light for light in known_lights(by_triangles) if light.receivers() == "facing"]
     assert len(known) == sum(light.spot is None for light in LIGHTS[name])  # spots have a pass for that
     assert not known_lights(by_rays)
     seen: list[np.ndarray] = []
@@ -112,11 +115,11 @@ def test_the_triangles_decide_which_hits_face_a_light(name, queue, device):
         hit = np.unique(wanted["triangle"][wanted["triangle"] >= 0])
         corners = moment.points[prepared.faces[hit]]
         for light in known:
-            expected = facing(moment, corners, light.index)
+            expected = facing(moment, corners, light.rays.index)
             np.testing.assert_array_equal(light.facing.numpy()[hit] != 0, expected)
             if not wp.get_device(device).is_cuda:
-                reached = reached_by(by_triangles.frame, light.index, 0).numpy()[0]
-                assert reached == by_harness.frame.receivers.numpy()[light.index].any()
+                reached = reached_by(by_triangles.frame, light.rays.index, 0).numpy()[0]
+                assert reached == by_harness.frame.receivers.numpy()[light.rays.index].any()
         seen.append(by_harness.frame.receivers.numpy().copy())
     assert (seen[0] != seen[1]).any()
     np.testing.assert_array_equal(seen[0], seen[2])
@@ -130,12 +133,9 @@ def test_a_light_that_nothing_faces_has_no_receivers(region, device):
     floor = np.array([CORNER, (3, FLOOR, -3), (3, FLOOR, 3), (-3, FLOOR, 3)], dtype=np.float64)
     made = Geometry.static(floor, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
     prepared = prepare(Scene("floor", "floor", lambda: made, EYE, lights, facing=True))
-    for queue in ("always", "never"):
-        session = Session(
-            make_method("ray_grids", {"region": region, "queue": queue}), prepared, *SIZE, device
-        )
-        answers = session.answers(prepared.moment(0, *SIZE))
-        hits = answers["triangle"] >= 0
-        assert 0 < hits.sum() < hits.size
-        np.testing.assert_array_equal(session.frame.receivers.numpy() != 0, np.stack([0 * hits, hits]) != 0)
-        assert not answers["shadowed"].any()
+    session = Session(make_method("ray_grids", trial(region=region)), prepared, *SIZE, device)
+    answers = session.answers(prepared.moment(0, *SIZE))
+    hits = answers["triangle"] >= 0
+    assert 0 < hits.sum() < hits.size
+    np.testing.assert_array_equal(session.frame.receivers.numpy() != 0, np.stack([0 * hits, hits]) != 0)
+    assert not answers["shadowed"].any()

@@ -1,4 +1,4 @@
-"""Cells along a face of a light's cube: how many are chosen, and that none of the choices changes an answer."""
+"""What the rays cover of a cube: which faces are in use, and how many cells these have; no answer depends on it."""
 
 from __future__ import annotations
 
@@ -9,30 +9,21 @@ import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.lights_of_session import lights_of_session
+from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.streams.cube.aim import EMPTY, FACE, FACES, RECTANGLE_WORDS
-from shadowbench.methods.streams.cube.rectangle import cells_in_use, face_in_use
-from shadowbench.methods.streams.settings import Build
+from shadowbench.methods.streams import settings
+from shadowbench.methods.streams.cube.faces import FACES
+from shadowbench.methods.streams.cube.rectangle import (
+    EMPTY,
+    FACE,
+    RECTANGLE_WORDS,
+    cells_in_use,
+    face_in_use,
+)
 
 FACES, FACE = int(FACES), int(FACE)
 MANY, FEW = 64, 128
-
-
-def test_cells_are_chosen_from_the_numbers_of_triangles_and_of_pixels():
-    build, pixels = make_method("ray_grids", {}).build, 1024 * 1024
-    of = {n: build.cells_along(n, pixels, True) for n in (4096, pixels // 4, pixels, 9 * pixels)}
-    assert of == {
-        4096: (152, 256, 4),
-        pixels // 4: (448, 1024, 4),
-        pixels: (536, 1536, 4),
-        9 * pixels: (920, 1536, 4),
-    }
-    assert build.cells_along(82_298, 16 * pixels, True) == (1056, 1752, 4)
-    assert build.cells_along(10**8, 2**24, True) == (3328, 4096, 4)
-    assert build.cells_along(1, 1, False) == (64, 64, 1)
-    assert make_method("ray_grids", {"cells": "8"}).build.cells_along(pixels, pixels, True) == (8, 8, 1)
-    assert make_method("visibility_buffer", {}).build.cells_along(1, 16 * pixels, True) == (2048, 4096, 1)
 
 
 @wp.kernel(enable_backward=False)
@@ -64,22 +55,20 @@ def test_faces_with_rays_are_numbered_and_few_of_them_have_more_cells(most, devi
 
 
 @pytest.mark.parametrize("most", range(1, FACES + 1))
-@pytest.mark.parametrize("queue", ["always", "never"])
-def test_answers_do_not_depend_on_how_many_faces_are_few(most, queue, device, monkeypatch):
+def test_answers_do_not_depend_on_how_many_faces_are_few(most, device, monkeypatch):
     """A light in the middle of a soup, at its sides, and outside: rays lie on one to six faces."""
-    monkeypatch.setattr(Build, "cells_along", lambda *_: (MANY, FEW, most))
+    monkeypatch.setattr(settings, "_cells", lambda *_: (MANY, FEW, most))
     vertices, faces = soup(5, 150, size=0.4)
     lights = [(0.05, 0.1, 0.0), (0.9, 0.1, 0.2), (1.3, 1.1, 0.4), (1.5, 1.5, 1.5), (8.0, 5.0, 3.0)]
     prepared = make_scene(vertices, faces, lights)
-    method = make_method("ray_grids", {"queue": queue, "beside": "2"})
-    session = Session(method, prepared, 61, 47, device)
+    session = Session(make_method("ray_grids", trial(lights_at_once=2)), prepared, 61, 47, device)
     moment = prepared.moment(0, 61, 47)
     got = session.answers(moment)
     best, t = closest(prepared, moment)
     assert (got["triangle"] == best).all()
     for light in range(len(lights)):
         assert (got["shadowed"][light] == shadowed(prepared, moment, light, best, t)).all(), light
-    aims = lights_of_session(session)[0].aims
-    used = (aims.rectangles.numpy()[:, FACE : FACE + FACES] == 0).sum(axis=1).tolist()
+    lights_of_frame = lights_of_session(session)[0].lights
+    used = (lights_of_frame.rectangle.numpy()[:, FACE : FACE + FACES] == 0).sum(axis=1).tolist()
     assert {1, 6} <= set(used)
     assert len(set(used)) >= 4

@@ -8,41 +8,42 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.lights_of_session import lights_of_session
+from helpers.lights_of_session import placings_of_session
+from helpers.streams import trial
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.harness.scene.surface_rules import perforated
-from shadowbench.methods.streams.cube.aim import FACE, LARGEST
-from shadowbench.methods.streams.light import LightStream
+from shadowbench.methods.streams.cube.rectangle import FACE, LARGEST
+from shadowbench.methods.streams.occlusion.passes import Occlusion
 from shadowbench.methods.streams.rays.cone import face_cosine
-from shadowbench.methods.streams.rays.placing import KnownRegionLight
+from shadowbench.methods.streams.rays.placing import ByRays, ByTriangles
 
 SIZE = 40, 32
 
 
-def lights_of(prepared: Prepared, region: str) -> list[LightStream]:
+def lights_of(prepared: Prepared, region: str) -> list[ByRays]:
     """The lights of a frame that was traced."""
-    session = Session(make_method("ray_grids", {"region": region}), prepared, *SIZE, "cpu")
+    session = Session(make_method("ray_grids", trial(region=region)), prepared, *SIZE, "cpu")
     session.answers(prepared.moment(0, *SIZE))
-    return lights_of_session(session)
+    return placings_of_session(session)
 
 
-def sides_of(light: LightStream) -> NDArray[np.float32]:
+def sides_of(light: ByRays) -> NDArray[np.float32]:
     """Least u and v, and least -u and -v, of face 0."""
-    words = light.cells.rectangle.numpy()[:4]
+    words = light.rays.cells.rectangle.numpy()[:4]
     return np.where(words < 0, words ^ 0x7FFFFFFF, words).astype(np.int32).view(np.float32)
 
 
 def holds_every_ray(prepared: Prepared) -> None:
     for known, found in zip(lights_of(prepared, "triangles"), lights_of(prepared, "rays"), strict=True):
-        assert isinstance(known, KnownRegionLight)
-        assert not isinstance(found, KnownRegionLight)
-        in_use = found.cells.rectangle.numpy()[FACE:LARGEST] == 0
-        assert (known.cells.rectangle.numpy()[FACE:LARGEST][in_use] == 0).all()
-        assert known.cells.rectangle.numpy()[LARGEST] >= found.cells.rectangle.numpy()[LARGEST]
+        assert isinstance(known, ByTriangles)
+        assert not isinstance(found, ByTriangles)
+        in_use = found.rays.cells.rectangle.numpy()[FACE:LARGEST] == 0
+        assert (known.rays.cells.rectangle.numpy()[FACE:LARGEST][in_use] == 0).all()
+        assert known.rays.cells.rectangle.numpy()[LARGEST] >= found.rays.cells.rectangle.numpy()[LARGEST]
         if in_use[0]:
             assert (sides_of(known) <= sides_of(found)).all()
 
@@ -90,7 +91,7 @@ def test_answers_of_a_spot_do_not_depend_on_the_region(seed, device):
     prepared = spot_scene(seed, [3.0, 20.0, 50.0, 90.0, 120.0, 170.0][seed])
     moment = prepared.moment(0, *SIZE)
     by_rays, by_triangles = (
-        Session(make_method("ray_grids", {"region": region}), prepared, *SIZE, device)
+        Session(make_method("ray_grids", trial(region=region)), prepared, *SIZE, device)
         for region in ("rays", "triangles")
     )
     wanted, found = by_rays.answers(moment), by_triangles.answers(moment)
@@ -111,8 +112,8 @@ def test_what_lies_outside_a_cone_does_not_count():
             corners, faces, [Light((-2.5, 0.1, 0.2), spot=spot)], (2.0, 0.5, 2.0), (-1.0, 0.0, -1.0), 120.0
         )
         (known,) = lights_of(prepared, "triangles")
-        assert isinstance(known, KnownRegionLight)
-        in_use.append(int((known.cells.rectangle.numpy()[FACE:LARGEST] == 0).sum()))
+        assert isinstance(known, ByTriangles)
+        in_use.append(int((known.rays.cells.rectangle.numpy()[FACE:LARGEST] == 0).sum()))
         sides = sides_of(known)
         extents.append(float((-sides[2] - sides[0]) * (-sides[3] - sides[1])))
     assert in_use[1] == 1 < in_use[2] < in_use[0]
@@ -169,7 +170,7 @@ def test_of_a_large_triangle_only_the_part_in_view_counts():
     extent, least = (-sides[2:] - sides[:2] for sides in (sides_of(known), sides_of(found)))
     assert (least > 0).all()
     assert (extent < 1.5 * least).all()
-    of_known, of_found = known.cells.rectangle.numpy(), found.cells.rectangle.numpy()
+    of_known, of_found = known.rays.cells.rectangle.numpy(), found.rays.cells.rectangle.numpy()
     assert of_known[FACE:LARGEST].tolist() == of_found[FACE:LARGEST].tolist()
     most, least_of_rays = (float(words[LARGEST].view(np.float32)) for words in (of_known, of_found))
     assert least_of_rays <= most < 4.0 * least_of_rays < 100.0
@@ -187,11 +188,12 @@ def test_triangles_that_face_away_do_not_count():
     )
     (by_rays,) = lights_of(only_facing(prepared), "rays")
     most = [
-        light.cells.rectangle.numpy()[LARGEST].view(np.float32) for light in (every, found, known, by_rays)
+        light.rays.cells.rectangle.numpy()[LARGEST].view(np.float32)
+        for light in (every, found, known, by_rays)
     ]
     assert most[1] == most[2] < 0.2 * most[0]
     assert most[3] <= most[1]
-    in_use = [light.cells.rectangle.numpy()[FACE:LARGEST] == 0 for light in (found, by_rays)]
+    in_use = [light.rays.cells.rectangle.numpy()[FACE:LARGEST] == 0 for light in (found, by_rays)]
     assert in_use[0].tolist() == in_use[1].tolist()
     assert in_use[0].any()
 
@@ -224,13 +226,13 @@ def test_rays_outside_the_region_of_a_spot_are_tested_against_every_triangle(dev
         moment = prepared.moment(0, *SIZE)
         known, by_grid = (
             Session(make_method(*way), prepared, *SIZE, device)
-            for way in (("ray_grids", {"region": "triangles"}), ("uniform_grid", {}))
+            for way in (("ray_grids", trial(region="triangles")), ("uniform_grid", {}))
         )
         for _ in range(2):
             answers, wanted = known.answers(moment), by_grid.answers(moment)
             for name in wanted:
                 np.testing.assert_array_equal(answers[name], wanted[name])
-        outside_rays += sum(int(light.outside_rays.numpy()[0]) for light in lights_of_session(known))
+        outside_rays += sum(int(light.outside.numpy()[0]) for light in placings_of_session(known))
     if device == "cpu":  # a GPU fuses products with sums, and finds none of these hits in a cone
         assert outside_rays > 10
 
@@ -242,17 +244,17 @@ def test_outside_rays_get_the_bits_of_other_rays(holes, device):
     prepared = make_scene(*soup(5, 120), [spot])
     if holes:
         prepared = prepare(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
-    session = Session(make_method("ray_grids", {"region": "triangles"}), prepared, *SIZE, device)
+    session = Session(make_method("ray_grids", trial(region="triangles")), prepared, *SIZE, device)
     wanted = session.answers(prepared.moment(0, *SIZE))["shadowed"].ravel().copy()
-    (light,) = lights_of_session(session)
-    assert isinstance(light, KnownRegionLight)
+    (light,) = placings_of_session(session)
+    assert isinstance(light, ByTriangles)
     pixels = np.flatnonzero(session.frame.receivers.numpy()[0])
     session.frame.answers.shadowed.zero_()
-    listed = np.zeros(light.outside_rays.size, dtype=np.int32)
+    listed = np.zeros(light.outside.size, dtype=np.int32)
     listed[0] = len(pixels)
     listed[1 : 1 + len(pixels)] = pixels
-    light.outside_rays.assign(listed)
-    light.counts.zero_()  # no other undecided pairs
-    light.launch_undecided(0)
+    light.outside.assign(listed)
+    light.rays.counts.zero_()  # no other undecided pairs
+    Occlusion(light.rays).launch_undecided(light.outside, 0)
     np.testing.assert_array_equal(session.frame.answers.shadowed.numpy()[0], wanted)
     assert 0 < wanted.sum() < len(pixels)

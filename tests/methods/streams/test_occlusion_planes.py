@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed
+from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 
@@ -22,7 +23,6 @@ def room(light):
     return make_scene(np.array(vertices, float), np.array(faces), [light], eye=(1.7, 0.9, 1.8), fov=95.0)
 
 
-@pytest.mark.parametrize("queue", ["always", "never"])
 @pytest.mark.parametrize("groups", ["stream", "split"])
 @pytest.mark.parametrize(
     "light",
@@ -35,10 +35,10 @@ def room(light):
     ],
     ids=["in the square", "beside it", "nearly in it", "nearly beside it", "in it within rounding"],
 )
-def test_few_pairs_are_left_to_float64(light, groups, queue, device):
+def test_few_pairs_are_left_to_float64(light, groups, device):
     prepared = room(light)
     moment = prepared.moment(0, SIZE, SIZE)
-    method = make_method("ray_grids", {"queue": queue, "groups": groups})
+    method = make_method("ray_grids", trial(groups=groups))
     session = Session(method, prepared, SIZE, SIZE, device)
     answers = session.answers(moment)
     best, t = closest(prepared, moment)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.lights_of_session import lights_of_session
+from helpers.streams import trial
 from numpy.typing import NDArray
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
@@ -15,10 +15,10 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot
-from shadowbench.methods.streams.occlusion.last_occluder import RememberingLight
+from shadowbench.methods.streams.occlusion.last_occluder import LastOccluder
 
 SIZE = 40, 32
-LAST = {"occluders": "last", "queue": "always", "inline_rays": "4", "groups": "split"}
+LAST = {"occluders": "last", **trial(inline_rays=4, groups="split")}
 LIGHTS = [(0.5, 4.0, 2.0), (0.1, 0.2, 0.3)]
 
 
@@ -26,11 +26,11 @@ def session_of(prepared: Prepared, settings: dict[str, str], device: str = "cpu"
     return Session(make_method("ray_grids", settings), prepared, *SIZE, device)
 
 
-def memory_of(session: Session) -> list[RememberingLight]:
-    """The lights of a session that keep occluders."""
-    owners = lights_of_session(session)
-    assert [type(owner) for owner in owners] == [RememberingLight] * len(LIGHTS)
-    return owners
+def memory_of(session: Session) -> list[LastOccluder]:
+    """What keeps the occluders of each light of a session."""
+    found = [work.launch.__self__ for work in session.planned if work.name.endswith("last occluders")]
+    assert len(found) == len(LIGHTS)
+    return found
 
 
 def settled(session: Session) -> int:
@@ -39,7 +39,7 @@ def settled(session: Session) -> int:
 
 def fresh(prepared: Prepared, moment: Moment, device: str = "cpu") -> dict[str, NDArray]:
     """The answers of a method that keeps nothing."""
-    return session_of(prepared, {"queue": "always"}, device).answers(moment)
+    return session_of(prepared, {}, device).answers(moment)
 
 
 def assert_same(got: dict[str, NDArray], expected: dict[str, NDArray], what: object) -> None:
@@ -76,7 +76,7 @@ SCENES = {
 }
 
 
-def garbage(kind: str, session: Session, light: RememberingLight, random: np.random.Generator) -> NDArray:
+def garbage(kind: str, session: Session, light: LastOccluder, random: np.random.Generator) -> NDArray:
     """Numbers that no frame needs to have left: of any triangle, of none, of each pixel's own."""
     pixels, count = session.frame.pixels, session.frame.triangle_count
     if kind == "any triangle":
@@ -109,11 +109,10 @@ def test_no_answer_depends_on_what_is_remembered(scene, kind, device):
         assert_same(session.frame.answers.to_host(), expected, (kind, k))
 
 
-@pytest.mark.parametrize("queue", ["always", "never"])
-def test_a_repeated_frame_places_fewer_rays(queue, device):
+def test_a_repeated_frame_places_fewer_rays(device):
     prepared = SCENES["plain"]()
     moment = prepared.moment(0, *SIZE)
-    session = session_of(prepared, {**LAST, "queue": queue}, device)
+    session = session_of(prepared, LAST, device)
     first = session.answers(moment)
     shadowed = int(first["shadowed"].sum())
     assert shadowed > 300
@@ -130,7 +129,11 @@ def test_frames_of_a_moving_scene_equal_fresh_ones(device):
     prepared = SCENES["plain"]()
     random = np.random.default_rng(8)
     still = prepared.moment(0, *SIZE)
-    session = session_of(prepared, {**LAST, "item_capacity": "1", "part_capacity": "1"}, device)
+    session = session_of(
+        prepared,
+        {"occluders": "last", **trial(inline_rays=4, groups="split", items=1, chunks=1, undecided=1)},
+        device,
+    )
     saved = 0
     for k in range(8):
         camera = replace(prepared.scene.camera, eye=(0.3 + 0.05 * k, 0.2, 3.0))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.brute_force import make_scene
 from helpers.lights_of_session import lights_of_session
+from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 
@@ -24,7 +25,7 @@ def test_more_rays_in_a_cell_than_a_slot_has_room_for(region, device):
     faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (7, 8, 9)])
     prepared = make_scene(vertices, faces, [(0.0, 0.0, 1.0e6)], (0.0, 0.0, 0.9), (0.0, 0.0, 0.0), 90.0)
     moment = prepared.moment(0, *SIZE)
-    session = Session(make_method("ray_grids", {"region": region, "cells": "1024"}), prepared, *SIZE, device)
+    session = Session(make_method("ray_grids", trial(region=region, cells=1024)), prepared, *SIZE, device)
     answers = session.answers(moment)
     (light,) = lights_of_session(session)
     bits = light.cells.bits

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import warp as wp
 from helpers.brute_force import make_scene
+from helpers.streams import on_gpu_side, trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods.streams.cube.farthest import all_rays_end_before, raise_farthest
@@ -74,12 +75,12 @@ def light_items(vertices: np.ndarray) -> tuple[int, np.ndarray]:
     """Queued work of the light of a scene seen from above, and its shadow bits."""
     faces = np.arange(len(vertices)).reshape(-1, 3)
     prepared = make_scene(vertices, faces, [(0.1, 3.0, 0.2)], (0.0, 3.5, 0.3), (0.0, 0.0, 0.0), 40.0)
-    settings = {"queue": "always", "inline_rays": "0", "cells": "64"}
-    session = Session(make_method("ray_grids", settings), prepared, 64, 64, "cpu")
+    session = Session(make_method("ray_grids", trial(inline_rays=0, cells=64)), prepared, 64, 64, "cpu")
     bits = session.answers(prepared.moment(0, 64, 64))["shadowed"]
     return session.method.counters()["light 0 items"], bits
 
 
+@on_gpu_side
 def test_what_lies_below_a_floor_is_no_work():
     top = floor(0.0, 4)
     below, above = (

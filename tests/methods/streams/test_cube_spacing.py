@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -10,15 +9,21 @@ import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.lights_of_session import lights_of_session
+from helpers.streams import trial
 from shadowbench.harness.frame.effects.specialise import with_type
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.streams.cube.aim import EMPTY, RANGE, RECTANGLE_WORDS
 from shadowbench.methods.streams.cube.cells import RayCells, SpacedCells
 from shadowbench.methods.streams.cube.density import INTERVALS, SPACING_THREADS, spacing_kernel
 from shadowbench.methods.streams.cube.footprint import first_cell, last_cell
-from shadowbench.methods.streams.cube.rectangle import cells_in_use, face_rectangle
+from shadowbench.methods.streams.cube.rectangle import (
+    EMPTY,
+    RANGE,
+    RECTANGLE_WORDS,
+    cells_in_use,
+    face_rectangle,
+)
 from shadowbench.methods.streams.cube.spacing import BIN_SLACK, BINS, row_between, set_edges
 from shadowbench.methods.streams.rays.sort import cell_of
 
@@ -139,7 +144,7 @@ def test_cells_are_narrow_where_the_camera_sees_closely(region, device):
     moment = prepared.moment(0, 128, 128)
     crowd, answers = {}, {}
     for spacing in ("even", "rays"):
-        given = {"region": region, "spacing": spacing, "cells": "128", "beside": "2", "queue": "always"}
+        given = trial(region=region, spacing=spacing, cells=128, lights_at_once=2)
         session = Session(make_method("ray_grids", given), prepared, 128, 128, device)
         answers[spacing] = session.answers(moment)
         rays = [light.cells for light in lights_of_session(session)]
@@ -152,16 +157,14 @@ def test_cells_are_narrow_where_the_camera_sees_closely(region, device):
     assert crowd["rays"] < 0.5 * crowd["even"], crowd
 
 
-@pytest.mark.parametrize(
-    ("queue", "region", "groups"),
-    [*itertools.product(["always"], ["triangles", "rays"], ["stream", "split"]), ("never", "rays", "auto")],
-)
-def test_answers_do_not_depend_on_the_spacing(queue, region, groups, device):
+@pytest.mark.parametrize("region", ["triangles", "rays"])
+@pytest.mark.parametrize("groups", ["stream", "split"])
+def test_answers_do_not_depend_on_the_spacing(region, groups, device):
     """Lights in the middle of a soup, at its sides, far outside, and next to a triangle."""
     vertices, faces = soup(8, 180, size=0.4)
     lights = [(0.05, 0.1, 0.0), (0.9, 0.1, 0.2), (1.5, 1.5, 1.5), (8.0, 5.0, 3.0), (3.0e6, -2.0e6, 1.0e6)]
     prepared = make_scene(vertices, faces, lights)
-    given = {"queue": queue, "region": region, "groups": groups, "spacing": "rays", "beside": "2"}
+    given = trial(region=region, groups=groups, spacing="rays", lights_at_once=2)
     session = Session(make_method("ray_grids", given), prepared, 67, 45, device)
     moment = prepared.moment(0, 67, 45)
     got = session.answers(moment)

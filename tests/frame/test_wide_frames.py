@@ -1,0 +1,122 @@
+"""Wide frames: the session plans again, every kernel has the digits, and these are exact."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.judged_hard_cases import exact_methods, judged, settings_of
+from shadowbench.harness.frame.effects.specialise import named, specialised
+from shadowbench.harness.frame.geometry import Corners, Ray
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.judge import same_bits
+from shadowbench.harness.scene.effects import Switches
+from shadowbench.harness.scene.scene import Camera
+from shadowbench.methods.exact.digits import exact_product, wide_side
+from shadowbench.methods.exact.hit_point import hit_point, plane_distance
+
+SETTINGS = [(name, settings) for name, given in exact_methods() for settings in settings_of(name, given)]
+COUNT = 2000
+
+
+def session_of(name: str, settings: dict[str, str], case: str) -> Session:
+    trial = judged(case).trial
+    return Session(
+        make_method(name, settings), trial.prepared, trial.moment.width, trial.moment.height, "cpu"
+    )
+
+
+@pytest.mark.parametrize(("name", "settings"), SETTINGS, ids=str)
+def test_every_kernel_that_a_wide_frame_launches_has_the_digits(name, settings, monkeypatch) -> None:
+    launch, without = wp.launch, set()
+
+    def noted(kernel, *given, **more):
+        if "wide" in named(kernel) and not getattr(kernel.func.__globals__.get("effects"), "wide", False):
+            without.add(kernel.key)
+        return launch(kernel, *given, **more)
+
+    session = session_of(name, settings, "S60 33")
+    monkeypatch.setattr(wp, "launch", noted)
+    session.answers(judged("S60 33").trial.moment)
+    assert session.effects.wide
+    assert without == set()
+
+
+@pytest.mark.parametrize("name", ["bvh2", "ray_grids", "uniform_grid"])
+def test_a_session_plans_again_at_its_first_wide_moment_and_gives_a_fresh_ones_bits(name) -> None:
+    trial = judged("P60 33").trial
+    size = trial.moment.width, trial.moment.height
+    away = trial.prepared.moment(0, *size, camera=Camera((0.0, 0.0, 2.0**33), (0.0, 0.0, 0.0)))
+    session = session_of(name, {}, "P60 33")
+    session.answers(away)
+    assert not session.effects.wide
+    session.advance(trial.moment)
+    assert session.effects.wide
+    fresh = session_of(name, {}, "P60 33").answers(trial.moment)
+    played = session.frame.answers.to_host()
+    assert all(same_bits(played[key], fresh[key]) for key in fresh)
+
+
+@wp.kernel(enable_backward=False)
+def digits_kernel(
+    corners: wp.array2d(dtype=wp.vec3f),
+    x: wp.array(dtype=wp.vec3d),
+    o: wp.array(dtype=wp.vec3f),
+    d: wp.array(dtype=wp.vec3f),
+    sides: wp.array2d(dtype=wp.float64),
+    points: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
+    sides[i, 0] = exact_product(triangle.a, triangle.b, triangle.c, x[i], True)[0]
+    sides[i, 1] = wide_side(triangle.a, triangle.b, triangle.c, x[i])
+    ray = Ray(o[i], d[i])
+    points[i] = hit_point(ray, plane_distance(ray, triangle), triangle)
+
+
+def cross(p, q):
+    return [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+
+
+def rational(values) -> list[Fraction]:
+    return [Fraction(float(one)) for one in values]
+
+
+def test_sides_and_hit_points_are_those_of_rational_arithmetic() -> None:
+    """Of triangles up to 1e20 large, and of points in their planes or beside them by little."""
+    random = np.random.default_rng(8)
+    size = 10.0 ** random.uniform(0, 20, (COUNT, 1, 1))
+    corners = (random.integers(-9, 10, (COUNT, 3, 3)) * size).astype(np.float32)
+    corners[::2] = random.normal(size=(COUNT // 2, 3, 3)) * size[::2]
+    weights = random.dirichlet((1, 1, 1), COUNT)
+    x = np.einsum("ij,ijk->ik", weights, corners.astype(np.float64))
+    x[::3] = corners[::3, 1]
+    o = random.normal(size=(COUNT, 3)).astype(np.float32)
+    d = random.normal(size=(COUNT, 3)).astype(np.float32)
+    sides = wp.zeros((COUNT, 2), dtype=wp.float64, device="cpu")
+    points = wp.zeros(COUNT, dtype=wp.vec3d, device="cpu")
+    given = [wp.array(v, dtype=wp.vec3f, device="cpu") for v in (corners, o, d)]
+    inputs = [given[0], wp.array(x, dtype=wp.vec3d, device="cpu"), *given[1:]]
+    kernel = specialised(digits_kernel, Switches(wide=True))
+    wp.launch(kernel, dim=COUNT, inputs=inputs, outputs=[sides, points], device="cpu")
+    zeros = 0
+    for i in range(COUNT):
+        a, b, c = (rational(corner) for corner in corners[i])
+        e, f = ([p - q for p, q in zip(other, a, strict=True)] for other in (b, c))
+        normal = cross(e, f)
+        side = sum(n * (p - q) for n, p, q in zip(normal, rational(x[i]), a, strict=True))
+        zeros += side == 0
+        for found in sides.numpy()[i]:
+            assert abs(Fraction(float(found)) - side) <= abs(side) * Fraction(1, 2**50)
+        origin, way = rational(o[i]), rational(d[i])
+        slope = sum(n * w for n, w in zip(normal, way, strict=True))
+        if slope == 0:
+            continue
+        t = sum(n * (q - p) for n, p, q in zip(normal, origin, a, strict=True)) / slope
+        for found, p, w in zip(points.numpy()[i], origin, way, strict=True):
+            exact = p + t * w
+            assert abs(Fraction(float(found)) - exact) <= abs(exact) / 2**52 + (abs(p) + abs(t * w)) / 2**90
+    assert zeros > COUNT // 4

@@ -1,0 +1,94 @@
+"""The ladder's top is exact, and each step down fails as it is known to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import closest, make_scene, shadowed, soup
+from helpers.method_trials import assert_exact, hard_trials, lattice, trace
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.methods.accuracy_ladder.kernels import make_kernels
+from tools.kernel_report import uses_of
+
+NAME = "accuracy_ladder"
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+
+
+@pytest.mark.parametrize("test", ["exact", "float64"])
+@pytest.mark.parametrize(
+    "trial", ["rays at vertices", "eye in a box", "broken triangles", "teapot in a stadium"]
+)
+def test_the_ladder_is_exact_at_its_top(trial, test, device):
+    prepared, width, height = TRIALS[trial]
+    assert_exact(NAME, {"test": test}, prepared, width, height, device)
+    assert make_method(NAME, {"test": test}).known_inexact is None
+
+
+@pytest.mark.parametrize(
+    "test", ["moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes"]
+)
+def test_float32_tests_are_right_on_an_ordinary_scene_and_say_that_they_need_not_be(test):
+    vertices, faces = soup(21, 150, size=0.2)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
+    _, moment, got = trace(NAME, {"test": test}, prepared, 41, 29)
+    best, t = closest(prepared, moment)
+    assert (got["triangle"] != best).sum() <= 2
+    wanted = shadowed(prepared, moment, 0, best, t)
+    assert (got["shadowed"][0] != wanted).sum() <= 5
+    assert "float32" in make_method(NAME, {"test": test}).known_inexact
+
+
+def test_a_fixed_determinant_loses_a_small_scene_and_the_others_do_not():
+    vertices, faces = soup(21, 150, size=0.2)
+    small = make_scene(vertices * 1e-6, faces, [(2e-6, 3e-6, 4e-6)], (0.0, 0.5e-6, 3e-6))
+    found = {
+        test: int((trace(NAME, {"test": test}, small, 24, 24)[2]["triangle"] >= 0).sum())
+        for test in ("moller_trumbore_epsilon", "moller_trumbore", "exact")
+    }
+    assert found["moller_trumbore_epsilon"] == 0
+    assert found["moller_trumbore"] > 0.9 * found["exact"] > 50
+
+
+@pytest.mark.parametrize(
+    ("origin", "acne", "leak"),
+    [
+        ("hit_point", False, False),
+        ("ray", True, False),
+        ("barycentric", True, False),
+        ("epsilon_1e-2", False, True),
+    ],
+)
+def test_origins_fail_as_they_are_known_to(origin, acne, leak):
+    # A tilted floor and a thin roof just above a part of it, nearer than 1e-2 radii.
+    flat, faces = lattice(4, 2.0)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
+    roof, own = lattice(2, 0.7)
+    both = np.concatenate([flat, roof + [0.0, 0.0, 0.01]]) @ turn.T
+    prepared = make_scene(both, np.concatenate([faces, own + len(flat)]), [(0.3, -3.0, 4.0)], (1.9, 1.5, 1.5))
+    settings = {"origin": origin}
+    _, moment, got = trace(NAME, settings, prepared, 48, 48)
+    best, t = closest(prepared, moment)
+    wanted = shadowed(prepared, moment, 0, best, t).astype(bool)
+    bits = got["shadowed"][0].astype(bool)
+    assert bool((bits & ~wanted).any()) == acne
+    below = best < len(faces)
+    assert bool((~bits & wanted & below).any()) == leak
+    assert (make_method(NAME, settings).known_inexact is None) == (origin == "hit_point")
+
+
+@pytest.mark.parametrize("test", ["exact", "woop_float64"])
+def test_the_rungs_compile_for_cuda(test):
+    kernels = make_kernels(test, test == "exact")
+    assert all(uses_of(kernel.module) for kernel in kernels)
+    assert len(kernels) == 2
+
+
+@pytest.mark.parametrize("key", ["padding", "fast_math"])
+def test_ways_of_building_change_little_and_are_declared(key):
+    value = {"padding": "none", "fast_math": "true"}[key]
+    vertices, faces = soup(21, 150, size=0.2)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
+    got = trace(NAME, {key: value}, prepared, 41, 29)[2]
+    expected = trace(NAME, {}, prepared, 41, 29)[2]
+    assert (got["triangle"] != expected["triangle"]).mean() < 0.01
+    assert make_method(NAME, {key: value}).known_inexact

@@ -1,0 +1,63 @@
+"""Queues of the streams: their room, and counters that pass what 32 bits hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import make_scene, soup
+from helpers.method_trials import trace
+from helpers.streams import on_gpu_side, trial
+from shadowbench.harness.errors import CapacityRejected
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.effects import Limits
+from shadowbench.methods.gpu.reserve import BEYOND, number_in, reserve
+from shadowbench.methods.streams.queues import COUNTERS, UNDECIDED, more_room
+
+
+@on_gpu_side
+def test_queues_grow_and_the_frame_is_repeated():
+    vertices, faces = soup(3, 60, size=2.0)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
+    _, _, roomy = trace("ray_grids", {}, prepared, 64, 64)
+    tiny = trial(items=1, chunks=1, undecided=1, inline_rays=1, chunk=32)
+    session, _, tight = trace("ray_grids", tiny, prepared, 64, 64)
+    assert session.regrown >= 1
+    for name in roomy:
+        assert (roomy[name] == tight[name]).all()
+
+
+@on_gpu_side
+def test_a_need_beyond_the_memory_limit_is_rejected():
+    vertices, faces = soup(3, 60, size=2.0)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
+    method = make_method("ray_grids", trial(items=1))
+    session = Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=64))
+    with pytest.raises(CapacityRejected, match="needs"):
+        session.answers(prepared.moment(0, 64, 64))
+
+
+@wp.kernel(enable_backward=False)
+def places_kernel(counts: wp.array(dtype=wp.int32), places: wp.array(dtype=wp.int32)):
+    places[0] = number_in(counts, 0)
+    places[1] = reserve(counts, 1, 3)
+
+
+@pytest.mark.parametrize(
+    ("before", "place"),
+    [(7, 7), (BEYOND - 1, BEYOND - 1), (2**31 - 9, BEYOND), (-(2**31), BEYOND), (-5, BEYOND)],
+)
+def test_what_a_counter_past_31_bits_hands_out_lies_in_no_list(before, place, device):
+    counts = wp.array([before, before], dtype=wp.int32, device=device)
+    places = wp.zeros(2, dtype=wp.int32, device=device)
+    wp.launch(places_kernel, dim=1, inputs=[counts], outputs=[places], device=device)
+    assert places.numpy().tolist() == [place, place]
+    assert counts.numpy().tolist() == [before + 1, before + 3]
+
+
+def test_a_counter_past_31_bits_is_no_small_need():
+    needed = np.zeros((2, COUNTERS), dtype=np.int64)
+    needed[1, UNDECIDED] = np.int32(-(2**31) + 5)
+    with pytest.raises(CapacityRejected, match="2,147,483,653 undecided pairs"):
+        more_room(needed, (1, 1, 1), 2**40)
