@@ -46,6 +46,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.harness.scene.effects import Switches
     from shadowbench.methods.common.box_tree import Boxes, walk
     from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
+    from shadowbench.methods.grids.cells import make_kernels
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
@@ -63,11 +64,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
     from shadowbench.methods.trees.trace import closest, shadow
-    from shadowbench.methods.uniform_grid.method import Trace as GridTrace
-    from shadowbench.methods.uniform_grid.traversal import make_kernels
 
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
-    grid_primary, grid_shadow = make_kernels(GridTrace().registers)
+    grid_primary, grid_shadow = make_kernels()
     return {
         "warp_bvh: primary": make_primary_kernel(Boxes, walk).module,
         "warp_bvh: shadow": make_shadow_kernel(Boxes, walk).module,

@@ -39,7 +39,6 @@ def test_densities_and_capacities_agree_bit_for_bit(device):
     reference = trace("uniform_grid", {}, prepared, 33, 21, device)[2]
     for settings in (
         *({"top_density": top, "leaf_density": leaf} for top, leaf in DENSITIES),
-        {"swizzle": "false"},
         {"top_capacity": "1", "leaf_capacity": "1"},
     ):
         got = trace(NAME, settings, prepared, 33, 21, device)[2]
