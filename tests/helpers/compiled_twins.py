@@ -35,10 +35,7 @@ from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.grids.cells import make_kernels as make_grid_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
-from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
-from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
-from shadowbench.methods.perspective_spherical.variants import Variant
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
@@ -225,12 +222,9 @@ def _renumbered(lines: list[str]) -> list[str]:
 
 def made_kernels() -> dict[str, wp.Kernel]:
     """One kernel of every factory: a factory's other kernels have the same source."""
-    variant = Variant(0)
     made = {
-        make_trace_kernel: make_trace_kernel(variant),
-        make_shadow_kernel: make_shadow_kernel(variant),
-        make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
-        make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
+        make_trace_kernel: make_trace_kernel(0, 64),
+        make_shadow_kernel: make_shadow_kernel(0, 64),
         camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
         light_rows.make_rows_kernel: light_rows.make_rows_kernel(False),

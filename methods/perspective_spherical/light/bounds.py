@@ -16,7 +16,7 @@ from ...exact.triangle import largest, to_float64
 from ...gpu.entries import set_entry
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
-from .mapping import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame
+from .mapping import BOUNDS, face_frame
 from .segment_tests import SegmentRecord, segment_exact, segment_planes, segment_vertices
 from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
 from .sphere import ROUNDING, TWO_PI
@@ -134,9 +134,9 @@ def ray_size(space: LightSpace) -> wp.float32:
 
 
 @functools.cache
-def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
-    """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
-    bounds_of, wrap = LOOSE_BOUNDS[bounds] or (BOUNDS[map], WRAPS[map])
+def make_bound_kernel(bounds: str) -> wp.Kernel:
+    """Bounds of triangles, by name in :data:`.mapping.BOUNDS`: compiled apart, as each takes many registers."""
+    bounds_of, wrap = BOUNDS[bounds]
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=128)
     def bound_kernel(

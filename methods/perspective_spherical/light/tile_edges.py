@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from .mapping import CUBE, TWO_ANGLE
 from .space import EXTENT
 from .sphere import HALF_PI
 
@@ -77,11 +78,11 @@ def edges_kernel(
     low_v = extent[offset + 1] + j * tall - pad_v
     high_v = extent[offset + 1] + (j + wp.float64(1.0)) * tall + pad_v
     one = wp.float64(1.0)
-    if map == 1:
+    if map == TWO_ANGLE:
         columns[k] = tangent_edges(low_u, high_u, False)
         rows[k] = tangent_edges(low_v, high_v, True)
         stretch[face] = wp.vec2d(one, one)
-    elif map == 2:
+    elif map == CUBE:
         columns[k] = wp.vec4d(one, low_u, one, high_u)
         rows[k] = wp.vec4d(one, low_v, one, high_v)
         stretch[face] = wp.vec2d(one, one)

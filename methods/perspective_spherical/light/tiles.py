@@ -9,8 +9,8 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Mesh, corners_of
-from ...gpu.reserve import reserve_many
-from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
+from ..lists.binning import PieceQueue, piece_of, write_pairs
+from ..lists.sorting import PairSink
 from .bounds import LitTriangle, lit_triangle
 from .space import LightSpace, LightTiles, distance_slice
 from .tile_edges import missed, slope_bounds
@@ -37,31 +37,37 @@ def narrowed(
     return wp.vec2i(first, last)
 
 
-@wp.func
-def slices_in_tile(
-    grid: LightTiles,
-    s: LitTriangle,
-    span: wp.vec2i,
-    side: wp.int32,
-    column: wp.int32,
-    row: wp.int32,
-    test: wp.bool,
-) -> wp.vec2i:
-    """First and last slice that an item is listed in within a tile; last < first where it is left out.
+@wp.struct
+class LightItem:
+    """An item that is put into the tiles of rectangle ``side``.
 
-    test: whether the tile may miss the item, which is in doubt unless it is the only one, or was found to hold it
+    span  slices that it may lie in     test  whether a tile of its box may miss it
     """
+
+    grid: LightTiles
+    s: LitTriangle
+    span: wp.vec2i
+    side: wp.int32
+    test: wp.bool
+
+
+@wp.func
+def slices_in_tile(item: LightItem, column: wp.int32, row: wp.int32, known: wp.bool) -> wp.vec2i:
+    """First and last slice that an item is listed in within a tile; last < first where it is left out."""
+    grid = item.grid
+    side = item.side
+    s = item.s
     tile = (side * grid.tiles + row) * grid.tiles + column
     deepest = grid.slices - 1
     if grid.skip_empty:
         deepest = grid.deepest[tile]
-        if deepest < span[0]:
+        if deepest < item.span[0]:
             return wp.vec2i(0, -1)
     edges = grid.rows[side * grid.tiles + row]
     between = grid.columns[side * grid.tiles + column]
-    if test and missed(between, edges, grid.stretch[side], s.n0, s.n1, s.n2, s.error):
+    if item.test and not known and missed(between, edges, grid.stretch[side], s.n0, s.n1, s.n2, s.error):
         return wp.vec2i(0, -1)
-    here = narrowed(grid, s, span, side, between, edges)
+    here = narrowed(grid, s, item.span, side, between, edges)
     last = here[0]
     if grid.spans:
         last = here[1]
@@ -79,7 +85,7 @@ def bin_kernel(
     queue: PieceQueue,
     out: PairSink,
 ):
-    """Write the pairs of one piece of work: count them, reserve their places, find them again."""
+    """Write the pairs of one piece of work (:func:`..lists.binning.write_pairs`)."""
     p = piece_of(wp.tid(), boxes, queue)
     if p.item < 0:
         return
@@ -92,29 +98,6 @@ def bin_kernel(
     # One tile needs no test; one slice needs no plane.
     if span[0] < span[1] or not single:
         s = lit_triangle(space, side, widening, corners_of(mesh, triangle))
-    test = s.oriented and not single
-    number = wp.int32(0)
-    hits = wp.int32(0)
-    kept_at = wp.int32(-1)
-    kept = wp.vec2i(0, -1)
-    for at in range(p.first, p.stop, p.step):
-        found = slices_in_tile(grid, s, span, side, p.x + at % p.w, p.y + at // p.w, test)
-        if found[1] >= found[0]:
-            number += found[1] - found[0] + 1
-            hits = hits | (1 << ((at - p.first) // p.step))
-            kept_at = at
-            kept = found
-    if number == 0:
-        return
-    place = reserve_many(out.needs, out.slot, number)
-    for at in range(p.first, p.stop, p.step):
-        if (hits >> ((at - p.first) // p.step)) & 1 != 0:
-            column = p.x + at % p.w
-            row = p.y + at // p.w
-            found = kept
-            if at != kept_at:
-                found = slices_in_tile(grid, s, span, side, column, row, False)
-            cell = ((side * grid.tiles + row) * grid.tiles + column) * grid.slices
-            for slice in range(found[0], found[1] + 1):
-                write_pair(place, cell + slice, triangle, out)
-                place += wp.int64(1)
+    item = LightItem(grid, s, span, side, s.oriented and not single)
+    first = wp.vec2i(side * grid.tiles * grid.tiles, grid.tiles)
+    write_pairs(slices_in_tile, item, p, first, grid.slices, triangle, out)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.perspective_spherical.light.mapping import map_bounds, ray_place, ray_place32
+from shadowbench.harness.frame.geometry import filled
+from shadowbench.methods.perspective_spherical.light.mapping import BOUNDS, ray_place
 from shadowbench.methods.perspective_spherical.light.placement import FLOAT32_PAD, FLOAT64_PAD
+from shadowbench.methods.perspective_spherical.light.space import LightSpace
 from shadowbench.methods.perspective_spherical.light.tile_edges import edges_kernel, missed, slope_bounds
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 
@@ -38,23 +42,28 @@ def tile_kernel(
     slopes[i, tile] = slope_bounds(column, row, planes[i, 0], stretch[0])
 
 
-@wp.kernel(enable_backward=False)
-def bounds_kernel(
-    map: wp.int32, pad: wp.float64, corners: wp.array2d(dtype=wp.vec3d), bounds: wp.array(dtype=wp.vec4d)
-):
-    i = wp.tid()
-    bounds[i] = map_bounds(map, corners[i, 0], corners[i, 1], corners[i, 2], pad)
+@functools.cache
+def make_bounds_kernel(name: str) -> wp.Kernel:
+    bounds_of, _ = BOUNDS[name]
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def bounds_kernel(pad: wp.float64, corners: wp.array2d(dtype=wp.vec3d), bounds: wp.array(dtype=wp.vec4d)):
+        i = wp.tid()
+        bounds[i] = bounds_of(corners[i, 0], corners[i, 1], corners[i, 2], pad)
+
+    return bounds_kernel
 
 
 @wp.kernel(enable_backward=False)
 def place_kernel(
-    map: wp.int32, single: wp.bool, points: wp.array(dtype=wp.vec3d), places: wp.array(dtype=wp.vec4d)
+    map: wp.int32,
+    single: wp.bool,
+    space: LightSpace,
+    points: wp.array(dtype=wp.vec3d),
+    places: wp.array(dtype=wp.vec4d),
 ):
     i = wp.tid()
-    if single:
-        places[i] = ray_place32(map, wp.identity(3, dtype=wp.float64), points[i])
-    else:
-        places[i] = ray_place(map, points[i])
+    places[i] = ray_place(map, single, space, points[i], wp.vec3d())
 
 
 def on_cpu(values, kind):
@@ -143,10 +152,14 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
     points = np.einsum("sk,nkj->nsj", random.dirichlet([0.4, 0.4, 0.4], samples), corners).reshape(-1, 3)
     places = wp.zeros(len(points), dtype=wp.vec4d, device="cpu")
     single = precision == "float32"
+    space = filled(
+        LightSpace, index=0, axes=on_cpu([np.eye(3)], wp.mat33d), pads=on_cpu([0.0, 0.0], wp.float64),
+        proxy_positions=on_cpu([[0.0, 0.0, 0.0]], wp.vec3f),
+    )  # fmt: skip
     wp.launch(
         place_kernel,
         dim=len(points),
-        inputs=[map, single, on_cpu(points, wp.vec3d)],
+        inputs=[map, single, space, on_cpu(points, wp.vec3d)],
         outputs=[places],
         device="cpu",
     )
@@ -164,8 +177,8 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
     bounds = wp.zeros(count, dtype=wp.vec4d, device="cpu")
     pad = FLOAT32_PAD if single else FLOAT64_PAD
     wp.launch(
-        bounds_kernel, dim=count, inputs=[map, pad, on_cpu(corners, wp.vec3d)], outputs=[bounds], device="cpu"
-    )
+        make_bounds_kernel(name), dim=count, inputs=[pad, on_cpu(corners, wp.vec3d)], outputs=[bounds], device="cpu"
+    )  # fmt: skip
     low_u, high_u, low_v, high_v = bounds.numpy().T[:, :, None]
 
     def held(x, low, high):

@@ -16,9 +16,9 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
 from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
+from shadowbench.methods.perspective_spherical.light.rectangle import make_clamp_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
-from shadowbench.methods.perspective_spherical.variants import VARIANTS
 from tools.kernel_report import uses_of
 
 
@@ -179,10 +179,11 @@ def test_counters_add_up():
 
 
 MADE = {
-    **{f"trace {v}": (make_trace_kernel, v) for v in VARIANTS},
-    **{f"shadow {v}": (make_shadow_kernel, v) for v in VARIANTS},
-    **{f"resolve {v}": (make_resolve_kernel, v) for v in VARIANTS[:2]},
-    **{f"bound {map}": (make_bound_kernel, map) for map in range(len(LIGHT_MAPS))},
+    **{f"trace {test}": (make_trace_kernel, test, 0) for test in range(3)},
+    **{f"shadow {test}": (make_shadow_kernel, test, 0) for test in range(3)},
+    **{f"resolve {test}": (make_resolve_kernel, test) for test in range(2)},
+    **{f"bound {map}": (make_bound_kernel, map) for map in LIGHT_MAPS},
+    **{f"clamp {map}": (make_clamp_kernel, map) for map in LIGHT_MAPS},
 }
 """Factories and what they are given. Staged kernels are hot: ``test_kernel_report`` reads their binaries."""
 
@@ -190,8 +191,8 @@ MADE = {
 @pytest.mark.parametrize("name", MADE)
 def test_a_kernel_that_is_made_for_settings_compiles_without_a_gpu(name):
     """Those of whole modules are compiled in ``test_cuda_compiles``."""
-    make, given = MADE[name]
-    assert uses_of(make(given).module)
+    make, *given = MADE[name]
+    assert uses_of(make(*given).module)
 
 
 def test_lights_moved_between_frames_equal_fresh_ones_under_other_knobs():
