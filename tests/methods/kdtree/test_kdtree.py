@@ -10,7 +10,8 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
-from shadowbench.methods.kdtree.parameters import LARGE_DEPTH, SMALL_DEPTH, Trace
+from shadowbench.methods import kdtree
+from shadowbench.methods.kdtree.nodes import LARGE_DEPTH, SMALL_DEPTH
 from shadowbench.methods.kdtree.traversal import make_kernels
 from tools.kernel_report import uses_of
 
@@ -38,17 +39,23 @@ def test_hard_scenes_equal_brute_force(trial, device):
 
 
 @pytest.mark.parametrize("distance", [3.0, 1e7], ids=["near", "far"])
-def test_settings_agree_bit_for_bit(distance, device):
+def test_settings_and_stacks_agree_bit_for_bit(distance, device, monkeypatch):
     """From 1e7 radii away both sides of a plane have the same times, within rounding: all of them must be visited."""
     vertices, faces = soup(7, 400)
     eye = tuple(distance * np.array([0.3, 0.4, 0.85]))
     prepared = make_scene(vertices, faces, [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)], eye, fov=140.0 / distance)
     reference = trace("uniform_grid", {}, prepared, 33, 21, device)[2]
     assert (reference["triangle"] >= 0).sum() > 100
-    for settings in ({}, {}, {"small": "5"}, {"traversal_cost": "20"}, {"stack": "1"}, {"stack": "2"}):
-        got = trace(NAME, settings, prepared, 33, 21, device)[2]
-        for key, value in reference.items():
-            np.testing.assert_array_equal(got[key], value, f"{key} {settings}")
+    for settings in ({}, {}, {"small": "5"}, {"traversal_cost": "20"}):
+        same(trace(NAME, settings, prepared, 33, 21, device)[2], reference)
+    for stack in (1, 2):
+        monkeypatch.setattr(kdtree, "make_kernels", lambda stack=stack: make_kernels(stack))
+        same(trace(NAME, {}, prepared, 33, 21, device)[2], reference)
+
+
+def same(got: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> None:
+    for key, value in reference.items():
+        np.testing.assert_array_equal(got[key], value, key)
 
 
 def test_what_does_not_suffice_grows_and_gives_the_same_tree():
@@ -129,12 +136,10 @@ def test_triangles_that_no_plane_parts_end_in_few_large_leaves(sizes):
     assert need[0] <= 16 * len(sizes)
     assert need[3] <= 32 * len(sizes)
     assert depth_of(session.method._nodes.numpy()) <= LARGE_DEPTH + SMALL_DEPTH + 1
-    reference = trace("uniform_grid", {"density": "0.01"}, prepared, 16, 16)[2]
-    for key, value in reference.items():
-        np.testing.assert_array_equal(got[key], value, key)
+    same(got, trace("uniform_grid", {"density": "0.01"}, prepared, 16, 16)[2])
 
 
-@pytest.mark.parametrize("kernel", make_kernels(Trace().stack, Trace().registers), ids=["primary", "shadow"])
+@pytest.mark.parametrize("kernel", make_kernels(), ids=["primary", "shadow"])
 def test_kernels_compile_for_cuda(kernel):
     (use,) = uses_of(kernel.module).values()
     assert use.registers <= 128
