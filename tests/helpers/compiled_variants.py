@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import warp as wp
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
-from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.rays import box_kernel
 from shadowbench.methods.perspective_spherical.light.rectangle import make_clamp_kernel
+from shadowbench.methods.perspective_spherical.light.tiles import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.lists.staging import BLOCKS
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_BOUNDS, LIGHT_MAPS, TRIANGLE_TESTS

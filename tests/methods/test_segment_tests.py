@@ -29,7 +29,7 @@ def verdict_kernel(
     i, j = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     weld = wp.vec3i(0, 1, 2)
-    record = segment_exact(lights[i], triangle, weld, size)
+    record = segment_exact(lights[i], triangle, size)
     h = hits[i, j]
     verdicts[i, j] = segment_bounded(to_float32(h), lights[i], 0.0, record)
     exact[i, j] = occludes(h, lights[i], triangle, weld, wp.float64(largest(triangle.a)))

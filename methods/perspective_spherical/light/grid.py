@@ -19,11 +19,10 @@ from ..lists.items import Items, count_chunks_kernel
 from ..lists.sorting import TileSort
 from ..lists.staging import block_for, staged, wide
 from ..parameters import TRIANGLE_TESTS, Build, Trace
-from .bounds import make_bound_kernel
 from .placement import LightPlaces
 from .rays import key_kernel
-from .space import LightTiles
-from .tiles import bin_kernel
+from .tile_edges import LightTiles
+from .tiles import bin_kernel, make_bound_kernel
 from .trace import make_shadow_kernel
 
 

@@ -19,7 +19,6 @@ from typing import Any
 import warp as wp
 
 from ...exact.triangle import largest, to_float32, to_float64
-from .space import LightSpace
 from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles, wrapped
 
 AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = wp.constant(0), wp.constant(1), wp.constant(2)
@@ -29,6 +28,28 @@ FLAT = wp.constant(wp.float64(1.0e-4))
 
 LEAST_SQUARED = wp.constant(wp.float64(1.0e-15))
 MOST_SQUARED = wp.constant(wp.float64(1.0e15))
+
+
+@wp.struct
+class LightSpace:
+    """Light ``index`` and its axes.
+
+    lights, proxy_positions  vec3f [light_count]: the lights, and what their grids look from (:class:`.frame.frame.Frame`)
+    axes          mat33d [1], rows: forward, right, up
+    pads          float64 [2]: error bound of a ray's direction, relative to its length; see ``frame.aim_kernel``
+    distance_pad  relative error bound of a ray's distance
+    eye           vec3f [1]: bounds the coordinates of the eye
+    box           float64 [6]: of the hit points, or of the scene where the rectangle is the scene's
+    """
+
+    index: wp.int32
+    lights: wp.array(dtype=wp.vec3f)
+    proxy_positions: wp.array(dtype=wp.vec3f)
+    axes: wp.array(dtype=wp.mat33d)
+    pads: wp.array(dtype=wp.float64)
+    distance_pad: wp.float64
+    eye: wp.array(dtype=wp.vec3f)
+    box: wp.array(dtype=wp.float64)
 
 
 @wp.func
@@ -50,8 +71,12 @@ def face_frame(q: wp.vec3d, face: wp.int32) -> wp.vec3d:
 @wp.func
 def face_of(q: wp.vec3d) -> wp.int32:
     """The face whose pyramid holds a direction; 0 for none."""
-    axis = wp.int32(wp.argmax(wp.abs(q)))
-    return 2 * axis + wp.where(q[axis] < wp.float64(0.0), 1, 0)
+    size = wp.abs(q)
+    if size[0] >= size[1] and size[0] >= size[2]:
+        return wp.where(q[0] < wp.float64(0.0), 1, 0)
+    if size[1] >= size[2]:
+        return wp.where(q[1] < wp.float64(0.0), 3, 2)
+    return wp.where(q[2] < wp.float64(0.0), 5, 4)
 
 
 @wp.func

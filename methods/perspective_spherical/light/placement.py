@@ -17,9 +17,9 @@ from ..camera.grid import CameraGrid
 from ..lists.staging import wide
 from ..parameters import CLAMPS, LIGHT_MAPS, Build
 from . import rays
+from .mapping import LightSpace
 from .rectangle import make_clamp_kernel, scene_kernel
-from .space import EXTENT, LightSpace
-from .tile_edges import edges_kernel
+from .tile_edges import EXTENT, edges_kernel
 
 FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
 """Error bound of a ray's direction from the light, relative to its length."""
@@ -42,7 +42,7 @@ class LightPlaces:
 
     receiver   uint8 [pixels]: which pixels have a shadow ray
     place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
-    space      :class:`.light.space.LightSpace`
+    space      :class:`.light.mapping.LightSpace`
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
     columns, rows  vec4d [faces * light_tiles]: edges of the tiles
     marks      whether the receivers are marked here (:func:`marks_receivers`)

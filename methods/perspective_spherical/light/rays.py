@@ -15,8 +15,8 @@ from ...common.axes import axes_along
 from ...exact.triangle import largest, to_float64
 from ...gpu.reserve import number_in, raise_to
 from ..lists.sorting import PairSink
-from .mapping import CUBE, ray_place
-from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
+from .mapping import CUBE, LightSpace, ray_place
+from .tile_edges import EXTENT, LightTiles, distance_slice, tile_of
 
 FINEST = wp.constant(wp.float64(4.0e-14))
 """Error bound of a direction in float64, relative to its length."""

@@ -10,9 +10,9 @@ from ....harness.frame.geometry import Camera
 from ...common.bounds import box_high, box_low
 from ...exact.triangle import to_float64
 from ..parameters import LIGHT_MAPS
-from .mapping import AZIMUTH_ELEVATION, BOUNDS, CUBE, TWO_ANGLE, face_frame, whole
-from .space import EXTENT, LightSpace
+from .mapping import AZIMUTH_ELEVATION, BOUNDS, CUBE, TWO_ANGLE, LightSpace, face_frame, whole
 from .sphere import HALF_PI, PI, ROUNDING
+from .tile_edges import EXTENT
 
 
 @wp.func

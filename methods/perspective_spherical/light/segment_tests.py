@@ -16,7 +16,17 @@ from ....harness.frame.geometry import Corners
 from ...exact.planes import edge_plane, facing_to, farthest_corner, longest_edge, normal_through, plane_at
 from ...exact.segment import light_edge_functions, occludes, plane_crosses_segment
 from ...exact.triangle import FLOOR32, U32, certainly_outside, largest, to_float64, total
-from ..camera.ray_tests import dot3, first3, joined, moller_trumbore, near_inside
+from ...gpu.entries import set_entry
+from ..camera.ray_tests import (
+    EDGE_PLANES,
+    EXACT,
+    MOLLER_TRUMBORE,
+    dot3,
+    first3,
+    joined,
+    moller_trumbore,
+    near_inside,
+)
 
 RECORD = wp.constant(6)
 """vec4f of a triangle's record."""
@@ -54,7 +64,7 @@ class SegmentRecord:
 
 
 @wp.func
-def segment_exact(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
+def segment_exact(light: wp.vec3f, corners: Corners, size: wp.float32) -> SegmentRecord:
     """``size`` bounds every coordinate of the hit points.
 
     Normals are scaled so that their parts are at most 2, and known to 8 u per component (:mod:`...exact.planes`). Where all
@@ -76,25 +86,21 @@ def segment_exact(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.fl
 
 
 @wp.func
-def segment_planes(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    v0 = a
-    v1 = b
-    v2 = c
+def segment_planes(light: wp.vec3f, corners: Corners, weld: wp.vec3i) -> SegmentRecord:
+    v0 = corners.a
+    v1 = corners.b
+    v2 = corners.c
     w0 = weld[0]
     w1 = weld[1]
-    w2 = weld[2]
     if w1 < w0:
-        v0 = b
-        v1 = a
+        v0 = corners.b
+        v1 = corners.a
         w0 = weld[1]
         w1 = weld[0]
-    if w2 < w1:
+    if weld[2] < w1:
         v2 = v1
-        v1 = c
-        w1 = w2
+        v1 = corners.c
+        w1 = weld[2]
     if w1 < w0:
         swapped = v0
         v0 = v1
@@ -120,13 +126,36 @@ def segment_planes(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.f
 
 
 @wp.func
-def segment_vertices(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
+def segment_vertices(corners: Corners) -> SegmentRecord:
     edge = longest_edge(corners)
     r = SegmentRecord()
     r.q0 = joined(corners.a, 0.0)
     r.q1 = joined(corners.b - corners.a, edge * edge)
     r.q2 = joined(corners.c - corners.a, 0.0)
     return r
+
+
+@wp.func
+def write_record(
+    records: wp.array(dtype=wp.vec4f), i: wp.int32, test: wp.int32, light: wp.vec3f, corners: Corners, weld: wp.vec3i,
+    size: wp.float32,
+):  # fmt: skip
+    """The record of triangle i for a test; ``size``: see :func:`segment_exact`."""
+    r = SegmentRecord()
+    if test == EXACT:
+        r = segment_exact(light, corners, size)
+    elif test == EDGE_PLANES:
+        r = segment_planes(light, corners, weld)
+    else:
+        r = segment_vertices(corners)
+    set_entry(records, 6 * i, r.q0)
+    set_entry(records, 6 * i + 1, r.q1)
+    set_entry(records, 6 * i + 2, r.q2)
+    if test != MOLLER_TRUMBORE:
+        set_entry(records, 6 * i + 3, r.q3)
+    if test == EDGE_PLANES:
+        set_entry(records, 6 * i + 4, r.q4)
+        set_entry(records, 6 * i + 5, r.q5)
 
 
 @wp.func

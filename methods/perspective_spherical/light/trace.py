@@ -23,8 +23,8 @@ from ..lists.chunks import RayChunks
 from ..lists.items import ListParts, pairs_of_part, part_of
 from ..lists.sorting import TileLists
 from ..lists.staging import any_of_block, make_shared, wait_for_block
+from .mapping import LightSpace
 from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, USED, YES, SegmentRecord
-from .space import LightSpace
 
 SHADOW_REGISTERS = 64
 """Limit of registers: frames take 0 to 2 % longer with 80. Blocks of one warp, the default, fill a

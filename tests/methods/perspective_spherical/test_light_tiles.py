@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import filled
-from shadowbench.methods.perspective_spherical.light.mapping import BOUNDS, ray_place
+from shadowbench.methods.perspective_spherical.light.mapping import BOUNDS, LightSpace, ray_place
 from shadowbench.methods.perspective_spherical.light.placement import FLOAT32_PAD, FLOAT64_PAD
-from shadowbench.methods.perspective_spherical.light.space import LightSpace
 from shadowbench.methods.perspective_spherical.light.tile_edges import edges_kernel, missed, slope_bounds
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 

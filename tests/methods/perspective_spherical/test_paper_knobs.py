@@ -15,8 +15,8 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
-from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.rectangle import make_clamp_kernel
+from shadowbench.methods.perspective_spherical.light.tiles import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from tools.kernel_report import uses_of
