@@ -126,7 +126,10 @@ class BinnedItems:
 @wp.func
 def whole_triangle(grid: wp.array(dtype=Grid), mesh: Mesh, item: wp.int32) -> BinItem:
     """Every valid triangle into one grid; its item is its index."""
-    return BinItem(grid[0], 0, wp.where(mesh.valid[item] == wp.uint8(0), -1, item))
+    what = BinItem()
+    what.grid = grid[0]
+    what.triangle = wp.where(mesh.valid[item] == wp.uint8(0), -1, item)
+    return what
 
 
 class TriangleGrid:

@@ -80,9 +80,11 @@ def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
 
 @wp.func
 def vertex_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
-    return RayRecord(
-        joined(eye - corners.a, 0.0), joined(corners.b - corners.a, 0.0), joined(corners.c - corners.a, 0.0)
-    )
+    r = RayRecord()
+    r.q0 = joined(eye - corners.a, 0.0)
+    r.q1 = joined(corners.b - corners.a, 0.0)
+    r.q2 = joined(corners.c - corners.a, 0.0)
+    return r
 
 
 @wp.func

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, weld_of
+from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, value_struct, weld_of
 from ...common.screen import in_camera_space, out_of_view, pixel_box
 from ...exact.planes import farthest_corner, longest_edge, normal_through
 from ...exact.triangle import FLOOR32, OVERFLOW, U32, UNDERFLOW, largest
@@ -191,7 +191,7 @@ def slice_scale(grid: ImageTiles) -> wp.float32:
     return wp.float32(0.0)
 
 
-@wp.struct
+@value_struct
 class ImageItem:
     """A triangle that is put into tiles, and its range of depth."""
 

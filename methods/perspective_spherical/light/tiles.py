@@ -12,7 +12,7 @@ import functools
 
 import warp as wp
 
-from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
+from ....harness.frame.geometry import Corners, Mesh, corners_of, value_struct, weld_of
 from ...exact.segment import side_of_light
 from ...exact.triangle import largest, to_float64
 from ...gpu.entries import set_entry
@@ -225,7 +225,7 @@ def narrowed(
     return wp.vec2i(first, last)
 
 
-@wp.struct
+@value_struct
 class LightItem:
     """An item that is put into the tiles of rectangle ``side``.
 
