@@ -34,10 +34,10 @@ MAPS = tuple((map,) for map in LIGHT_MAPS)
 BOUNDS = (*MAPS, *((bounds,) for bounds in LIGHT_BOUNDS if bounds != "exact"))
 
 FACTORIES: dict[Callable[..., wp.Kernel], tuple[tuple[tuple[Any, ...], ...], tuple[str, ...]]] = {
-    make_trace_kernel: (TESTS_IN_BLOCKS, ("alpha",)),
-    make_resolve_kernel: (TESTS, ()),
-    make_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha",)),
-    make_bound_kernel: (BOUNDS, ()),
+    make_trace_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
+    make_resolve_kernel: (TESTS, ("wide",)),
+    make_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
+    make_bound_kernel: (BOUNDS, ("wide",)),
     make_clamp_kernel: (MAPS, ()),
 }
 """By factory: all that it is given, and the effects that its kernels branch on."""

@@ -143,7 +143,7 @@ class CameraGrid:
         )  # fmt: skip
         if split:
             wp.launch(
-                make_resolve_kernel(self.test),
+                specialised(make_resolve_kernel(self.test), self.effects.switches()),
                 dim=f.pixels,
                 inputs=[f.camera, f.mesh, self.nearest],
                 outputs=outputs[:-1],
