@@ -1,6 +1,6 @@
 """Float32 tests of a shadow segment against a triangle, on a record made once per frame and light.
 
-The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or DOUBT, which float64 decides; only the
+The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or UNDECIDED, which float64 decides; only the
 exact test returns YES. Which side of the triangle's plane the ends lie on is never decided by float32 in doubt.
 
 exact        four planes n . h + c, the bound on their rounding the same for all: 16 multiply-adds
@@ -35,7 +35,7 @@ USED = (4, 6, 3)
 """By test: how many of them it reads."""
 
 NO = wp.constant(0)
-DOUBT = wp.constant(1)
+UNDECIDED = wp.constant(1)
 YES = wp.constant(2)
 
 PLANE_BOUND = wp.constant(160.0 * 2.0**-24)
@@ -172,7 +172,7 @@ def segment_bounded(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: Segmen
         return NO
     if low > PLANE_BOUND and side < -PLANE_BOUND:
         return YES
-    return DOUBT
+    return UNDECIDED
 
 
 @wp.func
@@ -186,7 +186,7 @@ def segment_plain(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentR
     side = dot3(r.q5, h0) * r.q2[3]
     if side > r.q1[3] * doubt + FLOOR32:
         return NO
-    return DOUBT
+    return UNDECIDED
 
 
 @wp.func
@@ -202,7 +202,7 @@ def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r
         return NO
     if start > 1.001 * wp.abs(det):
         return NO
-    return DOUBT
+    return UNDECIDED
 
 
 @wp.func

@@ -24,7 +24,7 @@ from ..lists.items import ListParts, pairs_of_part, part_of
 from ..lists.sorting import TileLists
 from ..lists.staging import any_of_block, make_shared, wait_for_block
 from .mapping import LightSpace
-from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, USED, YES, SegmentRecord
+from .segment_tests import SEGMENT_DECIDES, SEGMENT_PASSES, UNDECIDED, USED, YES, SegmentRecord
 
 SHADOW_REGISTERS = 64
 """Limit of registers: frames take 0 to 2 % longer with 80. Blocks of one warp, the default, fill a
@@ -171,12 +171,12 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
                             verdict = judge(h, light, h_error, s)
                             if wp.static(effects.alpha):
                                 if verdict == YES and alpha.masked[here[0]] != wp.uint8(0):
-                                    verdict = DOUBT
+                                    verdict = UNDECIDED
                             if verdict == YES:
                                 occluded = wp.bool(True)
                                 active = wp.bool(False)
                                 held = 0
-                            if verdict == DOUBT:
+                            if verdict == UNDECIDED:
                                 i = here[0]
                         j += 1
                     if i >= 0:

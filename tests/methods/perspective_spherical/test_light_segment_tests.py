@@ -9,8 +9,8 @@ from shadowbench.harness.frame.geometry import Corners
 from shadowbench.methods.exact.segment import occludes
 from shadowbench.methods.exact.triangle import largest, to_float32
 from shadowbench.methods.perspective_spherical.light.segment_tests import (
-    DOUBT,
     NO,
+    UNDECIDED,
     YES,
     segment_bounded,
     segment_exact,
@@ -72,5 +72,5 @@ def test_a_verdict_without_doubt_is_what_float64_says(distance, scale, middle):
     verdicts, exact = verdicts.numpy(), exact.numpy()
     assert exact[verdicts == int(YES)].all()
     assert not exact[verdicts == int(NO)].any()
-    assert 0 < (verdicts == int(DOUBT)).mean() < 0.95
+    assert 0 < (verdicts == int(UNDECIDED)).mean() < 0.95
     assert (verdicts == int(YES)).any()
