@@ -4,7 +4,7 @@ A packet is a square of pixels. Its frustum is taken along the axis of the grid 
 cells across that axis the frustum covers a rectangle; the triangles in its cells are tested against the whole packet, each
 once (mailboxing). The packet ends when every ray has a hit in front of the next slice.
 
-Everything is in grid coordinates (:mod:`..common.grid`). What a packet covers is padded by :data:`SPREAD`: directions are
+Everything is in grid coordinates (:mod:`..grids.grid`). What a packet covers is padded by :data:`SPREAD`: directions are
 rounded sums, so that a direction within a packet may lie outside those of its corners by that much.
 """
 
@@ -15,9 +15,10 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Mesh
-from ..common.grid import Grid, cell_index, cell_of, to_grid
 from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry
+from ..grids.cells import Cells
+from ..grids.grid import Grid, cell_index, cell_of, to_grid
 from ..streams.camera.pixels import (
     Candidate,
     edge_planes,
@@ -28,7 +29,6 @@ from ..streams.camera.pixels import (
 )
 from ..streams.queues import Queue
 from ..streams.reads import corners_at, direction_at
-from ..uniform_grid.traversal import Cells
 
 SPREAD = wp.constant(wp.float64(2.0**-20))
 """Directions are sums of two float32 vectors, rounded: off by 2^-24 of their largest part, three times."""

@@ -4,6 +4,16 @@ from __future__ import annotations
 
 import warp as wp
 
+SMALL = 64
+"""Most triangles of a small node: a set of them has 64 bits."""
+
+SMALL_DEPTH = 16
+"""Most levels of the tree within a small node."""
+
+LARGE_DEPTH = 40
+"""Most levels of large nodes. Together with those of small nodes they must not exceed 64, because a ray keeps one bit per
+level."""
+
 LEAF = wp.constant(3)
 """Lowest bit of the axis of an inner node."""
 

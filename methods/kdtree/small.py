@@ -19,6 +19,8 @@ from .nodes import (
     NODES_USED,
     REFS,
     ROOTS,
+    SMALL,
+    SMALL_DEPTH,
     Large,
     Refs,
     Roots,
@@ -28,7 +30,6 @@ from .nodes import (
     put_inner,
     put_leaf,
 )
-from .parameters import SMALL, SMALL_DEPTH
 
 WIDTH = 32
 """Threads of a block."""

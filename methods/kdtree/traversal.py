@@ -41,6 +41,12 @@ from ..exact.triangle import U32, largest, to_float32
 from ..gpu.entries import entry
 from .nodes import LEAF, Tree, bit
 
+STACK = 8
+"""Nodes that a ray's stack holds."""
+
+REGISTERS = 96
+"""Limit per thread on a GPU: the best on balls-40k and balls-300k."""
+
 LATEST = wp.constant(wp.float32(3.0e37))
 """Times and margins beyond the range of float32 are limited to this."""
 
@@ -189,8 +195,7 @@ def make_walk(stack: int) -> Any:
     return walk
 
 
-@functools.cache
-def make_kernels(stack: int, registers: int) -> tuple[Any, Any]:
+def make_kernels(stack: int = STACK) -> tuple[wp.Kernel, wp.Kernel]:
     """The kernels of primary rays and of shadow rays."""
     walk = make_walk(stack)
-    return make_primary_kernel(Tree, walk, registers), make_shadow_kernel(Tree, walk, registers)
+    return make_primary_kernel(Tree, walk, REGISTERS), make_shadow_kernel(Tree, walk, REGISTERS)

@@ -19,8 +19,9 @@ from .counters import work
 from .culling import loses_hits, orientation, refusal
 from .light.grid import LightGrid
 from .lists.binning import grown_bins
+from .lists.chunks import most_chunks
+from .lists.staging import staged
 from .parameters import Build, Trace, known_inexact
-from .variants import staged
 
 SLOTS = 3
 """Needs of one grid: pairs, rows of large triangles, and work items of split lists."""
@@ -76,7 +77,7 @@ class PerspectiveSpherical(BaseMethod):
         if self.build.light_bounds != "exact":
             built["light bounds"] = self.build.light_bounds
         if self.camera is not None:
-            in_blocks = staged(self.trace, self.camera.frame.device)
+            in_blocks = staged(self.trace.staging, self.camera.frame.device)
             built["staging"] = "shared" if in_blocks else "none"
         return built
 
@@ -90,62 +91,38 @@ class PerspectiveSpherical(BaseMethod):
         if self.build.cull != "off" and frame.triangle_count:
             outward = orientation(frame.prepared.points(0)[0], frame.prepared.faces)
         light_outward = outward if self.build.cull == "primary+light" else 0.0
-        with wp.ScopedDevice(frame.device):
-            self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64)
-        self.camera = CameraGrid(
-            frame, self.build, self.trace, outward, self._room(0, frame), self._needs, 0, effects
-        )
-        self.lights = []
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                room, slot = self._room(1 + i, frame), SLOTS * (1 + i)
-                self.lights.append(
-                    LightGrid(
-                        frame,
-                        i,
-                        self.camera,
-                        self.build,
-                        self.trace,
-                        light_outward,
-                        room,
-                        self._needs,
-                        slot,
-                        effects,
-                    )
-                )
-        passes = self.camera.passes()
-        for light in self.lights:
-            passes += light.passes()
-        return passes
+        self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64, device=frame.device)
+        settings = frame, self.build, self.trace
 
-    def _room(self, grid: int, frame: Frame) -> tuple[int, int, int]:
-        """Capacities (pairs, rows, items) of a grid: what it grew to, or a first guess (items: 0)."""
-        guess = (
-            self.build.pair_capacity or 2 * frame.triangle_count + 65536,
-            self.build.row_capacity or 16384,
-            0,
-        )
-        return self._capacity.setdefault(grid, guess)
+        def room(grid: int) -> tuple[tuple[int, int, int], wp.array, int]:
+            """Of a grid: its capacities, and where it writes what it needs."""
+            return self._capacity.setdefault(grid, self._guess(frame)), self._needs, SLOTS * grid
+
+        self.camera = camera = CameraGrid(*settings, outward, *room(0), effects)
+        self.lights = [
+            LightGrid(*settings, i, camera, light_outward, *room(1 + i), effects)
+            for i, wanted in enumerate(effects.shadows)
+            if wanted
+        ]
+        return [*camera.passes(), *(work for light in self.lights for work in light.passes())]
+
+    def _guess(self, frame: Frame) -> tuple[int, int, int]:
+        """First capacities of a grid: pairs, rows of large triangles, and items of split lists of rays."""
+        build, rays = self.build, frame.pixels
+        items = 1
+        if self.trace.triangle_chunk:
+            items = 2 * most_chunks(rays, build.light_tile_count, self.trace.r)
+        return build.pair_capacity or 2 * frame.triangle_count + 65536, build.row_capacity or 16384, items
 
     def needs(self) -> wp.array | None:
         return self._needs
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
-        grew = False
-        for grid, capacity in self._capacity.items():
-            room = grown_bins(
-                needed[SLOTS * grid : SLOTS * (grid + 1)], self._in_force(grid, capacity), self._memory
-            )
-            if room == self._in_force(grid, capacity):
-                room = capacity
-            grew = grew or room != capacity
-            self._capacity[grid] = room
-        return grew
-
-    def _in_force(self, grid: int, capacity: tuple[int, int, int]) -> tuple[int, int, int]:
-        """The capacities in force: a light's first guess of its items is its own."""
-        light = next((light for light in self.lights if light.index == grid - 1), None)
-        return (*capacity[:2], light.items.capacity if light else 0)
+        before = dict(self._capacity)
+        for grid, capacity in before.items():
+            own = needed[SLOTS * grid : SLOTS * (grid + 1)]
+            self._capacity[grid] = grown_bins(own, capacity, self._memory)
+        return self._capacity != before
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count

@@ -30,7 +30,7 @@ def work(
         name = f"light {light.index}"
         traced = light.traced()
         result.update(_lists(name, light.bins, traced))
-        lengths = (light.chunks.end.numpy() - light.chunks.begin.numpy()) * traced
+        lengths = light.rays.lengths() * traced
         chunks = int(light.chunks.numCBlocks.numpy()[0]) * traced
         result[f"{name} rays"] = int(lengths.sum())
         result[f"{name} tiles with rays"] = int((lengths > 0).sum())
@@ -53,7 +53,7 @@ def _share(part: int, whole: int) -> int:
 
 
 def _lists(name: str, bins: TileBins, made: bool = True) -> dict[str, int]:
-    lengths = (bins.lists.end.numpy() - bins.lists.begin.numpy()) * made
+    lengths = bins.lengths() * made
     lengths = lengths[lengths > 0]
     keys = bins.lists.keys.numpy()[: int(lengths.sum())]
     return {

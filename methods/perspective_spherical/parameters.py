@@ -16,6 +16,11 @@ STAGING = ("none", "shared")
 BALANCING = ("direct", "algorithm-1")
 SORTS = ("counting", "radix")
 
+ALLOWED = {
+    "depth_lists": DEPTH_LISTS, "light_map": LIGHT_MAPS, "precision": PRECISIONS, "light_bounds": LIGHT_BOUNDS,
+    "clamp": CLAMPS, "triangle_test": TRIANGLE_TESTS, "cull": CULLING, "sort": SORTS,
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Build:
@@ -85,20 +90,14 @@ class Build:
                 raise ValueError(f"must lie in {low}..{high}")
         if self.light_tile_count * self.light_slices >= 2**30:
             raise ValueError("tiles * light_slices of a light grid must stay below 2^30 cells")
-        _one_of(self.depth_lists, DEPTH_LISTS)
-        _one_of(self.light_map, LIGHT_MAPS)
-        _one_of(self.precision, PRECISIONS)
-        _one_of(self.light_bounds, LIGHT_BOUNDS)
+        for name, known in ALLOWED.items():
+            _one_of(getattr(self, name), known)
         if self.precision == "float32-centred" and not self.aimed:
             raise ValueError(
                 "precision float32-centred needs aimed=true: the middle must lie on the frame's axis"
             )
         if self.light_bounds != "exact" and self.light_map != "azimuth-elevation":
             raise ValueError("light_bounds other than exact needs light_map=azimuth-elevation")
-        _one_of(self.clamp, CLAMPS)
-        _one_of(self.triangle_test, TRIANGLE_TESTS)
-        _one_of(self.cull, CULLING)
-        _one_of(self.sort, SORTS)
 
     @property
     def light_faces(self) -> int:

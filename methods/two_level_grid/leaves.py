@@ -1,17 +1,17 @@
 """The second level: a grid in each occupied cell of the top grid, with a resolution that its own triangles ask for.
 
-A leaf grid is a :class:`..common.grid.Grid`, so triangles are binned into it by the same code. Its
-slack covers that of the top grid: a ray passes within the top grid's slack of every point of it in the top cells that it
-visits, and that is res times as much in cells of the leaf grid. The same factor holds for rounding.
+A leaf grid is a :class:`..grids.grid.Grid`, so triangles are binned into it by the same code. Its slack covers that of
+the top grid: a ray passes within the top grid's slack of every point of it in the top cells that it visits, and that is
+res times as much in cells of the leaf grid. The same factor holds for rounding.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Mesh, corners_of
-from ..common.grid import Grid, cell_counts
-from ..common.grid_binning import LargeItems, Pairs, bin_columns, bin_item
+from ...harness.frame.geometry import Mesh
+from ..grids.binning import BinItem
+from ..grids.grid import Grid, cell_counts
 
 FINEST_LEAF = wp.constant(1024)
 """Leaf cells along an axis at most: what ten bits hold, and a slack of 2^-5 of a leaf cell or less near the scene."""
@@ -94,39 +94,14 @@ def first_kernel(counts: wp.array(dtype=wp.int64), scan: wp.array(dtype=wp.int64
     top.first[cell] = first
 
 
-@wp.kernel(enable_backward=False)
-def bin_leaf_kernel(emit: wp.bool, top: TopCells, mesh: Mesh, pairs: Pairs, large: LargeItems):
-    """Bin the triangle of each top pair into the leaf grid of its cell."""
-    item = wp.tid()
+@wp.func
+def leaf_item(top: TopCells, mesh: Mesh, item: wp.int32) -> BinItem:
+    """The triangle of a top pair, into the leaf grid of its cell."""
     cell = top.keys[item]
-    if cell >= top.cells:
-        if not emit:
-            pairs.count[item] = wp.int64(0)
-        return
-    i = top.members[item]
-    leaf = leaf_grid(top.grid[0], cell, unpacked_res(top.res[cell]))
-    bin_item(emit, leaf, top.first[cell], corners_of(mesh, i), i, item, pairs, large)
-
-
-@wp.kernel(enable_backward=False)
-def bin_large_leaf_kernel(
-    emit: wp.bool,
-    lanes: wp.int32,
-    at_once: wp.int32,
-    top: TopCells,
-    mesh: Mesh,
-    pairs: Pairs,
-    large: LargeItems,
-):
-    """The same for the queue: ``lanes`` threads share the columns of one pair."""
-    group, lane = wp.tid()
-    slot = wp.int32(group)
-    while slot < large.size[0]:
-        item = large.items[slot]
-        cell = top.keys[item]
-        i = top.members[item]
-        leaf = leaf_grid(top.grid[0], cell, unpacked_res(top.res[cell]))
-        bin_columns(
-            emit, slot, lane, lanes, leaf, top.first[cell], corners_of(mesh, i), i, item, pairs, large
-        )
-        slot += at_once
+    what = BinItem()
+    what.triangle = -1
+    if cell < top.cells:
+        what.grid = leaf_grid(top.grid[0], cell, unpacked_res(top.res[cell]))
+        what.base = top.first[cell]
+        what.triangle = top.members[item]
+    return what

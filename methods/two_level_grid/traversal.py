@@ -12,11 +12,14 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
-from ..common.grid import Grid, cell_index, cell_of
-from ..common.grid_walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
 from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..exact.ray_queries import Found, nothing_found
+from ..grids.grid import Grid, cell_index, cell_of
+from ..grids.walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
 from .leaves import unpacked_res
+
+REGISTERS = 128
+"""Limit per thread on a GPU: the best on balls-40k and balls-300k."""
 
 
 @wp.struct
@@ -143,6 +146,6 @@ def walk(
     return found
 
 
-def make_kernels(registers: int) -> tuple[Any, Any]:
+def make_kernels() -> tuple[wp.Kernel, wp.Kernel]:
     """The kernels of primary rays and of shadow rays."""
-    return make_primary_kernel(LeafCells, walk, registers), make_shadow_kernel(LeafCells, walk, registers)
+    return make_primary_kernel(LeafCells, walk, REGISTERS), make_shadow_kernel(LeafCells, walk, REGISTERS)

@@ -1,7 +1,38 @@
-"""A uniform grid rebuilt every frame by sorting (triangle, cell) pairs: Kalojanov & Slusallek 2009."""
+"""A uniform grid rebuilt every frame by sorting (triangle, cell) pairs: Kalojanov & Slusallek 2009.
 
-from .method import UniformGrid
+"A Parallel Algorithm for Construction of Uniform Grids" (HPG). The grid serves any ray, so primary and shadow rays share
+it.
+"""
+
+from __future__ import annotations
+
+from ...harness.frame.frame import Frame
+from ..common.ray_structure import Built, RayStructure
+from ..grids.build import TriangleGrid, cells_for
+from ..grids.cells import cells_of, make_kernels
+from ..grids.parameters import Build
+
+
+class UniformGrid(RayStructure):
+    """See the package."""
+
+    name = "uniform_grid"
+    title = "Uniform grid"
+    ROOMS = ("(triangle, cell) pairs",)
+    BUILT = ("density",)
+    Build = Build
+
+    def first_capacity(self, frame: Frame) -> list[int]:
+        return [self.build.capacity or 4 * frame.triangle_count]
+
+    def structure(self, frame: Frame) -> Built:
+        cells = cells_for(frame.triangle_count, self.build.density, self._memory)
+        self._grid = TriangleGrid(frame, cells, self._capacity[0])
+        passes = self._grid.passes(self._need, 0)
+        return Built(passes, cells_of(self._grid), TriangleGrid.RESOURCES, make_kernels())
+
+    def counted(self) -> dict[str, int]:
+        return self._grid.counters()
+
 
 METHOD = UniformGrid
-
-__all__ = ["METHOD", "UniformGrid"]

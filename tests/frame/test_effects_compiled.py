@@ -41,7 +41,7 @@ SMALL = {
     "alpha": "methods.streams.camera.stream.undecided_kernel",
     "bounced": "harness.frame.effects.mirrors.mirror_kernel",
     "orthographic": "harness.frame.effects.shading.color_kernel",
-    "receivers": "methods.perspective_spherical.light.frame.box_kernel",
+    "receivers": "methods.perspective_spherical.light.rays.box_kernel",
 }
 """Of each effect a kernel that branches on it and calls little: compiled in a quarter of a second."""
 

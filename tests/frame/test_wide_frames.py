@@ -19,6 +19,7 @@ from shadowbench.methods.exact.digits import exact_product, wide_side
 from shadowbench.methods.exact.hit_point import hit_point, plane_distance
 
 SETTINGS = [(name, settings) for name, given in exact_methods() for settings in settings_of(name, given)]
+SETTINGS.append(("perspective_spherical", {"triangle_chunk": "2"}))
 COUNT = 2000
 
 

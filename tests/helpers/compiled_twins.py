@@ -33,11 +33,9 @@ from shadowbench.harness.frame.effects.specialise import (
 )
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.common import ray_kernels
+from shadowbench.methods.grids.cells import make_kernels as make_grid_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
-from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
-from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
-from shadowbench.methods.perspective_spherical.variants import Variant
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
@@ -45,7 +43,6 @@ from shadowbench.methods.streams.occlusion import undecided as light_undecided
 from shadowbench.methods.streams.rays import sort
 from shadowbench.methods.trees.trace import closest as tree_closest
 from shadowbench.methods.trees.trace import shadow as tree_shadow
-from shadowbench.methods.uniform_grid import traversal as grid_traversal
 from shadowbench.methods.warp_bvh import mesh_kernels
 from warp._src.context import Module
 
@@ -225,19 +222,16 @@ def _renumbered(lines: list[str]) -> list[str]:
 
 def made_kernels() -> dict[str, wp.Kernel]:
     """One kernel of every factory: a factory's other kernels have the same source."""
-    variant = Variant(0)
     made = {
-        make_trace_kernel: make_trace_kernel(variant),
-        make_shadow_kernel: make_shadow_kernel(variant),
-        make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
-        make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
+        make_trace_kernel: make_trace_kernel(0, 64),
+        make_shadow_kernel: make_shadow_kernel(0, 64),
         camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
         light_rows.make_rows_kernel: light_rows.make_rows_kernel(False),
         sort.make_scatter_kernel: sort.make_scatter_kernel(False),
         light_undecided.make_undecided_kernel: light_undecided.make_undecided_kernel(False, False),
-        ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],
-        ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],
+        ray_kernels.make_primary_kernel: make_grid_kernels()[0],
+        ray_kernels.make_shadow_kernel: make_grid_kernels()[1],
         tree_closest.make_eye_kernel: tree_closest.make_eye_kernel(True, False),
         tree_closest.make_listed_kernel: tree_closest.make_listed_kernel(True),
         tree_closest.make_resolve_kernel: tree_closest.make_resolve_kernel(False),

@@ -12,13 +12,12 @@ from typing import Any, NamedTuple
 
 import warp as wp
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
-from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
-from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
-from shadowbench.methods.perspective_spherical.light.frame import box_kernel
+from shadowbench.methods.perspective_spherical.light.rays import box_kernel
+from shadowbench.methods.perspective_spherical.light.rectangle import make_clamp_kernel
+from shadowbench.methods.perspective_spherical.light.tiles import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
-from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
-from shadowbench.methods.perspective_spherical.parameters import LIGHT_BOUNDS, LIGHT_MAPS
-from shadowbench.methods.perspective_spherical.variants import BLOCKS, VARIANTS
+from shadowbench.methods.perspective_spherical.lists.staging import BLOCKS
+from shadowbench.methods.perspective_spherical.parameters import LIGHT_BOUNDS, LIGHT_MAPS, TRIANGLE_TESTS
 
 
 class Compiled(NamedTuple):
@@ -29,20 +28,17 @@ class Compiled(NamedTuple):
     effects: tuple[str, ...] = ()
 
 
-TESTS = tuple((variant,) for variant in VARIANTS)
-TESTS_IN_BLOCKS = tuple((variant, block) for variant in VARIANTS for block in BLOCKS)
-BOUNDS = (
-    *((map, "exact") for map in range(len(LIGHT_MAPS))),
-    *((LIGHT_MAPS.index("azimuth-elevation"), bounds) for bounds in LIGHT_BOUNDS if bounds != "exact"),
-)
+TESTS = tuple((test,) for test in range(len(TRIANGLE_TESTS)))
+TESTS_IN_BLOCKS = tuple((*test, block) for test in TESTS for block in (0, *BLOCKS))
+MAPS = tuple((map,) for map in LIGHT_MAPS)
+BOUNDS = (*MAPS, *((bounds,) for bounds in LIGHT_BOUNDS if bounds != "exact"))
 
 FACTORIES: dict[Callable[..., wp.Kernel], tuple[tuple[tuple[Any, ...], ...], tuple[str, ...]]] = {
-    make_trace_kernel: (TESTS, ("alpha", "wide")),
-    make_staged_trace_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
+    make_trace_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
     make_resolve_kernel: (TESTS, ("wide",)),
-    make_shadow_kernel: (TESTS, ("alpha", "wide")),
-    make_staged_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
+    make_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha", "wide")),
     make_bound_kernel: (BOUNDS, ("wide",)),
+    make_clamp_kernel: (MAPS, ()),
 }
 """By factory: all that it is given, and the effects that its kernels branch on."""
 

@@ -51,7 +51,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "precision": ("float64", "float32", "float32-centred"),
         "triangle_chunk": (*("0",) * 14, "1", "3"),  # the chunked kernels take ten times as long
     },
-    "uniform_grid": {"density": ("4.0", "0.1", "40.0", "700.0"), "swizzle": ("true", "false")},
+    "uniform_grid": {"density": ("4.0", "0.1", "40.0", "700.0")},
     "ray_grids": {
         "trial": tuple(
             f"cells={cells}+inline_cells={most}+region={region}+spacing={spacing}"

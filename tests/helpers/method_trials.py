@@ -24,6 +24,12 @@ def trace(
     return session, moment, session.answers(moment)
 
 
+def assert_same(got: Answers, wanted: Answers, what: object = "") -> None:
+    """Every bit of every answer."""
+    for key, values in wanted.items():
+        np.testing.assert_array_equal(got[key], values, f"{key} {what}")
+
+
 def assert_exact(
     name: str, settings: dict[str, str], prepared: Prepared, width: int, height: int, device: str = "cpu"
 ) -> Answers:
@@ -191,3 +197,7 @@ def hard_trials() -> Iterator[tuple[str, Prepared, int, int]]:
         24,
         24,
     )
+
+
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+"""The hard trials by name."""

@@ -22,8 +22,8 @@ from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.camera import grid as camera
 from shadowbench.methods.perspective_spherical.light import grid as light
 from shadowbench.methods.perspective_spherical.light import placement as light_places
+from shadowbench.methods.perspective_spherical.lists.staging import BLOCKS, block_for
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_BOUNDS, LIGHT_MAPS, TRIANGLE_TESTS
-from shadowbench.methods.perspective_spherical.variants import BLOCKS, block_for
 
 USERS = (camera, light, light_places)
 """The modules that ask for kernels."""
@@ -68,6 +68,11 @@ def nothing_else_was_made(made: set[Compiled]) -> None:
         assert factory.cache_info().currsize == len(asked), factory.__name__
 
 
+def staged(one: Compiled) -> bool:
+    """Whether it is for blocks of more than one thread."""
+    return one.name in ("make_trace_kernel", "make_shadow_kernel") and one.arguments[1] > 0
+
+
 def scenes() -> dict[tuple[str, ...], Prepared]:
     """By the effects called for: a plain scene, one with spots, one with holes, one with both."""
     vertices, faces = soup(60, 30)
@@ -89,13 +94,12 @@ def scenes() -> dict[tuple[str, ...], Prepared]:
 def test_the_list_is_short_and_names_every_effect_that_kernels_branch_on():
     every = list(compiled_variants())
     assert len(set(every)) == len(every)
-    tests, blocks = len(TRIANGLE_TESTS), len(BLOCKS)
-    bounds = len(LIGHT_MAPS) + len(LIGHT_BOUNDS) - 1
-    assert (tests, blocks, bounds) == (3, 4, 5)
-    plain = 3 * tests + 2 * tests * blocks + bounds + 1
-    assert sum(one.effects == () for one in every) == plain == 39
-    # All but the boxes' kernel are compiled for wide frames, too; those of rays for holes, too.
-    assert len(every) == 2 * (plain - 1 + 2 * tests + 2 * tests * blocks) + 2 == 138
+    tests, blocks, maps = len(TRIANGLE_TESTS), 1 + len(BLOCKS), len(LIGHT_MAPS)
+    bounds = maps + len(LIGHT_BOUNDS) - 1
+    assert (tests, blocks, maps, bounds) == (3, 5, 3, 5)
+    plain = tests + 2 * tests * blocks + maps + bounds + 1
+    assert sum(one.effects == () for one in every) == plain == 42
+    assert len(every) == 4 * 2 * tests * blocks + 2 * (tests + bounds + 1) + maps == 141
     for factory, (given, effects) in FACTORIES.items():
         assert specialise.named(factory(*given[0])) == effects, factory.__name__
     for kernel, effects in WITHOUT_FACTORY.items():
@@ -122,12 +126,12 @@ def test_plain_kernels_are_those_listed_whatever_is_drawn(made):
     for test in TRIANGLE_TESTS:
         answers_of(plain, 17, 13, drawn(random, triangle_test=test, staging="none", triangle_chunk=3))
     for light_map in LIGHT_MAPS:
-        answers_of(plain, 17, 13, {"light_map": light_map})
+        answers_of(plain, 17, 13, {"light_map": light_map, "clamp": "none"})
     for bounds in LIGHT_BOUNDS:
         answers_of(plain, 17, 13, {"light_bounds": bounds})
     for _ in range(12):
         answers_of(plain, 17, 13, drawn(random, triangle_test=random.choice(TRIANGLE_TESTS)))
-    assert made == {one for one in compiled_variants() if not one.effects and "staged" not in one.name}
+    assert made == {one for one in compiled_variants() if not one.effects and not staged(one)}
     nothing_else_was_made(made)
 
 
@@ -148,9 +152,9 @@ def test_effects_and_blocks_make_none_but_those_listed(made, monkeypatch):
     ):
         settings = drawn(random, triangle_test=test, staging="shared", **sizes)
         answers_of(scenes()[()], 17, 13, settings)
-    staged = {one for one in made if "staged" in one.name}
-    assert {one.arguments[1] for one in staged} >= {64, 256}
-    assert {one.arguments[0].test for one in staged} == {0, 1, 2}
-    assert {one.name for one in staged} == {"make_staged_trace_kernel", "make_staged_shadow_kernel"}
+    in_blocks = {one for one in made if staged(one)}
+    assert {one.arguments[1] for one in in_blocks} >= {64, 256}
+    assert {one.arguments[0] for one in in_blocks} == {0, 1, 2}
+    assert {one.name for one in in_blocks} == {"make_trace_kernel", "make_shadow_kernel"}
     assert made <= set(compiled_variants())
     nothing_else_was_made(made)

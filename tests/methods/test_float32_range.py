@@ -81,7 +81,7 @@ def segment_kernel(
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     verdicts[i, 0] = missed(not may_occlude(h[i], light[i], triangle, 0.0))
     size = largest(h[i])
-    record = segment_exact(light[i], triangle, wp.vec3i(0, 1, 2), size)
+    record = segment_exact(light[i], triangle, size)
     verdict = segment_bounded(h[i], light[i], 0.0, record)
     verdicts[i, 1] = wp.where(verdict == YES, HIT, missed(verdict == NO))
     occluder = rays.Occluder()

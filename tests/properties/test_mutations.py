@@ -17,11 +17,13 @@ import warp as wp
 from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
-from shadowbench.methods.common import bounds, box_tree, grid, grid_build, ray_kernels
+from shadowbench.methods.common import bounds, box_tree, ray_kernels
 from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
+from shadowbench.methods.grids import build as grid_build
+from shadowbench.methods.grids import grid
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
-from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
+from shadowbench.methods.perspective_spherical.light import rays as light_rays
 from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.streams.camera import pixels as camera_pixels
 from shadowbench.methods.streams.cube import footprint
@@ -217,7 +219,7 @@ MUTATIONS = (
             ),
         ),
         "uniform_grid",
-        (("density", "700.0"), ("swizzle", "false")),
+        (("density", "700.0"),),
         ("P33",),
     ),
     Mutation(
@@ -240,11 +242,11 @@ MUTATIONS = (
         "bounds in the light's map without a pad",
         (
             Planted(
-                light_frame,
+                light_rays,
                 "aim_kernel",
                 (("pads[0] = pad\n", "pads[0] = wp.float64(0.0) * pad\n"),
                  ("pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)", "pads[0] = wp.float64(0.0)")),
-                light_frame,
+                light_rays,
             ),
         ),
         "perspective_spherical",

@@ -115,8 +115,8 @@ def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> N
         ("methods.warp_bvh.method", {"warp_bvh"}),
         ("methods.common.box_tree", {"warp_bvh", "accuracy_ladder"}),
         ("methods.streams.camera.pixels", {"ray_grids", "shadow_map"}),
-        ("methods.uniform_grid.traversal", {"uniform_grid"}),
-        ("methods.common.grid_walk", {"uniform_grid", "two_level_grid"}),
+        ("methods.grids.cells", {"uniform_grid", "coherent_grid"}),
+        ("methods.grids.walk", {"uniform_grid", "two_level_grid"}),
     ],
 )
 def test_a_method_that_another_imports_makes_both_stale(stale, module, methods) -> None:

@@ -46,9 +46,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.harness.scene.effects import Switches
     from shadowbench.methods.common.box_tree import Boxes, walk
     from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
-    from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
-    from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
-    from shadowbench.methods.perspective_spherical.variants import Variant
+    from shadowbench.methods.grids.cells import make_kernels
+    from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
+    from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel as make_chunk_kernel
     from shadowbench.methods.streams.camera import remainder as camera_remainder
     from shadowbench.methods.streams.camera import rows as camera_rows
     from shadowbench.methods.streams.camera import stream as camera_stream
@@ -63,11 +63,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
     from shadowbench.methods.trees.trace import closest, shadow
-    from shadowbench.methods.uniform_grid.method import Trace as GridTrace
-    from shadowbench.methods.uniform_grid.traversal import make_kernels
 
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
-    grid_primary, grid_shadow = make_kernels(GridTrace().registers)
+    grid_primary, grid_shadow = make_kernels()
     return {
         "warp_bvh: primary": make_primary_kernel(Boxes, walk).module,
         "warp_bvh: shadow": make_shadow_kernel(Boxes, walk).module,
@@ -115,8 +113,8 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: mirrored, list": "shadowbench.methods.trees.trace.closest",
         "bvh2: mirrored, resolve": closest.make_resolve_kernel(False).module,
         "bvh2: mirrored, shadow": specialised(shadow.make_shadow_kernel(True, False), bounced).module,
-        "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
-        "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
+        "perspective_spherical: trace": make_trace_kernel(0, 64).module,
+        "perspective_spherical: shadow": make_chunk_kernel(0, 64).module,
     }
 
 

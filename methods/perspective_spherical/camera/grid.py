@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import warp as wp
 
 from ....harness.frame.effects.specialise import specialised
@@ -11,19 +13,11 @@ from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ..lists.binning import BIN_BLOCK, TileBins
 from ..lists.items import Items, count_tiles_kernel
+from ..lists.staging import block_for, staged
 from ..parameters import TRIANGLE_TESTS, Build, Trace
-from ..variants import Variant, block_for, staged
-from .bounds import project_kernel
 from .ray_tests import WIDENINGS
-from .tiles import ImageTiles, bin_kernel
+from .tiles import ImageTiles, bin_kernel, project_kernel
 from .trace import NO_NEAREST, make_resolve_kernel, make_trace_kernel
-from .trace_staged import make_staged_trace_kernel
-
-
-@wp.kernel(enable_backward=False)
-def reset_range_kernel(depth_range: wp.array(dtype=wp.float32)):
-    depth_range[0] = wp.INF
-    depth_range[1] = -wp.INF
 
 
 class CameraGrid:
@@ -47,7 +41,8 @@ class CameraGrid:
     ):
         self.effects = effects
         self.frame, self.build, self.trace, self.outward = frame, build, trace, outward
-        self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
+        self.test = TRIANGLE_TESTS.index(build.triangle_test)
+        self.widening = WIDENINGS[self.test]
         self.across = -(-frame.width // build.tile)
         self.down = -(-frame.height // build.tile)
         cells = self.across * self.down * build.slices
@@ -61,6 +56,7 @@ class CameraGrid:
             self.depths = wp.zeros(self.bins.items, dtype=wp.vec2f)
             self.records = wp.zeros(3 * self.bins.items, dtype=wp.vec4f)
             self.depth_range = wp.zeros(2, dtype=wp.float32)
+            self.no_range = wp.array([math.inf, -math.inf], dtype=wp.float32)
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
             self.nearest = wp.zeros(frame.pixels if trace.triangle_chunk else 1, dtype=wp.uint64)
@@ -96,13 +92,12 @@ class CameraGrid:
     def launch_project(self) -> None:
         f, b = self.frame, self.bins
         b.clear_queue()
-        wp.launch(reset_range_kernel, dim=1, outputs=[self.depth_range], device=f.device)
+        wp.copy(self.depth_range, self.no_range)
         wp.launch(
             project_kernel,
             dim=-(-b.items // BIN_BLOCK) * BIN_BLOCK,
             inputs=[
-                f.triangle_count, self.build.tile, self.widening, self.outward,
-                TRIANGLE_TESTS.index(self.build.triangle_test), f.camera, f.mesh,
+                f.triangle_count, self.build.tile, self.widening, self.outward, self.test, f.camera, f.mesh,
             ],
             outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue],
             block_dim=BIN_BLOCK,
@@ -131,10 +126,10 @@ class CameraGrid:
             sources = self.items.capacity
             self.items.launch(count_tiles_kernel, [split, bins.lists], self.item_need, 0)
             self.nearest.fill_(int(NO_NEAREST))
-        variant, area = Variant.of(self.build), (k * self.build.tile) ** 2
+        area = (k * self.build.tile) ** 2
         block = block_for(area)
-        in_blocks = staged(self.trace, f.device)
-        kernel = make_staged_trace_kernel(variant, block) if in_blocks else make_trace_kernel(variant)
+        in_blocks = staged(self.trace.staging, f.device)
+        kernel = make_trace_kernel(self.test, block if in_blocks else 0)
         outputs = [f.hits(0), self.hit, self.no_tests if tests is None else tests]
         wp.launch(
             specialised(kernel, self.effects.switches()),
@@ -148,7 +143,7 @@ class CameraGrid:
         )  # fmt: skip
         if split:
             wp.launch(
-                make_resolve_kernel(variant),
+                specialised(make_resolve_kernel(self.test), self.effects.switches()),
                 dim=f.pixels,
                 inputs=[f.camera, f.mesh, self.nearest],
                 outputs=outputs[:-1],

@@ -18,6 +18,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Ray
+from ...exact.planes import edge_normal, farthest_corner, longest_edge
 from ...exact.triangle import (
     FLOOR32,
     NO_HIT,
@@ -32,7 +33,7 @@ from ...exact.triangle import (
     total,
 )
 
-EXACT, EDGE_PLANES, MOLLER_TRUMBORE = 0, 1, 2
+EXACT, EDGE_PLANES, MOLLER_TRUMBORE = wp.constant(0), wp.constant(1), wp.constant(2)
 
 RECORD = wp.constant(3)
 """vec4f of a triangle's record."""
@@ -57,49 +58,43 @@ class RayRecord:
 
 
 @wp.func
-def plane_of_edge(p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32) -> wp.vec3f:
-    """p x (q - p) taken from the vertex with the lower weld index; p and q relative to the common origin."""
-    if weld_p < weld_q:
-        return wp.cross(p, q - p)
-    return -wp.cross(q, p - q)
-
-
-@wp.func
 def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
-    """Edge planes; the bound of their values is that of ``may_hit``, for a direction with |d|_1 = 1.
+    """Edge planes through the origin, and the bound of their values (:mod:`...exact.planes`) for |d|_1 = 1, with the
+    rounding of corners relative to the eye.
 
     All zero where a plane may overflow in a product with a direction of up to 1e4: float64 then decides every ray.
     """
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    pa = a - eye
-    pb = b - eye
-    pc = c - eye
-    reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
-    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    origin = wp.vec3f()
+    a = corners.a - eye
+    b = corners.b - eye
+    c = corners.c - eye
+    size = farthest_corner(eye, corners) * longest_edge(corners)
     r = RayRecord()
-    if not (1.0e4 * reach * edge < OVERFLOW):
+    if not (1.0e4 * size < OVERFLOW):
         return r
-    n0 = plane_of_edge(pb, pc, weld[1], weld[2])
-    n1 = plane_of_edge(pc, pa, weld[2], weld[0])
-    n2 = plane_of_edge(pa, pb, weld[0], weld[1])
-    r.q0 = wp.vec4f(n0[0], n0[1], n0[2], 20.0 * U32 * reach * edge)
-    r.q1 = wp.vec4f(n1[0], n1[1], n1[2], 0.0)
-    r.q2 = wp.vec4f(n2[0], n2[1], n2[2], 0.0)
+    r.q0 = joined(edge_normal(origin, b, c, weld[1], weld[2]), 20.0 * U32 * size)
+    r.q1 = joined(edge_normal(origin, c, a, weld[2], weld[0]), 0.0)
+    r.q2 = joined(edge_normal(origin, a, b, weld[0], weld[1]), 0.0)
     return r
 
 
 @wp.func
 def vertex_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
     r = RayRecord()
-    e1 = corners.b - corners.a
-    e2 = corners.c - corners.a
-    s = eye - corners.a
-    r.q0 = wp.vec4f(s[0], s[1], s[2], 0.0)
-    r.q1 = wp.vec4f(e1[0], e1[1], e1[2], 0.0)
-    r.q2 = wp.vec4f(e2[0], e2[1], e2[2], 0.0)
+    r.q0 = joined(eye - corners.a, 0.0)
+    r.q1 = joined(corners.b - corners.a, 0.0)
+    r.q2 = joined(corners.c - corners.a, 0.0)
     return r
+
+
+@wp.func
+def joined(a: wp.vec3f, w: wp.float32) -> wp.vec4f:
+    return wp.vec4f(a[0], a[1], a[2], w)
+
+
+@wp.func
+def first3(q: wp.vec4f) -> wp.vec3f:
+    return wp.vec3f(q[0], q[1], q[2])
 
 
 @wp.func
@@ -115,32 +110,33 @@ def passes_bounded(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
 
 @wp.func
 def passes_planes(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
-    e0 = dot3(r.q0, d)
-    e1 = dot3(r.q1, d)
-    e2 = dot3(r.q2, d)
-    low = wp.min(e0, wp.min(e1, e2))
-    high = wp.max(e0, wp.max(e1, e2))
-    return low >= 0.0 or high <= 0.0
+    return not certainly_outside(dot3(r.q0, d), dot3(r.q1, d), dot3(r.q2, d), 0.0)
+
+
+@wp.func
+def moller_trumbore(
+    s: wp.vec3f, d: wp.vec3f, e1: wp.vec3f, e2: wp.vec3f
+) -> tuple[wp.bool, wp.float32, wp.float32]:
+    """Whether a line meets the triangle; its determinant, and t times that; s: from vertex 0 to the line's start."""
+    p = wp.cross(d, e2)
+    det = wp.dot(e1, p)
+    if det == 0.0:
+        return False, det, det
+    inverse = 1.0 / det
+    u = wp.dot(s, p) * inverse
+    if u < 0.0 or u > 1.0:
+        return False, det, det
+    q = wp.cross(s, e1)
+    v = wp.dot(d, q) * inverse
+    if v < 0.0 or u + v > 1.0:
+        return False, det, det
+    return True, det, wp.dot(e2, q)
 
 
 @wp.func
 def passes_moller_trumbore(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
-    s = wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
-    e1 = wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
-    e2 = wp.vec3f(r.q2[0], r.q2[1], r.q2[2])
-    p = wp.cross(d, e2)
-    det = wp.dot(e1, p)
-    if det == 0.0:
-        return False
-    inverse = 1.0 / det
-    u = wp.dot(s, p) * inverse
-    if u < 0.0 or u > 1.0:
-        return False
-    q = wp.cross(s, e1)
-    v = wp.dot(d, q) * inverse
-    if v < 0.0 or u + v > 1.0:
-        return False
-    return wp.dot(e2, q) * inverse > 0.0
+    inside, det, t = moller_trumbore(first3(r.q0), d, first3(r.q1), first3(r.q2))
+    return inside and t * (1.0 / det) > 0.0
 
 
 @wp.func

@@ -2,6 +2,7 @@
 
 Camera space is (right, up, forward) from the eye. A pixel's ray is forward + sx right + sy up, so a triangle's
 edge planes through the eye are linear in (sx, sy) and its depth is 1 / (m . (sx, sy, 1)).
+A first pass finds each triangle's box of tiles, range of depth and record; the second its pairs.
 All bounds are conservative: a tile is left out only if a float32 error bound says that no pixel centre in it can
 see the triangle. A triangle that no pixel centre can see gets no pair at all.
 """
@@ -10,12 +11,95 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of
-from ...common.screen import in_camera_space
+from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, value_struct, weld_of
+from ...common.screen import in_camera_space, out_of_view, pixel_box
+from ...exact.planes import farthest_corner, longest_edge, normal_through
 from ...exact.triangle import FLOOR32, OVERFLOW, U32, UNDERFLOW, largest
-from ...gpu.reserve import reserve_many
-from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
-from .bounds import widened
+from ...gpu.entries import set_entry
+from ..culling import faces_away
+from ..lists.binning import PieceQueue, piece_of, queue_large, write_pairs
+from ..lists.sorting import PairSink
+from .ray_tests import MOLLER_TRUMBORE, plane_record, vertex_record
+
+
+@wp.func
+def widened(corners: Corners, widening: wp.float32) -> Corners:
+    """A triangle grown about its middle by ``widening`` of its size."""
+    middle = (corners.a + corners.b + corners.c) / 3.0
+    return Corners(
+        corners.a + (corners.a - middle) * widening,
+        corners.b + (corners.b - middle) * widening,
+        corners.c + (corners.c - middle) * widening,
+    )
+
+
+@wp.func
+def pixels_of(camera: Camera, seen: Corners) -> wp.vec4i:
+    """First and last column and row of the pixels that may see a triangle; empty if last < first."""
+    tx = camera.tangents[0]
+    ty = camera.tangents[1]
+    if out_of_view(seen.a, seen.b, seen.c, tx, ty):
+        return wp.vec4i(0, 0, -1, -1)
+    return pixel_box(seen.a, seen.b, seen.c, tx, ty, camera.width, camera.height)
+
+
+@wp.func
+def depth_of(seen: Corners) -> wp.vec2f:
+    """Range of depth, widened by what rounding may have moved it."""
+    z = wp.vec3f(seen.a[2], seen.b[2], seen.c[2])
+    slack = 1.0e-6 * farthest_corner(wp.vec3f(), seen)
+    return wp.vec2f(wp.max(0.0, wp.min(z) - slack), wp.max(z) + slack)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def project_kernel(
+    triangle_count: wp.int32,
+    tile: wp.int32,
+    widening: wp.float32,
+    outward: wp.float64,
+    test: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    boxes: wp.array(dtype=wp.vec4i),
+    depths: wp.array(dtype=wp.vec2f),
+    depth_range: wp.array(dtype=wp.float32),
+    records: wp.array(dtype=wp.vec4f),
+    queue: PieceQueue,
+):
+    """Each triangle's box of tiles, range of depth and record; queue the large ones; range of all depths.
+
+    widening  growth of each triangle about its middle; outward  see :func:`~.culling.faces_away`
+    records   vec4f [3 * triangle_count], written where the box is not empty
+    The range is reduced in each block: one atomic per triangle would cost more than everything else here.
+    """
+    i = wp.tid()
+    depth = wp.vec2f(wp.INF, -wp.INF)
+    if i < boxes.shape[0]:
+        set_entry(boxes, i, wp.vec4i(0, 0, -1, -1))
+        if i < triangle_count and mesh.valid[i] != wp.uint8(0):
+            corners = corners_of(mesh, i)
+            seen = widened(in_camera_space(camera, corners), widening)
+            pixels = pixels_of(camera, seen)
+            if pixels[2] >= pixels[0] and pixels[3] >= pixels[1]:
+                if not faces_away(outward, camera.eye[0], corners):
+                    box = wp.vec4i(pixels[0] // tile, pixels[1] // tile, pixels[2] // tile, pixels[3] // tile)
+                    set_entry(boxes, i, box)
+                    queue_large(i, box, queue)
+                    r = plane_record(camera.eye[0], corners, weld_of(mesh, i))
+                    if test == MOLLER_TRUMBORE:
+                        r = vertex_record(camera.eye[0], corners, weld_of(mesh, i))
+                    set_entry(records, 3 * i, r.q0)
+                    set_entry(records, 3 * i + 1, r.q1)
+                    set_entry(records, 3 * i + 2, r.q2)
+                    depth = depth_of(seen)
+            depths[i] = depth
+    low = wp.tile_extract(wp.tile_min(wp.tile(depth[0])), 0)
+    high = wp.tile_extract(wp.tile_max(wp.tile(depth[1])), 0)
+    if i % wp.block_dim() == 0:
+        if low < depth_range[0]:
+            wp.atomic_min(depth_range, 0, low)
+        if high > depth_range[1]:
+            wp.atomic_max(depth_range, 1, high)
 
 
 @wp.struct
@@ -40,22 +124,17 @@ class ScreenTriangle:
 def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> ScreenTriangle:
     """The planes of a triangle that is widened about its middle."""
     seen = widened(in_camera_space(camera, corners), widening)
-    a = seen.a
-    b = seen.b
-    c = seen.c
-    ab = b - a
-    bc = c - b
-    ca = a - c
-    n = wp.cross(ab, -ca)
-    det = wp.dot(n, a)
-    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    origin = wp.vec3f()
+    n = wp.cross(seen.b - seen.a, seen.c - seen.a)
+    det = wp.dot(n, seen.a)
+    reach = farthest_corner(origin, seen)
+    edge = longest_edge(seen)
     # Camera-space coordinates carry about 4 roundings of |p - eye|; differences inherit twice that.
     slack = 16.0 * U32 * reach
     s = ScreenTriangle()
-    s.n0 = wp.cross(b, bc)
-    s.n1 = wp.cross(c, ca)
-    s.n2 = wp.cross(a, ab)
+    s.n0 = normal_through(origin, seen.b, seen.c)
+    s.n1 = normal_through(origin, seen.c, seen.a)
+    s.n2 = normal_through(origin, seen.a, seen.b)
     longest = 1.0 + camera.tangents[0] + camera.tangents[1]  # |d|_1 of a pixel's direction, at most
     s.error = longest * (32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32
     n_error = 16.0 * U32 * (edge * edge + UNDERFLOW) + 6.0 * edge * slack
@@ -112,11 +191,23 @@ def slice_scale(grid: ImageTiles) -> wp.float32:
     return wp.float32(0.0)
 
 
+@value_struct
+class ImageItem:
+    """A triangle that is put into tiles, and its range of depth."""
+
+    camera: Camera
+    grid: ImageTiles
+    s: ScreenTriangle
+    depth: wp.vec2f
+
+
 @wp.func
-def slices_in_tile(
-    camera: Camera, grid: ImageTiles, s: ScreenTriangle, depth: wp.vec2f, column: wp.int32, row: wp.int32
-) -> wp.vec2i:
+def slices_in_tile(item: ImageItem, column: wp.int32, row: wp.int32, known: wp.bool) -> wp.vec2i:
     """First and last slice that the triangle is listed in within a tile; last < first where it is missed."""
+    camera = item.camera
+    grid = item.grid
+    s = item.s
+    depth = item.depth
     tx = camera.tangents[0]
     ty = camera.tangents[1]
     pad = 4.0e-6 * (1.0 + wp.max(tx, ty))
@@ -161,34 +252,11 @@ def bin_kernel(
     queue: PieceQueue,
     out: PairSink,
 ):
-    """Write the pairs of one piece of work: count them, reserve their places, find them again."""
+    """Write the pairs of one piece of work (:func:`..lists.binning.write_pairs`)."""
     p = piece_of(wp.tid(), boxes, queue)
     if p.item < 0:
         return
-    s = screen_triangle(camera, corners_of(mesh, p.item), widening)
-    depth = depths[p.item]
-    number = wp.int32(0)
-    hits = wp.int32(0)
-    kept_at = wp.int32(-1)
-    kept = wp.vec2i(0, -1)
-    for at in range(p.first, p.stop, p.step):
-        found = slices_in_tile(camera, grid, s, depth, p.x + at % p.w, p.y + at // p.w)
-        if found[1] >= found[0]:
-            number += found[1] - found[0] + 1
-            hits = hits | (1 << ((at - p.first) // p.step))
-            kept_at = at
-            kept = found
-    if number == 0:
-        return
-    place = reserve_many(out.needs, out.slot, number)
-    for at in range(p.first, p.stop, p.step):
-        if (hits >> ((at - p.first) // p.step)) & 1 != 0:
-            column = p.x + at % p.w
-            row = p.y + at // p.w
-            found = kept
-            if at != kept_at:
-                found = slices_in_tile(camera, grid, s, depth, column, row)
-            cell = (row * grid.across + column) * grid.slices
-            for slice in range(found[0], found[1] + 1):
-                write_pair(place, cell + slice, p.item, out)
-                place += wp.int64(1)
+    item = ImageItem(
+        camera, grid, screen_triangle(camera, corners_of(mesh, p.item), widening), depths[p.item]
+    )
+    write_pairs(slices_in_tile, item, p, wp.vec2i(0, grid.across), grid.slices, p.item, out)

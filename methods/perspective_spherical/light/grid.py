@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.effects.specialise import specialised
@@ -11,18 +13,17 @@ from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ..camera.grid import CameraGrid
 from ..camera.ray_tests import WIDENINGS
-from ..lists.binning import BIN_BLOCK, MOST_COUNTED, TileBins
-from ..lists.chunks import Chunks, RayChunks
+from ..lists.binning import BIN_BLOCK, TileBins
+from ..lists.chunks import Chunks
 from ..lists.items import Items, count_chunks_kernel
+from ..lists.sorting import TileSort
+from ..lists.staging import block_for, staged, wide
 from ..parameters import TRIANGLE_TESTS, Build, Trace
-from ..variants import Variant, block_for, staged, wide
-from . import frame as rays
-from .bounds import make_bound_kernel
 from .placement import LightPlaces
-from .space import LightTiles
-from .tiles import bin_kernel
+from .rays import key_kernel
+from .tile_edges import LightTiles
+from .tiles import bin_kernel, make_bound_kernel
 from .trace import make_shadow_kernel
-from .trace_staged import make_staged_shadow_kernel
 
 
 class LightGrid:
@@ -31,17 +32,17 @@ class LightGrid:
     places     :class:`.light.placement.LightPlaces`: where the rays lie in the light's rectangles
     last_slice int32 [pixels]: last slice that a shadow ray reaches
     deepest    int32 [tiles]: last slice that a shadow ray of the tile reaches, -1 without rays
-    ray_keys, ray_values  int32 [pixels or more]: (light tile, primary ray) pairs, sorted
+    rays       the pixels of each tile
     records    vec4f [6 * triangle_count]: see :mod:`.light.segment_tests`
     """
 
     def __init__(
         self,
         frame: Frame,
-        index: int,
-        camera: CameraGrid,
         build: Build,
         trace: Trace,
+        index: int,
+        camera: CameraGrid,
         outward: float,
         capacity: tuple[int, int, int],
         needs: wp.array,
@@ -52,49 +53,28 @@ class LightGrid:
         self.needs, self.item_slot = needs, slot + 2
         self.frame, self.index, self.camera, self.build, self.trace = frame, index, camera, build, trace
         self.outward = outward
-        self.places = LightPlaces(frame, index, camera, build, effects)
+        self.places = places = LightPlaces(frame, index, camera, build, effects)
         self.test = TRIANGLE_TESTS.index(build.triangle_test)
-        self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
-        self.tile_count = build.light_tile_count
+        self.widening = WIDENINGS[self.test]
+        tiles, pixels, device = build.light_tile_count, frame.pixels, frame.device
         self.bins = TileBins(
-            frame.triangle_count * build.light_faces,
-            self.tile_count,
-            build.light_slices,
-            capacity,
-            needs,
-            slot,
-            build.sort,
-            frame.device,
-        )
-        self.chunks = Chunks(frame.pixels, self.tile_count, trace.r, trace.balancing, frame.device)
-        split = trace.triangle_chunk
+            frame.triangle_count * build.light_faces, tiles, build.light_slices, capacity, needs, slot, build.sort, device
+        )  # fmt: skip
+        # Every pixel is a pair; those without a shadow ray belong to no tile.
+        written = wp.array([pixels], dtype=wp.int64, device=device)
+        self.rays = TileSort(tiles, 1, pixels, written, 0, build.sort, device)
+        self.chunks = Chunks(self.rays.lists, pixels, tiles, trace.r, trace.balancing, device)
         self.items = Items(
-            self.chunks.capacity if split else 1,
-            capacity[2] or 2 * self.chunks.capacity if split else 1,
-            split,
-            frame.device,
+            self.chunks.capacity if trace.triangle_chunk else 1, capacity[2], trace.triangle_chunk, device
         )
-        self.counted = build.sort == "counting" and self.tile_count <= MOST_COUNTED
-        self.key_bits = self.tile_count.bit_length()
-        many = wide(frame.device)
         self.block = block_for(trace.r)
-        self.lanes = self.block if many else 1
-        with wp.ScopedDevice(frame.device):
+        self.lanes = self.block if wide(device) else 1
+        with wp.ScopedDevice(device):
             self.spans = wp.zeros(self.bins.items, dtype=wp.vec2i)
             self.records = wp.zeros(6 * max(1, frame.triangle_count), dtype=wp.vec4f)
-            # A radix sort works in place, in arrays twice as long; a counting sort from one array into another.
-            length = frame.pixels if self.counted else 2 * frame.pixels
-            self.ray_keys = wp.zeros(length, dtype=wp.int32)
-            self.ray_values = wp.zeros(length, dtype=wp.int32)
-            self.pixel_keys = wp.zeros(length, dtype=wp.int32) if self.counted else self.ray_keys
-            self.pixel_values = wp.zeros(length, dtype=wp.int32) if self.counted else self.ray_values
-            self.tile_rays = wp.zeros(self.tile_count if self.counted else 1, dtype=wp.int32)
-            self.tile_end = wp.zeros(self.tile_count if self.counted else 1, dtype=wp.int32)
-            self.last_slice = wp.zeros(frame.pixels, dtype=wp.int32)
-            self.deepest = wp.zeros(self.tile_count, dtype=wp.int32)
+            self.last_slice = wp.zeros(pixels, dtype=wp.int32)
+            self.deepest = wp.zeros(tiles, dtype=wp.int32)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
-
-        places = self.places
         self.tiles = filled(
             LightTiles,
             faces=build.light_faces,
@@ -108,100 +88,74 @@ class LightGrid:
             stretch=places.stretch,
             deepest=self.deepest,
         )
-        self.ray_chunks = filled(
-            RayChunks,
-            tiles=self.ray_keys,
-            pixels=self.ray_values,
-            first=self.chunks.outArr,
-            total=self.chunks.numCBlocks,
-        )
 
     def passes(self) -> list[Pass]:
         """Map and sort the rays, build the grid in their rectangle, trace."""
         i, bins = self.index, self.bins
         light, effect = f"light/{i}", f"shadows/{i}"
-        build, shadow = "light build", "shadow"
-        grid_name, ray_name = f"light grid/{i}", f"light rays/{i}"
+        boxes, pairs, grid = f"light boxes/{i}", f"light pairs/{i}", f"light grid/{i}"
+        rays, chunks = f"sorted rays/{i}", f"light rays/{i}"
+        parts = (f"list parts/{i}",) if self.trace.triangle_chunk else ()
         first, rect, place = self.places.passes()
-        occupied = (f"sorted rays/{i}",) if self.tiles.skip_empty else ()
-        scene = ("points", "triangles", light, rect, *occupied)
-        mapped = ("hits", rect, place)
-        parts: tuple[str, ...] = ()
-        split = []
-        if self.trace.triangle_chunk:
-            # Apart from tracing: it takes scratch memory, and bits may not be set where nothing receives the light.
-            parts = (f"list parts/{i}",)
-            reads = (grid_name, ray_name)
-            split = [Pass(f"light {i}: split lists", shadow, reads, parts, self.launch_split, effect, True)]
-        return [
+        scene = ("points", "triangles", light, rect, *((rays,) if self.tiles.skip_empty else ()))
+        traced = ("points", "triangles", "hits", light, grid, chunks, *parts, *self.effects.surface_reads())
+
+        def one(
+            name: str, part: str, reads: tuple[str, ...], writes: str, launch: Any, scratch: bool = False
+        ) -> Pass:
+            return Pass(f"light {i}: {name}", part, reads, (writes,), launch, effect, scratch)
+
+        passes = [
             *first,
-            Pass(f"light {i}: sort rays", shadow, mapped, (f"sorted rays/{i}",), self.launch_sort_rays, effect, True),
-            Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect, True),
-            Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
-            Pass(
-                f"light {i}: emit pairs", build, (*scene, f"light boxes/{i}"), (f"light pairs/{i}",), self.launch_bin,
-                effect,
-            ),
-            Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect, True),
-            *split,
-            Pass(
-                f"light {i}: shadow rays", shadow,
-                (
-                    "points", "triangles", "hits", light, grid_name, ray_name, *parts, *self.effects.surface_reads(),
-                ),
-                (f"shadowed/{i}",), self.launch_trace, effect,
-            ),
-        ]  # fmt: skip
+            one("sort rays", "shadow", ("hits", rect, place), rays, self.launch_sort_rays, True),
+            one("chunks", "shadow", (rays,), chunks, self.chunks.launch, True),
+            one("bound triangles", "light build", scene, boxes, self.launch_bound),
+            one("emit pairs", "light build", (*scene, boxes), pairs, self.launch_bin),
+            one("sort pairs", "light build", (pairs,), grid, bins.launch_sort, True),
+        ]
+        if parts:
+            # Apart from tracing: it takes scratch memory, and bits may not be set where nothing receives the light.
+            passes.append(one("split lists", "shadow", (grid, chunks), parts[0], self.launch_split, True))
+        return [*passes, one("shadow rays", "shadow", traced, f"shadowed/{i}", self.launch_trace)]
 
     def launch_sort_rays(self) -> None:
-        f, chunks, places = self.frame, self.chunks, self.places
+        rays, places = self.rays, self.places
         self.deepest.fill_(-1)
-        if self.counted:
-            self.tile_rays.zero_()
-            self.ray_keys.fill_(self.tile_count)
+        rays.clear()
+        if rays.counted:
+            rays.lists.keys.fill_(rays.cells)  # behind the rays that are sorted
         self._launch(
-            rays.key_kernel,
-            f.pixels,
-            [self.counted, places.space, self.tiles, places.receiver, places.place],
-            [self.pixel_keys, self.pixel_values, self.last_slice, self.tile_rays, f.answers.shadowed],
+            key_kernel,
+            self.frame.pixels,
+            [places.space, self.tiles, places.receiver, places.place],
+            [rays.pairs, self.last_slice, self.frame.answers.shadowed],
         )
-        if not self.counted:
-            wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
-            return
-        wp.utils.array_scan(self.tile_rays, self.tile_end, inclusive=True)
-        self._launch(
-            rays.place_rays_kernel,
-            max(f.pixels, self.tile_count),
-            [self.tile_count, self.pixel_keys, self.pixel_values, self.tile_rays, self.tile_end],
-            [self.ray_keys, self.ray_values, chunks.begin, chunks.end],
-        )
-
-    def launch_chunks(self) -> None:
-        self.chunks.launch(self.ray_keys, self.counted)
+        rays.launch_sort()
 
     def launch_bound(self) -> None:
         f, b, bins, places = self.frame, self.build, self.bins, self.places
         bins.clear_queue()
+        kernel = make_bound_kernel(b.light_map if b.light_bounds == "exact" else b.light_bounds)
         self._launch(
-            specialised(make_bound_kernel(places.map, b.light_bounds), self.effects.switches(self.index)),
+            specialised(kernel, self.effects.switches(self.index)),
             bins.items,
-            [
-                f.triangle_count, self.test, self.widening, self.outward, places.space, self.tiles, f.mesh,
-            ],
+            [f.triangle_count, self.test, self.widening, self.outward, places.space, self.tiles, f.mesh],
             [bins.boxes, self.spans, self.records, bins.queue],
-        )  # fmt: skip
+        )
 
     def launch_bin(self) -> None:
-        f, bins = self.frame, self.bins
+        bins, places = self.bins, self.places
         bins.clear_pairs()
-        wp.launch(
-            bin_kernel,
-            dim=bins.threads,
-            inputs=[self.widening, self.places.space, self.tiles, f.mesh, bins.boxes, self.spans, bins.queue],
-            outputs=[bins.pairs],
-            block_dim=BIN_BLOCK,
-            device=f.device,
-        )
+        inputs = [
+            self.widening,
+            places.space,
+            self.tiles,
+            self.frame.mesh,
+            bins.boxes,
+            self.spans,
+            bins.queue,
+        ]
+        self._launch(bin_kernel, bins.threads, inputs, [bins.pairs], BIN_BLOCK)
 
     def traced(self) -> bool:
         """Whether the last frame traced rays to this light; else what is here is of an older frame. Reads back."""
@@ -210,33 +164,28 @@ class LightGrid:
 
     def launch_split(self) -> None:
         """The parts of lists that are tested apart."""
-        inputs = [self.trace.triangle_chunk, self.ray_chunks, self.bins.lists]
+        inputs = [self.trace.triangle_chunk, self.chunks.of_rays, self.bins.lists]
         self.items.launch(count_chunks_kernel, inputs, self.needs, self.item_slot)
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Shadow bits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel's ray, if given."""
         f, split = self.frame, self.trace.triangle_chunk
-        blocks = self.chunks.capacity
-        if split:
-            blocks = self.items.capacity
-            if tests is not None:
-                # Set by an earlier trace: rays whose bit is set would be skipped.
-                f.answers.shadowed[self.index].zero_()
-        variant = Variant.of(self.build)
-        in_blocks = staged(self.trace, f.device)
-        lanes = self.block if in_blocks else self.lanes
-        kernel = make_staged_shadow_kernel(variant, self.block) if in_blocks else make_shadow_kernel(variant)
-        wp.launch(
+        if split and tests is not None:
+            # Set by an earlier trace: rays whose bit is set would be skipped.
+            f.answers.shadowed[self.index].zero_()
+        blocks = self.items.capacity if split else self.chunks.capacity
+        in_blocks = staged(self.trace.staging, f.device)
+        kernel = make_shadow_kernel(self.test, self.block if in_blocks else 0)
+        self._launch(
             specialised(kernel, self.effects.switches(self.index)),
-            dim=blocks * lanes,
-            inputs=[
-                lanes, self.build.light_slices, self.places.space, f.camera, f.mesh, f.alpha, f.hits(0),
-                self.camera.hit, self.last_slice, self.ray_chunks, self.bins.lists, self.records, self.items.parts,
+            blocks * self.lanes,
+            [
+                self.lanes, self.build.light_slices, self.places.space, f.camera, f.mesh, f.alpha, f.hits(0),
+                self.camera.hit, self.last_slice, self.chunks.of_rays, self.bins.lists, self.records, self.items.parts,
             ],
-            outputs=[f.answers.shadowed, self.no_tests if tests is None else tests],
-            block_dim=self.block,
-            device=f.device,
+            [f.answers.shadowed, self.no_tests if tests is None else tests],
+            self.block,
         )  # fmt: skip
 
-    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.frame.device)
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list, block: int = 256) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, block_dim=block, device=self.frame.device)

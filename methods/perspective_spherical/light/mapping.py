@@ -14,19 +14,42 @@ rays' places are known to ``pad``: as a share of the distance, for directions.
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
-from ...exact.triangle import largest, to_float32
+from ...exact.triangle import largest, to_float32, to_float64
 from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles, wrapped
 
-AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = 0, 1, 2
+AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = wp.constant(0), wp.constant(1), wp.constant(2)
 
 FLAT = wp.constant(wp.float64(1.0e-4))
 """A vertex less than this share of its distance in front of the plane x = 0 is not trusted to be in front."""
 
-
 LEAST_SQUARED = wp.constant(wp.float64(1.0e-15))
 MOST_SQUARED = wp.constant(wp.float64(1.0e15))
+
+
+@wp.struct
+class LightSpace:
+    """Light ``index`` and its axes.
+
+    lights, proxy_positions  vec3f [light_count]: the lights, and what their grids look from (:class:`.frame.frame.Frame`)
+    axes          mat33d [1], rows: forward, right, up
+    pads          float64 [2]: error bound of a ray's direction, relative to its length; see ``frame.aim_kernel``
+    distance_pad  relative error bound of a ray's distance
+    eye           vec3f [1]: bounds the coordinates of the eye
+    box           float64 [6]: of the hit points, or of the scene where the rectangle is the scene's
+    """
+
+    index: wp.int32
+    lights: wp.array(dtype=wp.vec3f)
+    proxy_positions: wp.array(dtype=wp.vec3f)
+    axes: wp.array(dtype=wp.mat33d)
+    pads: wp.array(dtype=wp.float64)
+    distance_pad: wp.float64
+    eye: wp.array(dtype=wp.vec3f)
+    box: wp.array(dtype=wp.float64)
 
 
 @wp.func
@@ -48,99 +71,92 @@ def face_frame(q: wp.vec3d, face: wp.int32) -> wp.vec3d:
 @wp.func
 def face_of(q: wp.vec3d) -> wp.int32:
     """The face whose pyramid holds a direction; 0 for none."""
-    x = wp.abs(q[0])
-    y = wp.abs(q[1])
-    z = wp.abs(q[2])
-    if x >= y and x >= z:
-        if q[0] < wp.float64(0.0):
-            return 1
-        return 0
-    if y >= z:
-        if q[1] < wp.float64(0.0):
-            return 3
-        return 2
-    if q[2] < wp.float64(0.0):
-        return 5
-    return 4
+    size = wp.abs(q)
+    if size[0] >= size[1] and size[0] >= size[2]:
+        return wp.where(q[0] < wp.float64(0.0), 1, 0)
+    if size[1] >= size[2]:
+        return wp.where(q[1] < wp.float64(0.0), 3, 2)
+    return wp.where(q[2] < wp.float64(0.0), 5, 4)
 
 
 @wp.func
-def ray_place(map: wp.int32, q: wp.vec3d) -> wp.vec4d:
-    """(coordinates in the rectangle, distance, face) of a point in the light's frame."""
-    if map == 1:
-        return wp.vec4d(wp.atan2(q[1], q[0]), wp.atan2(q[2], q[0]), wp.length(q), wp.float64(0.0))
-    if map == 2:
+def coordinates(map: wp.int32, p: Any) -> wp.vec2d:
+    """The place of a direction in its rectangle, in the precision of p, which is in the frame of the rectangle's face."""
+    if map == CUBE:
+        return wp.vec2d(wp.float64(p[1] / p[0]), wp.float64(p[2] / p[0]))
+    flat = p[0]
+    if map == AZIMUTH_ELEVATION:
+        flat = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    return wp.vec2d(wp.float64(wp.atan2(p[1], p[0])), wp.float64(wp.atan2(p[2], flat)))
+
+
+@wp.func
+def place_of(map: wp.int32, single: wp.bool, q: wp.vec3d, distance: wp.float64) -> wp.vec4d:
+    """(coordinates in the rectangle, distance, face) of a point in the light's frame; ``single``: computed in float32."""
+    face = wp.int32(0)
+    p = q
+    if map == CUBE:
         face = face_of(q)
         p = face_frame(q, face)
         if p[0] <= wp.float64(0.0):
-            return wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-        return wp.vec4d(p[1] / p[0], p[2] / p[0], wp.length(p), wp.float64(face))
-    p = angles(q)
-    return wp.vec4d(p[0], p[1], p[2], wp.float64(0.0))
+            return wp.vec4d()
+    at = wp.vec2d()
+    if single:
+        at = coordinates(map, to_float32(p))
+    else:
+        at = coordinates(map, p)
+    return wp.vec4d(at[0], at[1], distance, wp.float64(face))
 
 
 @wp.func
-def ray_place32(map: wp.int32, axes: wp.mat33d, away: wp.vec3d) -> wp.vec4d:
-    """The same with every operation in float32, from the difference (hit - light) rounded to float32.
-
-    What float32 cannot square is brought to a length of one first.
-    """
-    unit = unit_of(largest(away))
-    v = to_float32(away / unit)
-    q = wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * v
-    return place32(map, q, wp.float64(wp.length(q)) * unit)
+def turned32(axes: wp.mat33d, v: wp.vec3d) -> wp.vec3f:
+    """A point in the light's frame, all in float32."""
+    return wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * to_float32(v)
 
 
 @wp.func
-def unit_of(size: wp.float64) -> wp.float64:
-    """1, or a size beyond those whose squares float32 holds with all their digits."""
+def squarable(size: wp.float64) -> wp.float64:
+    """A unit in which float32 holds the squares of lengths of this size with all their digits."""
     if (size > LEAST_SQUARED and size < MOST_SQUARED) or size == wp.float64(0.0):
         return wp.float64(1.0)
     return size
 
 
 @wp.func
-def ray_place_centred(
-    map: wp.int32, axes: wp.mat33d, beside: wp.vec3d, distance: wp.float64, away: wp.vec3d
-) -> wp.vec4d:
-    """The same from the difference (hit - middle), the middle being ``distance`` forward; the length in float64."""
-    unit = unit_of(distance)
-    v = to_float32(beside / unit)
-    q = wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * v
-    return place32(map, wp.vec3f(wp.float32(distance / unit) + q[0], q[1], q[2]), wp.length(away))
-
-
-@wp.func
-def place32(map: wp.int32, q: wp.vec3f, distance: wp.float64) -> wp.vec4d:
-    """Coordinates of a float32 point in the light's frame, in float32."""
-    if map == 1:
-        return wp.vec4d(
-            wp.float64(wp.atan2(q[1], q[0])), wp.float64(wp.atan2(q[2], q[0])), distance, wp.float64(0.0)
-        )
-    if map == 2:
-        q64 = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
-        face = face_of(q64)
-        p = face_frame(q64, face)
-        if p[0] <= wp.float64(0.0):
-            return wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-        x = wp.float32(p[1]) / wp.float32(p[0])
-        y = wp.float32(p[2]) / wp.float32(p[0])
-        return wp.vec4d(wp.float64(x), wp.float64(y), distance, wp.float64(face))
-    flat = wp.sqrt(q[0] * q[0] + q[1] * q[1])
-    return wp.vec4d(
-        wp.float64(wp.atan2(q[1], q[0])), wp.float64(wp.atan2(q[2], flat)), distance, wp.float64(0.0)
-    )
+def ray_place(map: wp.int32, single: wp.bool, space: LightSpace, hit: wp.vec3d, middle: wp.vec3d) -> wp.vec4d:
+    """The place of the ray to a hit point; ``single``: every operation in float32, from the rounded difference to the
+    light, or where ``space.pads[1]`` says how far it is, to the ``middle`` of the hit points, which lies forward."""
+    axes = space.axes[0]
+    away = hit - to_float64(space.proxy_positions[space.index])
+    if not single:
+        q = axes * away
+        return place_of(map, False, q, wp.length(q))
+    distance = space.pads[1]
+    if distance > wp.float64(0.0):
+        unit = squarable(distance)
+        v = turned32(axes, (hit - middle) / unit)
+        v[0] = wp.float32(distance / unit) + v[0]
+        return place_of(map, True, to_float64(v), wp.length(away))
+    unit = squarable(largest(away))
+    v = turned32(axes, away / unit)
+    return place_of(map, True, to_float64(v), wp.float64(wp.length(v)) * unit)
 
 
 @wp.func
 def whole(map: wp.int32) -> wp.vec4d:
     """The rectangle of all directions: lowest and highest first, lowest and highest second coordinate."""
     one = wp.float64(1.0)
-    if map == 1:
+    if map == TWO_ANGLE:
         return wp.vec4d(-PI, PI, -PI, PI)
-    if map == 2:
+    if map == CUBE:
         return wp.vec4d(-one, one, -one, one)
     return wp.vec4d(-PI, PI, -HALF_PI, HALF_PI)
+
+
+@wp.func
+def box_of(u: wp.vec3d, v: wp.vec3d, pad: wp.float64) -> wp.vec4d:
+    """The rectangle of three vertices' coordinates, widened by ``pad``."""
+    return wp.vec4d(wp.min(u) - pad, wp.max(u) + pad, wp.min(v) - pad, wp.max(v) + pad)
 
 
 @wp.func
@@ -162,12 +178,7 @@ def vertex_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.
     pa = angles(a)
     pb = angles(b)
     pc = angles(c)
-    return wp.vec4d(
-        wp.min(pa[0], wp.min(pb[0], pc[0])) - pad,
-        wp.max(pa[0], wp.max(pb[0], pc[0])) + pad,
-        wp.min(pa[1], wp.min(pb[1], pc[1])) - pad,
-        wp.max(pa[1], wp.max(pb[1], pc[1])) + pad,
-    )
+    return box_of(wp.vec3d(pa[0], pb[0], pc[0]), wp.vec3d(pa[1], pb[1], pc[1]), pad)
 
 
 @wp.func
@@ -176,50 +187,40 @@ def seam_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.ve
     pa = angles(a)
     pb = angles(b)
     pc = angles(c)
-    az1 = pa[0] + wrapped(pb[0] - pa[0])
-    az2 = az1 + wrapped(pc[0] - pb[0])
-    return wp.vec4d(
-        wp.min(pa[0], wp.min(az1, az2)) - pad,
-        wp.max(pa[0], wp.max(az1, az2)) + pad,
-        wp.min(pa[1], wp.min(pb[1], pc[1])) - pad,
-        wp.max(pa[1], wp.max(pb[1], pc[1])) + pad,
-    )
+    second = pa[0] + wrapped(pb[0] - pa[0])
+    third = second + wrapped(pc[0] - pb[0])
+    return box_of(wp.vec3d(pa[0], second, third), wp.vec3d(pa[1], pb[1], pc[1]), pad)
+
+
+@wp.func
+def shares_ahead(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec3d:
+    """How far in front of the plane x = 0 each vertex is, as a share of its distance."""
+    return wp.vec3d(a[0] / wp.length(a), b[0] / wp.length(b), c[0] / wp.length(c))
 
 
 @wp.func
 def two_angle_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
     """Vertex box, exact where all of the triangle is in front of x = 0, or all behind (unwrapped beyond pi there)."""
-    ahead = wp.min(a[0] / wp.length(a), wp.min(b[0] / wp.length(b), c[0] / wp.length(c)))
-    behind = wp.max(a[0] / wp.length(a), wp.max(b[0] / wp.length(b), c[0] / wp.length(c)))
+    shares = shares_ahead(a, b, c)
+    share = wp.min(shares)
     turn = wp.float64(0.0)
-    share = ahead
     sign = wp.float64(1.0)
-    if behind < -FLAT:
+    if wp.max(shares) < -FLAT:
         turn = PI
-        share = -behind
+        share = -wp.max(shares)
         sign = wp.float64(-1.0)
-    elif not (ahead > FLAT):
-        return whole(1)
+    elif not (share > FLAT):
+        return whole(TWO_ANGLE)
     # atan2 of both coordinates negated is the angle less pi, without a seam in the back hemisphere.
-    ua = wp.atan2(sign * a[1], sign * a[0])
-    ub = wp.atan2(sign * b[1], sign * b[0])
-    uc = wp.atan2(sign * c[1], sign * c[0])
-    va = wp.atan2(sign * a[2], sign * a[0])
-    vb = wp.atan2(sign * b[2], sign * b[0])
-    vc = wp.atan2(sign * c[2], sign * c[0])
+    x = sign * wp.vec3d(a[0], b[0], c[0])
+    y = sign * wp.vec3d(a[1], b[1], c[1])
+    z = sign * wp.vec3d(a[2], b[2], c[2])
+    u = wp.vec3d(wp.atan2(y[0], x[0]), wp.atan2(y[1], x[1]), wp.atan2(y[2], x[2]))
+    v = wp.vec3d(wp.atan2(z[0], x[0]), wp.atan2(z[1], x[1]), wp.atan2(z[2], x[2]))
     # Every point of the triangle is at least ``share`` of its distance from x = 0, as its vertices are.
     spread = wp.float64(2.0) * (pad + wp.float64(8.0) * ROUNDING) / share
-    return wp.vec4d(
-        turn + wp.min(ua, wp.min(ub, uc)) - spread,
-        turn + wp.max(ua, wp.max(ub, uc)) + spread,
-        turn + wp.min(va, wp.min(vb, vc)) - spread,
-        turn + wp.max(va, wp.max(vb, vc)) + spread,
-    )
-
-
-@wp.func
-def all_outside(a: wp.float64, b: wp.float64, c: wp.float64, slack: wp.float64) -> wp.bool:
-    return a > slack and b > slack and c > slack
+    turned = wp.vec3d(turn, turn, turn)
+    return box_of(u + turned, v + turned, spread)
 
 
 @wp.func
@@ -228,55 +229,30 @@ def cube_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.ve
     reach = wp.max(wp.length(a), wp.max(wp.length(b), wp.length(c)))
     slack = wp.float64(4.0) * (pad + ROUNDING) * reach
     empty = wp.vec4d(wp.float64(1.0), wp.float64(-1.0), wp.float64(1.0), wp.float64(-1.0))
-    if all_outside(-a[0], -b[0], -c[0], slack):
+    x = wp.vec3d(a[0], b[0], c[0])
+    y = wp.vec3d(a[1], b[1], c[1])
+    z = wp.vec3d(a[2], b[2], c[2])
+    if wp.max(x) < -slack or wp.min(y - x) > slack or wp.min(-y - x) > slack:
         return empty
-    if all_outside(a[1] - a[0], b[1] - b[0], c[1] - c[0], slack):
+    if wp.min(z - x) > slack or wp.min(-z - x) > slack:
         return empty
-    if all_outside(-a[1] - a[0], -b[1] - b[0], -c[1] - c[0], slack):
-        return empty
-    if all_outside(a[2] - a[0], b[2] - b[0], c[2] - c[0], slack):
-        return empty
-    if all_outside(-a[2] - a[0], -b[2] - b[0], -c[2] - c[0], slack):
-        return empty
-    share = wp.min(a[0] / wp.length(a), wp.min(b[0] / wp.length(b), c[0] / wp.length(c)))
+    share = wp.min(shares_ahead(a, b, c))
     if not (share > FLAT):
-        return whole(2)
+        return whole(CUBE)
     spread = wp.float64(4.0) * (pad + wp.float64(8.0) * ROUNDING) / (share * share)
-    u = wp.vec3d(a[1] / a[0], b[1] / b[0], c[1] / c[0])
-    v = wp.vec3d(a[2] / a[0], b[2] / b[0], c[2] / c[0])
+    box = box_of(wp.cw_div(y, x), wp.cw_div(z, x), spread)
     one = wp.float64(1.0) + wp.float64(4.0) * pad
-    low_u = wp.max(-one, wp.min(u) - spread)
-    high_u = wp.min(one, wp.max(u) + spread)
-    low_v = wp.max(-one, wp.min(v) - spread)
-    high_v = wp.min(one, wp.max(v) + spread)
-    if low_u > high_u or low_v > high_v:
+    box = wp.vec4d(wp.max(-one, box[0]), wp.min(one, box[1]), wp.max(-one, box[2]), wp.min(one, box[3]))
+    if box[0] > box[1] or box[2] > box[3]:
         return empty
-    return wp.vec4d(low_u, high_u, low_v, high_v)
+    return box
 
 
-@wp.func
-def map_bounds(map: wp.int32, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
-    """Bounds of a triangle in one rectangle, in the face's frame; may reach beyond +-pi where a coordinate wraps."""
-    if map == 1:
-        return two_angle_bounds(a, b, c, pad)
-    if map == 2:
-        return cube_bounds(a, b, c, pad)
-    return spherical_bounds(a, b, c, pad)
-
-
-@wp.func
-def wraps(map: wp.int32) -> wp.vec2i:
-    """Whether the first and the second coordinate are angles with a seam at +-pi."""
-    if map == 1:
-        return wp.vec2i(1, 1)
-    if map == 2:
-        return wp.vec2i(0, 0)
-    return wp.vec2i(1, 0)
-
-
-BOUNDS = (spherical_bounds, two_angle_bounds, cube_bounds)
-WRAPS = ((1, 0), (1, 1), (0, 0))
-"""By map: bounds of a triangle, and which of the two coordinates have a seam."""
-
-LOOSE_BOUNDS = {"exact": None, "seam": (seam_bounds, (1, 0)), "vertices": (vertex_bounds, (0, 0))}
-"""Alternatives to the exact bounds of azimuth and elevation, by name."""
+BOUNDS = {
+    "azimuth-elevation": (spherical_bounds, (1, 0)),
+    "two-angle": (two_angle_bounds, (1, 1)),
+    "cube": (cube_bounds, (0, 0)),
+    "seam": (seam_bounds, (1, 0)),
+    "vertices": (vertex_bounds, (0, 0)),
+}
+"""By map, or looser bounds of azimuth and elevation: bounds of a triangle, and which of the two coordinates have a seam."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import warp as wp
 
 from ....harness.frame.effects.receivers import facing_passes, facing_reads
@@ -12,12 +14,12 @@ from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ...common.bounds import launch_bounds
 from ..camera.grid import CameraGrid
+from ..lists.staging import wide
 from ..parameters import CLAMPS, LIGHT_MAPS, Build
-from ..variants import wide
-from . import frame as rays
-from .rectangle import clamp_kernel, scene_kernel
-from .space import EXTENT, LightSpace
-from .tile_edges import edges_kernel
+from . import rays
+from .mapping import LightSpace
+from .rectangle import make_clamp_kernel, scene_kernel
+from .tile_edges import EXTENT, edges_kernel
 
 FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
 """Error bound of a ray's direction from the light, relative to its length."""
@@ -40,7 +42,7 @@ class LightPlaces:
 
     receiver   uint8 [pixels]: which pixels have a shadow ray
     place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
-    space      :class:`.light.space.LightSpace`
+    space      :class:`.light.mapping.LightSpace`
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
     columns, rows  vec4d [faces * light_tiles]: edges of the tiles
     marks      whether the receivers are marked here (:func:`marks_receivers`)
@@ -75,6 +77,7 @@ class LightPlaces:
                 box=wp.zeros(6, dtype=wp.float64),
             )
             self.extent = wp.zeros(faces * int(EXTENT), dtype=wp.float64)
+            self.no_extent = wp.array(([math.inf] * 3 + [-math.inf] * 5) * faces, dtype=wp.float64)
             self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
             self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
             self.stretch = wp.zeros(faces, dtype=wp.vec2d)
@@ -112,53 +115,40 @@ class LightPlaces:
         """The light's axes, the rectangles around the scene and the edges of their tiles, without any ray."""
         f, b = self.frame, self.build
         launch_bounds(f, self.scene_box)
-        self._launch(
-            scene_kernel,
-            b.light_faces,
-            [self.map, b.aimed, self.space, f.spots, self.scene_box, f.max_coordinate],
-            [self.extent],
-        )
+        inputs = [self.map, b.aimed, self.space, f.spots, self.scene_box, f.max_coordinate]
+        self._launch(scene_kernel, b.light_faces, inputs, [self.extent])
         self._aim()
         self._edges()
 
     def launch_map_rays(self) -> None:
         """Receivers and the place of every ray, in rectangles that are there."""
-        self._launch(rays.reset_kernel, self.ray_extent.shape[0], [], [self.ray_box, self.ray_extent])
+        wp.copy(self.ray_box, self.no_extent[:6])
+        wp.copy(self.ray_extent, self.no_extent)
         self._box(self.ray_box)
         self._map(self.ray_extent)
 
     def launch_map(self) -> None:
         """Receivers, the light's axes, the place of every ray, the rectangles and the edges of their tiles."""
         f, b = self.frame, self.build
-        self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.space.box, self.extent])
+        wp.copy(self.space.box, self.no_extent[:6])
+        wp.copy(self.extent, self.no_extent)
         self._box(self.space.box)
         self._aim()
         self._map(self.extent)
         if b.clamp != "hits":
-            self._launch(
-                clamp_kernel,
-                b.light_faces,
-                [
-                    self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, self.space, f.spots, f.camera,
-                    self.camera.depth_range,
-                ],
-                [self.extent],
-            )  # fmt: skip
+            inputs = [b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, self.space, f.spots, f.camera]
+            inputs.append(self.camera.depth_range)
+            self._launch(make_clamp_kernel(b.light_map), b.light_faces, inputs, [self.extent])
         self._edges()
 
     def _box(self, box: wp.array) -> None:
         f = self.frame
-        wp.launch(
-            specialised(rays.box_kernel, self.effects.switches(self.index)),
-            dim=self.reduce_threads,
-            inputs=[
-                f.pixels, self.reduce_threads, self.index, self.marks, self.effects.facing, f.camera, f.mesh, f.lights,
-                f.spots, f.front_facing, f.hits(0), self.camera.hit,
-            ],
-            outputs=[f.receivers, self.receiver, box],
-            block_dim=REDUCE_BLOCK,
-            device=f.device,
-        )  # fmt: skip
+        inputs = [
+            f.pixels, self.reduce_threads, self.index, self.marks, self.effects.facing, f.camera, f.mesh, f.lights,
+            f.spots, f.front_facing, f.hits(0), self.camera.hit,
+        ]  # fmt: skip
+        kernel = specialised(rays.box_kernel, self.effects.switches(self.index))
+        self._launch(kernel, self.reduce_threads, inputs, [f.receivers, self.receiver, box], REDUCE_BLOCK)
 
     def _aim(self) -> None:
         f, b = self.frame, self.build
@@ -166,27 +156,14 @@ class LightPlaces:
         self._launch(rays.aim_kernel, 1, [b.aimed, centred, self.pad, f.spots], [self.space])
 
     def _map(self, extent: wp.array) -> None:
-        f, b = self.frame, self.build
-        wp.launch(
-            rays.map_kernel,
-            dim=self.reduce_threads,
-            inputs=[
-                f.pixels, self.reduce_threads, self.map, b.precision != "float64", self.space, self.receiver,
-                self.camera.hit,
-            ],
-            outputs=[self.place, extent],
-            block_dim=REDUCE_BLOCK,
-            device=f.device,
-        )  # fmt: skip
+        single, threads = self.build.precision != "float64", self.reduce_threads
+        inputs = [self.frame.pixels, threads, self.map, single, self.space, self.receiver, self.camera.hit]
+        self._launch(rays.map_kernel, threads, inputs, [self.place, extent], REDUCE_BLOCK)
 
     def _edges(self) -> None:
-        b = self.build
-        self._launch(
-            edges_kernel,
-            b.light_faces * b.light_tiles,
-            [self.map, b.light_tiles, self.extent],
-            [self.columns, self.rows, self.stretch],
-        )
+        n, faces = self.build.light_tiles, self.build.light_faces
+        outputs = [self.columns, self.rows, self.stretch]
+        self._launch(edges_kernel, faces * n, [self.map, n, self.extent], outputs)
 
-    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.frame.device)
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list, block: int = 256) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, block_dim=block, device=self.frame.device)

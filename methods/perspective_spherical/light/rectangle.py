@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+
 import warp as wp
 
 from ....harness.frame.geometry import Camera
 from ...common.bounds import box_high, box_low
 from ...exact.triangle import to_float64
-from .mapping import face_frame, map_bounds, whole, wraps
-from .space import EXTENT, LightSpace
+from ..parameters import LIGHT_MAPS
+from .mapping import AZIMUTH_ELEVATION, BOUNDS, CUBE, TWO_ANGLE, LightSpace, face_frame, whole
 from .sphere import HALF_PI, PI, ROUNDING
+from .tile_edges import EXTENT
 
 
 @wp.func
@@ -39,49 +42,135 @@ def in_frustum(camera: Camera, depth: wp.vec2f, p: wp.vec3d) -> wp.bool:
     return x <= z * wp.float64(camera.tangents[0]) and y <= z * wp.float64(camera.tangents[1])
 
 
-@wp.kernel(enable_backward=False)
-def clamp_kernel(
-    map: wp.int32,
-    faces: wp.int32,
-    clamp: wp.int32,
-    aimed: wp.bool,
-    sides: wp.int32,
-    space: LightSpace,
-    spots: wp.array2d(dtype=wp.float64),
-    camera: Camera,
-    depth_range: wp.array(dtype=wp.float32),
-    extent: wp.array(dtype=wp.float64),
-):
-    """Widen the rays' rectangles to the view's (clamp 1) or to all directions or the whole spot (2); 0 leaves them.
+@wp.func
+def spot_bounds(spots: wp.array2d(dtype=wp.float64), index: wp.int32) -> wp.vec4d:
+    """The rectangle of a whole spot in its own axes."""
+    half = wp.min(spots[index, 10], PI)
+    rise = wp.min(spots[index, 11], HALF_PI)
+    if spots[index, 0] == wp.float64(1.0):
+        half = wp.acos(spots[index, 10])
+        rise = wp.min(half, HALF_PI)
+        if half > wp.float64(1.5):
+            half = PI
+    return wp.vec4d(-half, half, -rise, rise)
 
-    ``sides``: of a frustum, 6. Rays always lie inside: a rectangle is never smaller than theirs. Depth planes
-    stay those of the rays.
-    """
-    face = wp.tid()
-    near = wp.float64(wp.INF)
-    far = -near
-    for other in range(faces):
-        near = wp.min(near, extent[other * EXTENT + 2])
-        far = wp.max(far, extent[other * EXTENT + 5])
-    if clamp == 0 or not (far >= near):
-        return
-    bounds = whole(map)
-    if clamp == 1:
-        depth = wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1])
-        bounds = view_bounds(map, face, space, camera, depth, sides)
-        if not (bounds[1] >= bounds[0]):
+
+@wp.func
+def view_bounds(
+    bounds_of: wp.Function, all: wp.vec4d, face: wp.int32, space: LightSpace, camera: Camera, depth: wp.vec2f,
+    sides: wp.int32,
+) -> wp.vec4d:  # fmt: skip
+    """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light; ``all``
+    where the light is in it. May reach beyond +-pi where a coordinate wraps."""
+    light = to_float64(space.proxy_positions[space.index])
+    axes = space.axes[0]
+    if in_frustum(camera, depth, light):
+        return all
+    none = wp.float64(wp.INF)
+    found = wp.vec4d(none, -none, none, -none)
+    # Loops that the compiler does not unroll: the bounds are long, and run once per frame.
+    for side in range(sides):
+        # The four corners of a side: those with bit (side / 2) equal to side % 2, in order around it.
+        bit = side // 2
+        fixed = (side % 2) << bit
+        step = wp.int32(1)
+        if bit == 0:
+            step = 2
+        other = 7 - (1 << bit) - step
+        p0 = face_frame(axes * (frustum_corner(camera, depth, fixed) - light), face)
+        p1 = face_frame(axes * (frustum_corner(camera, depth, fixed + step) - light), face)
+        p2 = face_frame(axes * (frustum_corner(camera, depth, fixed + step + other) - light), face)
+        p3 = face_frame(axes * (frustum_corner(camera, depth, fixed + other) - light), face)
+        for half in range(sides // 3):
+            corner = p1
+            if half == 1:
+                corner = p3
+            normal = wp.cross(corner - p0, p2 - p0)
+            # Seen edge-on (or without area) it adds nothing that its neighbours do not hold.
+            if wp.abs(wp.dot(normal, p0)) > wp.float64(1.0e-12) * wp.length(normal) * wp.length(p0):
+                b = bounds_of(p0, corner, p2, wp.float64(4.0) * ROUNDING)
+                if b[1] >= b[0]:
+                    found = joint(found, b)
+    return found
+
+
+@wp.func
+def joint(a: wp.vec4d, b: wp.vec4d) -> wp.vec4d:
+    """The rectangle around two."""
+    return wp.vec4d(wp.min(a[0], b[0]), wp.max(a[1], b[1]), wp.min(a[2], b[2]), wp.max(a[3], b[3]))
+
+
+@wp.func
+def in_range(
+    low: wp.float64, high: wp.float64, least: wp.float64, most: wp.float64, wrap: wp.int32
+) -> wp.vec2d:
+    """What an interval covers of a coordinate's range: all of it where it reaches beyond a seam."""
+    if wrap == 1 and (low < least or high > most):
+        return wp.vec2d(least, most)
+    return wp.vec2d(wp.max(low, least), wp.min(high, most))
+
+
+@functools.cache
+def make_clamp_kernel(map: str) -> wp.Kernel:
+    """The rectangles that are not the rays' own, under one light map."""
+    bounds_of, wrap = BOUNDS[map]
+    number = LIGHT_MAPS.index(map)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def clamp_kernel(
+        faces: wp.int32,
+        clamp: wp.int32,
+        aimed: wp.bool,
+        sides: wp.int32,
+        space: LightSpace,
+        spots: wp.array2d(dtype=wp.float64),
+        camera: Camera,
+        depth_range: wp.array(dtype=wp.float32),
+        extent: wp.array(dtype=wp.float64),
+    ):
+        """Widen the rays' rectangles to the view's (clamp 1) or to all directions or the whole spot (2).
+
+        ``sides``: of a frustum, 6. Rays always lie inside: a rectangle is never smaller than theirs. Depth planes
+        stay those of the rays.
+        """
+        face = wp.tid()
+        near = wp.float64(wp.INF)
+        far = -near
+        for other in range(faces):
+            near = wp.min(near, extent[other * EXTENT + 2])
+            far = wp.max(far, extent[other * EXTENT + 5])
+        if not (far >= near):
             return
-    elif map == 0 and aimed and spots[space.index, 0] != wp.float64(0.0):
-        bounds = spot_bounds(spots, space.index)
-    offset = face * EXTENT
-    # No ray in this face: its own depth planes are empty, those of all rays serve.
-    if not (extent[offset + 5] >= extent[offset + 2]):
-        extent[offset + 2] = near
-        extent[offset + 5] = far
-    extent[offset] = wp.min(extent[offset], bounds[0])
-    extent[offset + 3] = wp.max(extent[offset + 3], bounds[1])
-    extent[offset + 1] = wp.min(extent[offset + 1], bounds[2])
-    extent[offset + 4] = wp.max(extent[offset + 4], bounds[3])
+        all = whole(wp.static(number))
+        bounds = all
+        if clamp == 1:
+            depth = wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1])
+            bounds = view_bounds(bounds_of, all, face, space, camera, depth, sides)
+            u = in_range(bounds[0], bounds[1], all[0], all[1], wp.static(wrap[0]))
+            v = in_range(bounds[2], bounds[3], all[2], all[3], wp.static(wrap[1]))
+            bounds = wp.vec4d(u[0], u[1], v[0], v[1])
+            if not (bounds[1] >= bounds[0]):
+                return
+        elif wp.static(map == "azimuth-elevation") and aimed and spots[space.index, 0] != wp.float64(0.0):
+            bounds = spot_bounds(spots, space.index)
+        offset = face * EXTENT
+        # No ray in this face: its own depth planes are empty, those of all rays serve.
+        if not (extent[offset + 5] >= extent[offset + 2]):
+            extent[offset + 2] = near
+            extent[offset + 5] = far
+        own = wp.vec4d(extent[offset], extent[offset + 3], extent[offset + 1], extent[offset + 4])
+        set_rectangle(extent, offset, joint(own, bounds))
+
+    return clamp_kernel
+
+
+@wp.func
+def set_rectangle(extent: wp.array(dtype=wp.float64), offset: wp.int32, bounds: wp.vec4d):
+    """Lowest and highest coordinates of a face; its distances stay."""
+    extent[offset] = bounds[0]
+    extent[offset + 3] = bounds[1]
+    extent[offset + 1] = bounds[2]
+    extent[offset + 4] = bounds[3]
 
 
 @wp.kernel(enable_backward=False)
@@ -119,88 +208,15 @@ def scene_kernel(
     distance = wp.length((low + high) * half - to_float64(space.proxy_positions[space.index]))
     bounds = whole(map)
     if spots[space.index, 0] != wp.float64(0.0):
-        if map == 0 and aimed:
+        if map == AZIMUTH_ELEVATION and aimed:
             bounds = spot_bounds(spots, space.index)
-    elif aimed and distance > wp.float64(1.5) * radius and map != 1:
+    elif aimed and distance > wp.float64(1.5) * radius and map != TWO_ANGLE:
         angle = wp.asin(radius / distance)
-        if map == 2:
+        if map == CUBE:
             if face > 0:
                 return
             angle = wp.tan(angle)
         bounds = wp.vec4d(-angle, angle, -angle, angle)
-    extent[offset] = bounds[0]
-    extent[offset + 3] = bounds[1]
-    extent[offset + 1] = bounds[2]
-    extent[offset + 4] = bounds[3]
+    set_rectangle(extent, offset, bounds)
     extent[offset + 2] = wp.max(wp.float64(0.0), distance - radius)
     extent[offset + 5] = distance + radius
-
-
-@wp.func
-def spot_bounds(spots: wp.array2d(dtype=wp.float64), index: wp.int32) -> wp.vec4d:
-    """The rectangle of a whole spot in its own axes."""
-    half = wp.min(spots[index, 10], PI)
-    rise = wp.min(spots[index, 11], HALF_PI)
-    if spots[index, 0] == wp.float64(1.0):
-        half = wp.acos(spots[index, 10])
-        rise = wp.min(half, HALF_PI)
-        if half > wp.float64(1.5):
-            half = PI
-    return wp.vec4d(-half, half, -rise, rise)
-
-
-@wp.func
-def view_bounds(
-    map: wp.int32,
-    face: wp.int32,
-    space: LightSpace,
-    camera: Camera,
-    depth: wp.vec2f,
-    sides: wp.int32,
-) -> wp.vec4d:
-    """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light."""
-    all = whole(map)
-    light = to_float64(space.proxy_positions[space.index])
-    axes = space.axes[0]
-    if in_frustum(camera, depth, light):
-        return all
-    wrap = wraps(map)
-    low_u = wp.float64(wp.INF)
-    high_u = -low_u
-    low_v = low_u
-    high_v = -low_u
-    # Loops that the compiler does not unroll: the bounds are long, and run once per frame.
-    for side in range(sides):
-        # The four corners of a side: those with bit (side / 2) equal to side % 2, in order around it.
-        bit = side // 2
-        fixed = (side % 2) << bit
-        step = wp.int32(1)
-        if bit == 0:
-            step = 2
-        other = 7 - (1 << bit) - step
-        p0 = face_frame(axes * (frustum_corner(camera, depth, fixed) - light), face)
-        p1 = face_frame(axes * (frustum_corner(camera, depth, fixed + step) - light), face)
-        p2 = face_frame(axes * (frustum_corner(camera, depth, fixed + step + other) - light), face)
-        p3 = face_frame(axes * (frustum_corner(camera, depth, fixed + other) - light), face)
-        for half in range(sides // 3):
-            corner = p1
-            if half == 1:
-                corner = p3
-            normal = wp.cross(corner - p0, p2 - p0)
-            # Seen edge-on (or without area) it adds nothing that its neighbours do not hold.
-            if wp.abs(wp.dot(normal, p0)) > wp.float64(1.0e-12) * wp.length(normal) * wp.length(p0):
-                b = map_bounds(map, p0, corner, p2, wp.float64(4.0) * ROUNDING)
-                if b[1] >= b[0]:
-                    low_u = wp.min(low_u, b[0])
-                    high_u = wp.max(high_u, b[1])
-                    low_v = wp.min(low_v, b[2])
-                    high_v = wp.max(high_v, b[3])
-    if wrap[0] == 1 and (low_u < all[0] or high_u > all[1]):
-        low_u = all[0]
-        high_u = all[1]
-    if wrap[1] == 1 and (low_v < all[2] or high_v > all[3]):
-        low_v = all[2]
-        high_v = all[3]
-    return wp.vec4d(
-        wp.max(low_u, all[0]), wp.min(high_u, all[1]), wp.max(low_v, all[2]), wp.min(high_v, all[3])
-    )

@@ -1,6 +1,6 @@
 """Float32 tests of a shadow segment against a triangle, on a record made once per frame and light.
 
-The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or DOUBT, which float64 decides; only the
+The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or UNDECIDED, which float64 decides; only the
 exact test returns YES. Which side of the triangle's plane the ends lie on is never decided by float32 in doubt.
 
 exact        four planes n . h + c, the bound on their rounding the same for all: 16 multiply-adds
@@ -13,9 +13,20 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners
+from ...exact.planes import edge_plane, facing_to, farthest_corner, longest_edge, normal_through, plane_at
 from ...exact.segment import light_edge_functions, occludes, plane_crosses_segment
-from ...exact.triangle import FLOOR32, U32, largest, to_float64, total
-from ..camera.ray_tests import dot3, near_inside
+from ...exact.triangle import FLOOR32, U32, certainly_outside, largest, to_float64, total
+from ...gpu.entries import set_entry
+from ..camera.ray_tests import (
+    EDGE_PLANES,
+    EXACT,
+    MOLLER_TRUMBORE,
+    dot3,
+    first3,
+    joined,
+    moller_trumbore,
+    near_inside,
+)
 
 RECORD = wp.constant(6)
 """vec4f of a triangle's record."""
@@ -24,7 +35,7 @@ USED = (4, 6, 3)
 """By test: how many of them it reads."""
 
 NO = wp.constant(0)
-DOUBT = wp.constant(1)
+UNDECIDED = wp.constant(1)
 YES = wp.constant(2)
 
 PLANE_BOUND = wp.constant(160.0 * 2.0**-24)
@@ -53,115 +64,98 @@ class SegmentRecord:
 
 
 @wp.func
-def joined(a: wp.vec3f, w: wp.float32) -> wp.vec4f:
-    return wp.vec4f(a[0], a[1], a[2], w)
-
-
-@wp.func
-def plane_through(n: wp.vec3f, p: wp.vec3f, scale: wp.float32) -> wp.vec4f:
-    return joined(n, -wp.dot(n, p)) * scale
-
-
-@wp.func
-def segment_exact(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
+def segment_exact(light: wp.vec3f, corners: Corners, size: wp.float32) -> SegmentRecord:
     """``size`` bounds every coordinate of the hit points.
 
-    n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 10 u per component. Where all
-    coordinates are at most s, |h - p|_1 <= 6 s: that is 60 u s. Rounding h moves the value by 6 u s, and n . h + c rounds
-    by 60 u s; dividing all by s costs 18 u more. So 144 u bounds the error of the scaled planes, relative to the scene
-    and right at any distance of the light. The triangle's own plane, n = ab x ac, is known as well.
+    Normals are scaled so that their parts are at most 2, and known to 8 u per component (:mod:`...exact.planes`). Where all
+    coordinates are at most s, |h - p|_1 <= 6 s: that is 48 u s. Rounding h moves the value by 6 u s, and n . h + c rounds
+    by 60 u s; dividing all by s costs 18 u more. So 132 u bounds the error of the scaled planes, relative to the scene
+    and right at any distance of the light. The triangle's own plane is known as well.
     """
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    la = a - light
-    lb = b - light
-    lc = c - light
-    ab = b - a
-    bc = c - b
-    ca = a - c
-    reach = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
-    within = wp.max(size, wp.max(largest(a), wp.max(largest(b), largest(c))))
+    within = wp.max(size, wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c))))
+    facing = facing_to(light, corners, False)
     r = SegmentRecord()
-    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30 and within < 1.0e30):
+    if facing.toward == 0.0 or not (within < 1.0e30):
         return r
-    n = wp.cross(ca, ab) / (edge * edge)
-    det = wp.dot(n, la)
-    if not (wp.abs(det) > 64.0 * U32 * reach):
-        return r
-    toward = 1.0 / (reach * edge)
-    if det > 0.0:
-        n = -n
-    else:
-        toward = -toward
     scale = 1.0 / within
-    r.q0 = plane_through(wp.cross(lb, bc) * toward, b, scale)
-    r.q1 = plane_through(wp.cross(lc, ca) * toward, c, scale)
-    r.q2 = plane_through(wp.cross(la, ab) * toward, a, scale)
-    r.q3 = plane_through(n, a, scale)
+    r.q0 = edge_plane(light, corners.b, corners.c, facing.toward) * scale
+    r.q1 = edge_plane(light, corners.c, corners.a, facing.toward) * scale
+    r.q2 = edge_plane(light, corners.a, corners.b, facing.toward) * scale
+    r.q3 = plane_at(facing.normal, corners.a) * scale
     return r
 
 
 @wp.func
-def segment_planes(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    v0 = a
-    v1 = b
-    v2 = c
+def segment_planes(light: wp.vec3f, corners: Corners, weld: wp.vec3i) -> SegmentRecord:
+    v0 = corners.a
+    v1 = corners.b
+    v2 = corners.c
     w0 = weld[0]
     w1 = weld[1]
-    w2 = weld[2]
     if w1 < w0:
-        v0 = b
-        v1 = a
+        v0 = corners.b
+        v1 = corners.a
         w0 = weld[1]
         w1 = weld[0]
-    if w2 < w1:
+    if weld[2] < w1:
         v2 = v1
-        v1 = c
-        w1 = w2
+        v1 = corners.c
+        w1 = weld[2]
     if w1 < w0:
         swapped = v0
         v0 = v1
         v1 = swapped
-    l0 = v0 - light
-    l1 = v1 - light
-    e01 = v1 - v0
-    e02 = v2 - v0
-    e12 = v2 - v1
-    edge = wp.max(largest(e01), wp.max(largest(e02), largest(e12)))
-    from_light = wp.max(largest(l0), wp.max(largest(l1), largest(v2 - light)))
-    n = wp.cross(e01, e02)
-    side = -wp.dot(n, l0)
-    bound = edge * edge * 48.0 * U32 * from_light + FLOOR32
+    n = wp.cross(v1 - v0, v2 - v0)
+    edge = longest_edge(corners)
+    reach = farthest_corner(light, corners)
+    side = -wp.dot(n, v0 - light)
+    bound = edge * edge * 48.0 * U32 * reach + FLOOR32
     certain = wp.float32(0.0)
     if side > bound:
         certain = 1.0
     if side < -bound:
         certain = -1.0
     r = SegmentRecord()
-    r.q0 = joined(v0, from_light * edge)
+    r.q0 = joined(v0, reach * edge)
     r.q1 = joined(v1, edge * edge)
-    r.q2 = joined(wp.cross(l0, e01), certain)
-    r.q3 = joined(wp.cross(l0, e02), 0.0)
-    r.q4 = joined(wp.cross(l1, e12), 0.0)
+    r.q2 = joined(normal_through(light, v0, v1), certain)
+    r.q3 = joined(normal_through(light, v0, v2), 0.0)
+    r.q4 = joined(normal_through(light, v1, v2), 0.0)
     r.q5 = joined(n, 0.0)
     return r
 
 
 @wp.func
-def segment_vertices(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
-    e1 = corners.b - corners.a
-    e2 = corners.c - corners.a
-    edge = wp.max(largest(e1), wp.max(largest(e2), largest(corners.c - corners.b)))
+def segment_vertices(corners: Corners) -> SegmentRecord:
+    edge = longest_edge(corners)
     r = SegmentRecord()
     r.q0 = joined(corners.a, 0.0)
-    r.q1 = joined(e1, edge * edge)
-    r.q2 = joined(e2, 0.0)
+    r.q1 = joined(corners.b - corners.a, edge * edge)
+    r.q2 = joined(corners.c - corners.a, 0.0)
     return r
+
+
+@wp.func
+def write_record(
+    records: wp.array(dtype=wp.vec4f), i: wp.int32, test: wp.int32, light: wp.vec3f, corners: Corners, weld: wp.vec3i,
+    size: wp.float32,
+):  # fmt: skip
+    """The record of triangle i for a test; ``size``: see :func:`segment_exact`."""
+    r = SegmentRecord()
+    if test == EXACT:
+        r = segment_exact(light, corners, size)
+    elif test == EDGE_PLANES:
+        r = segment_planes(light, corners, weld)
+    else:
+        r = segment_vertices(corners)
+    set_entry(records, 6 * i, r.q0)
+    set_entry(records, 6 * i + 1, r.q1)
+    set_entry(records, 6 * i + 2, r.q2)
+    if test != MOLLER_TRUMBORE:
+        set_entry(records, 6 * i + 3, r.q3)
+    if test == EDGE_PLANES:
+        set_entry(records, 6 * i + 4, r.q4)
+        set_entry(records, 6 * i + 5, r.q5)
 
 
 @wp.func
@@ -178,55 +172,37 @@ def segment_bounded(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: Segmen
         return NO
     if low > PLANE_BOUND and side < -PLANE_BOUND:
         return YES
-    return DOUBT
+    return UNDECIDED
 
 
 @wp.func
 def segment_plain(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
     """Plain signs at the edges; at the ends only sides that are certain."""
-    h0 = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
-    h1 = h - wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
-    e0 = dot3(r.q2, h0)
-    e1 = -dot3(r.q3, h0)
-    e2 = dot3(r.q4, h1)
-    low = wp.min(e0, wp.min(e1, e2))
-    high = wp.max(e0, wp.max(e1, e2))
-    if low < 0.0 and high > 0.0:
+    h0 = h - first3(r.q0)
+    h1 = h - first3(r.q1)
+    if certainly_outside(dot3(r.q2, h0), -dot3(r.q3, h0), dot3(r.q4, h1), 0.0):
         return NO
     doubt = 20.0 * U32 * wp.max(total(h0), total(h1)) + 8.0 * h_error
     side = dot3(r.q5, h0) * r.q2[3]
     if side > r.q1[3] * doubt + FLOOR32:
         return NO
-    return DOUBT
+    return UNDECIDED
 
 
 @wp.func
 def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
     """From the surface to the light. Hits slightly beyond the light, and those near the start, are left to float64."""
-    d = light - h
-    s = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
-    e1 = wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
-    e2 = wp.vec3f(r.q2[0], r.q2[1], r.q2[2])
-    p = wp.cross(d, e2)
-    det = wp.dot(e1, p)
-    if det == 0.0:
+    s = h - first3(r.q0)
+    inside, det, start = moller_trumbore(s, light - h, first3(r.q1), first3(r.q2))
+    if not inside:
         return NO
-    inverse = 1.0 / det
-    u = wp.dot(s, p) * inverse
-    if u < 0.0 or u > 1.0:
-        return NO
-    q = wp.cross(s, e1)
-    v = wp.dot(d, q) * inverse
-    if v < 0.0 or u + v > 1.0:
-        return NO
-    start = wp.dot(e2, q)
     if det < 0.0:
         start = -start
     if start < -(r.q1[3] * (20.0 * U32 * total(s) + 8.0 * h_error) + FLOOR32):
         return NO
     if start > 1.001 * wp.abs(det):
         return NO
-    return DOUBT
+    return UNDECIDED
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""The tiles of a light grid's rectangle: their edges, and whether a tile misses a triangle.
+"""The tiles of a light's rectangles: which of them holds a ray, their edges, and whether a tile misses a triangle.
 
 A tile is bounded by planes through the light (meridians, or straight edges on a face) or by parallels. A triangle
 certainly misses it where one of the planes through light and edge has all four corners outside: see ``missed``.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .space import EXTENT
+from .mapping import CUBE, TWO_ANGLE
 from .sphere import HALF_PI
 
 UNTESTED = wp.constant(wp.float64(4.0))
@@ -16,6 +16,46 @@ UNTESTED = wp.constant(wp.float64(4.0))
 
 COLLAPSE = wp.constant(wp.float64(1.0e-5))
 """Two-angle columns and rows nearer than this to +-pi/2 are untested: there the map is not one to one."""
+
+
+EXTENT = wp.constant(8)
+"""Length of a face's extent: two coordinates and distance, lowest then highest, and two unused."""
+
+
+@wp.struct
+class LightTiles:
+    """The grid: rectangles, tiles along a side of one, slices; edges of the tiles.
+
+    spans       lists in every slice that a triangle spans, not only in the first
+    skip_empty  no pair where no ray lies: ``deepest`` is the last slice that a ray of the tile reaches
+    extent      float64 [faces, 8]: lowest then highest coordinates and distance of each rectangle
+    """
+
+    faces: wp.int32
+    tiles: wp.int32
+    slices: wp.int32
+    spans: wp.bool
+    skip_empty: wp.bool
+    extent: wp.array(dtype=wp.float64)
+    columns: wp.array(dtype=wp.vec4d)
+    rows: wp.array(dtype=wp.vec4d)
+    stretch: wp.array(dtype=wp.vec2d)
+    deepest: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def tile_of(angle: wp.float64, low: wp.float64, high: wp.float64, tiles: wp.int32) -> wp.int32:
+    """Index of the tile along one axis. Monotone, and the same function for rays and triangles."""
+    if not (high > low):
+        return 0
+    share = (angle - low) / (high - low)
+    return wp.int32(wp.clamp(share * wp.float64(tiles), wp.float64(0.0), wp.float64(tiles) - wp.float64(0.5)))
+
+
+@wp.func
+def distance_slice(distance: wp.float64, grid: LightTiles, face: wp.int32) -> wp.int32:
+    """Slice between the nearest and the farthest ray of a face; nearer triangles fall into the first."""
+    return tile_of(distance, grid.extent[face * EXTENT + 2], grid.extent[face * EXTENT + 5], grid.slices)
 
 
 @wp.func
@@ -77,11 +117,11 @@ def edges_kernel(
     low_v = extent[offset + 1] + j * tall - pad_v
     high_v = extent[offset + 1] + (j + wp.float64(1.0)) * tall + pad_v
     one = wp.float64(1.0)
-    if map == 1:
+    if map == TWO_ANGLE:
         columns[k] = tangent_edges(low_u, high_u, False)
         rows[k] = tangent_edges(low_v, high_v, True)
         stretch[face] = wp.vec2d(one, one)
-    elif map == 2:
+    elif map == CUBE:
         columns[k] = wp.vec4d(one, low_u, one, high_u)
         rows[k] = wp.vec4d(one, low_v, one, high_v)
         stretch[face] = wp.vec2d(one, one)

@@ -1,7 +1,9 @@
 """Tracing shadow rays through a light grid (paper, section 4.4): any hit, one thread block per chunk.
 
-The bit is set in primary-ray order, so that blocks need no synchronisation. With split lists (:mod:`.lists.items`) a
-block takes one part of a chunk's list, and skips rays whose bit another part has set.
+The block brings its list to shared memory; loading and testing alternate as in :mod:`.camera.trace`. It is done where
+every ray of it is shadowed or behind its last slice. The bit is set in primary-ray order, so that blocks need no
+synchronisation. With split lists (:mod:`.lists.items`) a block takes one part of a chunk's list, and skips rays whose
+bit another part has set.
 """
 
 from __future__ import annotations
@@ -17,12 +19,16 @@ from ...exact.holes import opaque_to_light
 from ...exact.triangle import U32, largest, to_float32
 from ...gpu.entries import entry
 from ..camera.ray_tests import count_tests
-from ..lists.binning import TileLists
 from ..lists.chunks import RayChunks
 from ..lists.items import ListParts, pairs_of_part, part_of
-from ..variants import Variant
-from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, YES, SegmentRecord
-from .space import LightSpace
+from ..lists.sorting import TileLists
+from ..lists.staging import any_of_block, make_shared, wait_for_block
+from .mapping import LightSpace
+from .segment_tests import SEGMENT_DECIDES, SEGMENT_PASSES, UNDECIDED, USED, YES, SegmentRecord
+
+SHADOW_REGISTERS = 64
+"""Limit of registers: frames take 0 to 2 % longer with 80. Blocks of one warp, the default, fill a
+multiprocessor with 32."""
 
 
 @wp.func
@@ -43,13 +49,29 @@ def hit_error(h: wp.vec3f) -> wp.float32:
     return U32 * largest(h) + 1.0e-37
 
 
-@functools.cache
-def make_shadow_kernel(variant: Variant) -> wp.Kernel:
-    """``lanes`` threads per chunk, each ray by ray: on CUDA a block, on a CPU one thread for the whole chunk."""
-    judge = SEGMENT_PASSES[variant.test]
-    decide = SEGMENT_DECIDES[variant.test]
+@wp.func
+def tag_row(triangle: wp.int32, slice: wp.int32) -> wp.vec4f:
+    return wp.vec4f(wp.cast(triangle, wp.float32), wp.cast(slice, wp.float32), 0.0, 0.0)
 
-    @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
+
+@wp.func
+def tag_of(row: wp.vec4f) -> wp.vec2i:
+    """(triangle, slice) of a pair in shared memory."""
+    return wp.vec2i(wp.cast(row[0], wp.int32), wp.cast(row[1], wp.int32))
+
+
+@functools.cache
+def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
+    """``block`` threads take one chunk of rays (round by round if r is larger), or with one part of its list.
+
+    With 0 they are ``lanes`` threads, of which each reads triangles for itself: the same bits, on any device.
+    """
+    judge, decide, used = SEGMENT_PASSES[test], SEGMENT_DECIDES[test], USED[test]
+    staged, slots = block > 0, max(1, block)
+    shared = make_shared((1 + used) * slots)
+    limit = {"cuda_max_registers": SHADOW_REGISTERS} if staged else {}
+
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False, **limit)
     def shadow_kernel(
         lanes: wp.int32,
         slices: wp.int32,
@@ -67,8 +89,12 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         shadowed: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
-        k = wp.tid()
-        work = part_of(parts, k // lanes)
+        thread = wp.tid()
+        width = lanes
+        if wp.static(staged):
+            width = wp.static(slots)
+        lane = thread % width
+        work = part_of(parts, thread // width)
         chunk = work[0]
         if chunk < 0 or chunk >= chunks.total[0]:
             return
@@ -76,51 +102,101 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         origin_size = wp.float64(largest(camera.eye[0]))
         tile = chunks.tiles[chunks.first[chunk]]
         pairs = pairs_of_part(lists, tile, parts, work[1])
-        at = chunks.first[chunk] + k % lanes
-        while at < chunks.first[chunk + 1]:
-            pixel = chunks.pixels[at]
-            at += lanes
-            h64 = hit_points[pixel]
+        stop = pairs[1]
+        nothing = wp.vec4f()
+        base = chunks.first[chunk]
+        while base < chunks.first[chunk + 1]:
+            at = base + lane
+            base += width
+            pixel = wp.int32(0)
+            own = wp.int32(-1)
+            h64 = wp.vec3d()
+            deepest = wp.int32(-1)
+            if at < chunks.first[chunk + 1]:
+                pixel = chunks.pixels[at]
+                h64 = hit_points[pixel]
+                own = hits.triangle[pixel]
+                deepest = last_slice[pixel]
+                if parts.split > 0:
+                    if shadowed[space.index, pixel] != wp.uint8(0):
+                        deepest = -1
             h = to_float32(h64)
             h_error = hit_error(h)
-            own = hits.triangle[pixel]
-            behind = tile * slices + last_slice[pixel] + 1
             number = wp.int32(0)
             occluded = wp.bool(False)
-            j = pairs[0]
-            stop = pairs[1]
-            if parts.split > 0:
-                if shadowed[space.index, pixel] != wp.uint8(0):
-                    stop = j
-            while j < stop:
-                i = wp.int32(-1)
-                while j < stop and i < 0:
-                    if lists.keys[j] >= behind:
-                        stop = j
-                        break
-                    if lists.values[j] != own:
-                        number += 1
-                        verdict = judge(h, light, h_error, segment_at(records, lists.values[j]))
+            load = pairs[0]
+            active = deepest >= 0
+            going = active
+            if wp.static(staged):
+                going = any_of_block(active)
+            while going and load < stop:
+                held = stop - load
+                if wp.static(staged):
+                    held = wp.min(held, wp.static(slots))
+                    if load + lane < stop:
+                        i = lists.values[load + lane]
+                        shared(True, lane, tag_row(i, lists.keys[load + lane] - tile * slices))
+                        for word in range(wp.static(used)):
+                            shared(True, wp.static(slots) * (word + 1) + lane, entry(records, 6 * i + word))
+                    wait_for_block()
+                if not active:
+                    held = 0
+                j = wp.int32(0)
+                while j < held:
+                    i = wp.int32(-1)
+                    while j < held and i < 0:
+                        here = wp.vec2i()
+                        if wp.static(staged):
+                            here = tag_of(shared(False, j, nothing))
+                        else:
+                            here = wp.vec2i(lists.values[load + j], lists.keys[load + j] - tile * slices)
+                        if here[1] > deepest:
+                            active = wp.bool(False)
+                            held = 0
+                            break
+                        if here[0] != own:
+                            s = SegmentRecord()
+                            if wp.static(staged):
+                                s.q0 = shared(False, wp.static(slots) + j, nothing)
+                                s.q1 = shared(False, wp.static(2 * slots) + j, nothing)
+                                s.q2 = shared(False, wp.static(3 * slots) + j, nothing)
+                                if wp.static(used > 3):
+                                    s.q3 = shared(False, wp.static(4 * slots) + j, nothing)
+                                if wp.static(used > 4):
+                                    s.q4 = shared(False, wp.static(5 * slots) + j, nothing)
+                                    s.q5 = shared(False, wp.static(6 * slots) + j, nothing)
+                            else:
+                                s = segment_at(records, here[0])
+                            number += 1
+                            verdict = judge(h, light, h_error, s)
+                            if wp.static(effects.alpha):
+                                if verdict == YES and alpha.masked[here[0]] != wp.uint8(0):
+                                    verdict = UNDECIDED
+                            if verdict == YES:
+                                occluded = wp.bool(True)
+                                active = wp.bool(False)
+                                held = 0
+                            if verdict == UNDECIDED:
+                                i = here[0]
+                        j += 1
+                    if i >= 0:
+                        corners = corners_of(mesh, i)
+                        weld = weld_of(mesh, i)
+                        occluded = decide(h64, light, corners, weld, origin_size)
                         if wp.static(effects.alpha):
-                            if verdict == YES and alpha.masked[lists.values[j]] != wp.uint8(0):
-                                verdict = DOUBT
-                        if verdict == YES:
-                            occluded = wp.bool(True)
-                            stop = j
-                        if verdict == DOUBT:
-                            i = lists.values[j]
-                    j += 1
-                if i >= 0:
-                    corners = corners_of(mesh, i)
-                    weld = weld_of(mesh, i)
-                    occluded = decide(h64, light, corners, weld, origin_size)
-                    if wp.static(effects.alpha):
+                            if occluded:
+                                occluded = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
                         if occluded:
-                            occluded = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
-                    if occluded:
-                        stop = j
+                            active = wp.bool(False)
+                            held = 0
+                if wp.static(staged):
+                    load += wp.static(slots)
+                    going = any_of_block(active)
+                else:
+                    load = stop
             if occluded:
                 shadowed[space.index, pixel] = wp.uint8(1)
-            count_tests(tests, pixel, number)
+            if number > 0:
+                count_tests(tests, pixel, number)
 
     return shadow_kernel

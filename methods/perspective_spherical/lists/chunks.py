@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from .binning import mark_tiles_kernel
+from ....harness.frame.geometry import filled
+from .sorting import TileLists
 
 
 @wp.struct
@@ -150,78 +151,62 @@ def chunk_kernel(
         outArr[total] = end[tile]
 
 
+def most_chunks(rays: int, tiles: int, r: int) -> int:
+    """C_total = sum of ceil(R_j / r) is at most one chunk a non-empty tile and one for every r rays."""
+    return min(rays, min(rays, tiles) + rays // r)
+
+
 class Chunks:
-    """Chunks of one light's sorted rays. ``begin``, ``end`` int32 [tiles]: the rays of each tile.
+    """Chunks of one light's sorted rays. ``lists``: the rays of each tile; keys from ``tiles`` on are no shadow rays.
 
     outArr      int32 [rays + 1]: first ray of each chunk, then the number of shadow rays
     numCBlocks  int32 [1]: C_total
+    of_rays     :class:`RayChunks`
     The other arrays are the paper's, int32 [rays], and exist with ``algorithm-1`` only.
     """
 
-    def __init__(self, rays: int, tiles: int, r: int, balancing: str, device: str):
-        self.rays, self.tiles, self.r, self.balancing, self.device = rays, tiles, r, balancing, device
-        # C_total = sum of ceil(R_j / r) is at most one chunk a non-empty tile and one for every r rays.
-        self.capacity = min(rays, min(rays, tiles) + rays // r)
-        with wp.ScopedDevice(device):
-            self.begin = wp.zeros(tiles, dtype=wp.int32)
-            self.end = wp.zeros(tiles, dtype=wp.int32)
-            self.outArr = wp.zeros(rays + 1, dtype=wp.int32)
-            self.numCBlocks = wp.zeros(1, dtype=wp.int32)
-            if balancing == "direct":
-                self.chunks = wp.zeros(tiles, dtype=wp.int32)
-                self.scan = wp.zeros(tiles, dtype=wp.int32)
-            else:
-                self.threadArr = wp.zeros(rays, dtype=wp.int32)
-                self.pseudoArr = wp.zeros(rays, dtype=wp.int32)
-                self.scratchArr = wp.zeros(rays, dtype=wp.int32)
-                self.validArr = wp.zeros(rays, dtype=wp.int32)
-                self.segment = wp.zeros(rays, dtype=wp.int32)
-                self.start = wp.zeros(rays, dtype=wp.int32)
-                self.scan = wp.zeros(rays, dtype=wp.int32)
+    def __init__(self, lists: TileLists, rays: int, tiles: int, r: int, balancing: str, device: str):
+        self.lists, self.rays, self.tiles, self.r, self.device = lists, rays, tiles, r, device
+        self.capacity = most_chunks(rays, tiles, r)
+        self.direct = balancing == "direct"
 
-    def launch(self, tileIDArr: wp.array, marked: bool = False) -> None:
-        """``tileIDArr``: int32 [rays or more], of which this number is sorted; ``tiles`` where there is no shadow ray.
+        def ints(size: int) -> wp.array:
+            return wp.zeros(size, dtype=wp.int32, device=device)
 
-        ``marked``: ``begin`` and ``end`` are there already
-        """
-        if not marked:
-            self.begin.zero_()
-            self.end.zero_()
-            self._launch(
-                mark_tiles_kernel, self.rays, [self.tiles, 1, self.rays, tileIDArr], [self.begin, self.end]
-            )
-        if self.balancing == "direct":
-            self._launch(chunk_count_kernel, self.tiles, [self.r, self.begin, self.end], [self.chunks])
-            wp.utils.array_scan(self.chunks, self.scan, inclusive=True)
-            self._launch(
-                chunk_kernel,
-                self.tiles,
-                [self.r, self.begin, self.end, self.chunks, self.scan],
-                [self.outArr, self.numCBlocks],
-            )
+        self.outArr, self.numCBlocks = ints(rays + 1), ints(1)
+        if self.direct:
+            self.chunks, self.scan = ints(tiles), ints(tiles)
         else:
-            self._algorithm1(tileIDArr)
+            self.threadArr, self.pseudoArr, self.scratchArr, self.validArr = (ints(rays) for _ in range(4))
+            self.segment, self.start, self.scan = (ints(rays) for _ in range(3))
+        self.of_rays = filled(
+            RayChunks, tiles=lists.keys, pixels=lists.values, first=self.outArr, total=self.numCBlocks
+        )
+
+    def launch(self) -> None:
+        if not self.direct:
+            self._algorithm1(self.lists.keys)
+            return
+        runs = [self.r, self.lists.begin, self.lists.end]
+        self._launch(chunk_count_kernel, self.tiles, runs, [self.chunks])
+        wp.utils.array_scan(self.chunks, self.scan, inclusive=True)
+        self._launch(
+            chunk_kernel, self.tiles, [*runs, self.chunks, self.scan], [self.outArr, self.numCBlocks]
+        )
 
     def _algorithm1(self, tileIDArr: wp.array) -> None:
         n, tiles = self.rays, self.tiles
         self._launch(tag_thread_kernel, n, [], [self.threadArr])
         self._launch(flag_scan_kernel, n, [tiles, tileIDArr], [self.pseudoArr])
         self.scratchArr.fill_(1)
-        self._segment_scan()
+        # segScan of ones: a cell's number in its segment is its distance from the segment's first cell.
+        wp.utils.array_scan(self.pseudoArr, self.segment, inclusive=True)
+        self._launch(segment_start_kernel, n, [self.pseudoArr, self.segment], [self.start])
+        self._launch(segment_scan_kernel, n, [self.segment, self.start], [self.scratchArr])
         self._launch(get_chunk_kernel, n, [tiles, self.r, tileIDArr, self.scratchArr], [self.validArr])
         wp.utils.array_scan(self.validArr, self.scan, inclusive=True)
-        self._launch(
-            compact_kernel,
-            n,
-            [tiles, tileIDArr, self.threadArr, self.validArr, self.scan],
-            [self.outArr, self.numCBlocks],
-        )
-
-    def _segment_scan(self) -> None:
-        """segScan of ones: a cell's number in its segment is its distance from the segment's first cell."""
-        wp.utils.array_scan(self.pseudoArr, self.segment, inclusive=True)
-        self._launch(segment_start_kernel, self.rays, [self.pseudoArr, self.segment], [self.start])
-        self._launch(segment_scan_kernel, self.rays, [self.segment, self.start], [self.scratchArr])
+        inputs = [tiles, tileIDArr, self.threadArr, self.validArr, self.scan]
+        self._launch(compact_kernel, n, inputs, [self.outArr, self.numCBlocks])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.device)

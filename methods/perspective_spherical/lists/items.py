@@ -11,8 +11,8 @@ import warp as wp
 
 from ....harness.frame.geometry import filled
 from ...common.pairs import need_kernel
-from .binning import TileLists
 from .chunks import RayChunks
+from .sorting import TileLists
 
 
 @wp.struct

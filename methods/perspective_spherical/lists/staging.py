@@ -1,4 +1,4 @@
-"""The shared memory of a tracing block: records that its threads load for one another, and the block's votes.
+"""The blocks of the tracing kernels, and their shared memory: records that threads load for one another, and votes.
 
 A record is moved 16 bytes at once, as in :mod:`...gpu.entries`; the parts of a tile of Warp's vectors would be moved one
 by one. A round of a block takes two barriers: one between loading and testing, one in the vote on another round. On a CPU
@@ -11,6 +11,9 @@ import functools
 from typing import Any
 
 import warp as wp
+
+BLOCKS = (32, 64, 128, 256)
+"""Threads of a block on CUDA. On a CPU, blocks have one thread unless ``wp.config.enable_cpu_blocks`` is set."""
 
 SHARED = """
 #if defined(__CUDA_ARCH__)
@@ -69,3 +72,18 @@ return result;
 """)
 def any_of_block(wanted: wp.bool) -> wp.bool:
     """Whether any thread of the block wants it; also what :func:`wait_for_block` is."""
+
+
+def block_for(threads: int) -> int:
+    """The smallest block that holds ``threads``, or the largest there is."""
+    return next((block for block in BLOCKS if block >= threads), BLOCKS[-1])
+
+
+def wide(device: str) -> bool:
+    """Whether thread blocks have more than one thread: on CUDA, and on a CPU with ``wp.config.enable_cpu_blocks``."""
+    return wp.get_device(device).is_cuda or bool(wp.config.enable_cpu_blocks)
+
+
+def staged(staging: str, device: str) -> bool:
+    """Whether triangles are staged: where that is set, and blocks have more than one thread."""
+    return staging == "shared" and wide(device)

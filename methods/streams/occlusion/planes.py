@@ -8,9 +8,8 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...exact.segment import side_of_light
+from ...exact.planes import edge_plane, facing_to, plane_at
 from ...exact.triangle import U32, largest
-from ...gpu.division import about_inverse
 from ..cube.rectangle import max_coordinate_of
 
 
@@ -33,59 +32,6 @@ class Occluder:
     i: wp.int32
     bound: wp.float32
     sure: wp.float32
-
-
-@wp.struct
-class Facing:
-    """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
-    planes through its edges and turns them inside. Zeros if float64 must decide. never: the plane contains the light, so
-    that the triangle occludes no ray (:func:`...exact.segment.occludes`)."""
-
-    normal: wp.vec3f
-    toward: wp.float32
-    never: wp.bool
-
-
-@wp.func
-def facing_to(light: wp.vec3f, corners: Corners, closely: wp.bool) -> Facing:
-    """A :class:`Facing`, computed in float32; ``closely``: a triangle seen edge-on within its rounding in float64."""
-    la = corners.a - light
-    lb = corners.b - light
-    lc = corners.c - light
-    ab = corners.b - corners.a
-    bc = corners.c - corners.b
-    ca = corners.a - corners.c
-    reach = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
-    facing = Facing()
-    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30):
-        return facing
-    n = wp.cross(ca, ab) * about_inverse(edge * edge)
-    det = wp.dot(n, la)
-    if not (wp.abs(det) > 64.0 * U32 * reach):
-        if not closely:
-            return facing
-        det = side_of_light(light, corners)
-        facing.never = det == 0.0
-        if facing.never:
-            return facing
-    toward = about_inverse(reach * edge)
-    # Inside is positive, and so is the light's side of the triangle.
-    facing.normal = wp.where(det > 0.0, -n, n)
-    facing.toward = wp.where(det > 0.0, toward, -toward)
-    return facing
-
-
-@wp.func
-def plane_at(n: wp.vec3f, p: wp.vec3f) -> wp.vec4f:
-    """The plane of normal n through p."""
-    return wp.vec4f(n[0], n[1], n[2], -wp.dot(n, p))
-
-
-@wp.func
-def edge_plane(light: wp.vec3f, p: wp.vec3f, q: wp.vec3f, toward: wp.float32) -> wp.vec4f:
-    """The plane through the light and an edge p-q of a triangle, which is ``toward`` it (:class:`Facing`)."""
-    return plane_at(wp.cross(p - light, q - p) * toward, p)
 
 
 @wp.func

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
-from helpers.method_trials import assert_exact, hard_trials, lattice, trace
+from helpers.method_trials import TRIALS, assert_exact, lattice, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.methods.accuracy_ladder.kernels import make_kernels
 from tools.kernel_report import uses_of
 
 NAME = "accuracy_ladder"
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
 @pytest.mark.parametrize("test", ["exact", "float64"])

@@ -14,7 +14,7 @@ from helpers.holed_scenes import SIZE as HOLED_SIZE
 from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
 from helpers.lattice_examples import Example, true_errors
-from helpers.method_trials import assert_exact, assert_nearly, hard_trials, random_trial, trace
+from helpers.method_trials import TRIALS, assert_exact, assert_nearly, random_trial, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.tuned_trees import tuned
 from hypothesis import given
@@ -36,8 +36,6 @@ SETTINGS = [
     {"update": "static", "primary": "packet"},
 ]
 """In capitals: constants of trees (:mod:`helpers.tuned_trees`)."""
-
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
 @pytest.mark.parametrize("seed", range(18))

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.method_trials import TRIALS, assert_exact, assert_same, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.prepared import Prepared
 
 NAME = "coherent_grid"
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
 def small_and_large() -> Prepared:
@@ -43,8 +42,7 @@ def test_has_the_bits_of_the_uniform_grid(side):
     prepared = small_and_large()
     _, _, wanted = trace("uniform_grid", {}, prepared, 61, 43)
     _, _, got = trace(NAME, {"side": side}, prepared, 61, 43)
-    for key, values in wanted.items():
-        np.testing.assert_array_equal(got[key], values, key)
+    assert_same(got, wanted)
 
 
 def test_mirrored_rays_have_the_bits_of_the_uniform_grid():
@@ -72,8 +70,7 @@ def test_queues_grow_and_the_frame_is_repeated():
     _, _, roomy = trace(NAME, {}, prepared, width, height)
     session, _, tight = trace(NAME, {"capacity": "1"}, prepared, width, height)
     assert session.regrown > 0
-    for key, values in roomy.items():
-        np.testing.assert_array_equal(tight[key], values, key)
+    assert_same(tight, roomy)
 
 
 def test_a_gpu_is_refused_in_one_line():

@@ -9,7 +9,7 @@ import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import assert_misses, assert_nearly, hard_trials, lattice, random_trial, trace
+from helpers.method_trials import TRIALS, assert_misses, assert_nearly, lattice, random_trial, trace
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -21,7 +21,6 @@ from shadowbench.methods.embree import library
 from shadowbench.methods.embree.packets import Arguments
 
 NAME = "embree"
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 INEXACT_TRIALS = (
     *("rays at vertices", "rays at diagonals", "axis-parallel rays", "eye in a box", "eye on a wall"),
     *("duplicates", "eye far away"),

@@ -10,7 +10,7 @@ from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import POINT, scene
 from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
-from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.method_trials import TRIALS, assert_exact, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method
@@ -25,7 +25,6 @@ SETTINGS: list[dict[str, str]] = [
     {"shadows": "tree", "update": "refit"},
     {"shadows": "tree", "builder": "lbvh"},
 ]
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 WITH_TREE = {"shadows": "tree"}
 TREE = {"keys", "sort", "tree"}
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.devices import needs_gpu
-from helpers.method_trials import assert_misses, box, hard_trials, lattice, trace
+from helpers.method_trials import TRIALS, assert_misses, box, lattice, trace
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 
 NAME = "shadow_map"
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
 def blocker(height: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

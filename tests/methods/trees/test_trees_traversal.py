@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene
-from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.method_trials import TRIALS, assert_exact, trace
 from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -18,7 +18,6 @@ from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.trees.constants import MOST_KEPT
 
 NAME = "bvh2"
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.method_trials import TRIALS, assert_exact, trace
 from helpers.streams import trial
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method
@@ -14,7 +14,6 @@ from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.prepared import Prepared
 
 NAME = "visibility_buffer"
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 TILES = {"inline_pixels": 0, "inline_cells": 0}
 FEW = {"inline_rays": 2, "cells": 8}
 

@@ -7,10 +7,10 @@ import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import (
+    TRIALS,
     assert_exact,
     assert_misses,
     assert_nearly,
-    hard_trials,
     random_trial,
     trace,
 )
@@ -32,7 +32,6 @@ MESHES = [
     {"update": "refit", "constructor": "cubql"},
 ]
 PLAIN = [{"update": "rebuild", "origin": "plain"}, {"update": "refit", "origin": "plain_cut"}]
-TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 INEXACT_TRIALS = (
     *("rays at vertices", "rays at diagonals", "axis-parallel rays", "eye in a box", "eye on a wall"),
     *("duplicates", "eye far away", "teapot in a stadium"),

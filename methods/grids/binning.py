@@ -6,26 +6,20 @@ the axis that the triangle faces most are cut to the cells that its plane passes
 triangle's area and not to the volume of its box. Normals and planes whose direction rounding could change are left out of
 the test.
 
-Counting and emitting run the same kernel, because two kernels may round differently.
+Counting and emitting run the same kernels (:mod:`.build`), because two kernels may round differently.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Corners, Mesh, corners_of
+from ...harness.frame.geometry import Corners
 from ..exact.triangle import largest, to_float64
 from .grid import Grid, cell_index, cell_of, to_grid
 from .pairs import pair_place
 
 LARGE_COLUMNS = wp.constant(256)
 """A triangle whose box has more columns of cells than this is binned by many threads."""
-
-LANES = 1024
-"""Threads that share one large triangle on CUDA."""
-
-LARGE_AT_ONCE = 128
-"""Large triangles worked on at the same time on CUDA."""
 
 UNSURE = wp.constant(wp.float64(2.0**-48))  # of |e1| |e2|: below it a normal's sign may be rounding
 
@@ -220,8 +214,17 @@ class Pairs:
 
 
 @wp.struct
+class BinItem:
+    """A triangle and the grid that it is binned into, whose cells are numbered from ``base``. triangle: -1 for none."""
+
+    grid: Grid
+    base: wp.int32
+    triangle: wp.int32
+
+
+@wp.struct
 class LargeItems:
-    """The queue of triangles that many threads bin together. An item is a triangle and the grid it is binned into.
+    """The queue of items whose columns many threads share.
 
     size    int32 [1]: how many                 items  int32 [items]
     cursor  int32 [items]: pairs written so far of each queued item
@@ -233,15 +236,12 @@ class LargeItems:
 
 
 @wp.func
-def bin_item(
-    emit: wp.bool, grid: Grid, base: wp.int32, corners: Corners, triangle: wp.int32, item: wp.int32, pairs: Pairs,
-    large: LargeItems,
-):  # fmt: skip
-    """Count the cells of a triangle, or emit its pairs; cells are numbered from ``base``.
+def bin_item(emit: wp.bool, item: wp.int32, what: BinItem, corners: Corners, pairs: Pairs, large: LargeItems):
+    """Count the cells of an item's triangle, or emit its pairs.
 
     Large triangles are queued when counting, and left out when emitting.
     """
-    s = span_of(grid, corners)
+    s = span_of(what.grid, corners)
     columns = wp.int64(s.high[0] - s.low[0] + 1) * wp.int64(s.high[1] - s.low[1] + 1)
     if columns > wp.int64(LARGE_COLUMNS):
         if not emit:
@@ -260,8 +260,8 @@ def bin_item(
             for z in range(cells[0], cells[1] + 1):
                 if touches(s, x, y, z):
                     if emit:
-                        cell = base + index_of(grid.res, s.axis, x, y, z)
-                        write_pair(place + found, cell, triangle, pairs.keys, pairs.values)
+                        cell = what.base + index_of(what.grid.res, s.axis, x, y, z)
+                        write_pair(place + found, cell, what.triangle, pairs.keys, pairs.values)
                     found += wp.int64(1)
     if not emit:
         pairs.count[item] = found
@@ -269,15 +269,15 @@ def bin_item(
 
 @wp.func
 def bin_columns(
-    emit: wp.bool, slot: wp.int32, lane: wp.int32, lanes: wp.int32, grid: Grid, base: wp.int32, corners: Corners,
-    triangle: wp.int32, item: wp.int32, pairs: Pairs, large: LargeItems,
+    emit: wp.bool, slot: wp.int32, lane: wp.int32, lanes: wp.int32, item: wp.int32, what: BinItem, corners: Corners,
+    pairs: Pairs, large: LargeItems,
 ):  # fmt: skip
     """One lane's part of a queued item: every ``lanes``-th column.
 
     The order of the lanes' pairs is arbitrary; a triangle is in a cell once, and the stable sort by cell leaves the
     triangles of a cell in the order of the items, so the lists are the same in every run.
     """
-    s = span_of(grid, corners)
+    s = span_of(what.grid, corners)
     across = s.high[0] - s.low[0] + 1
     columns = across * (s.high[1] - s.low[1] + 1)
     place = wp.int64(0)
@@ -293,45 +293,9 @@ def bin_columns(
             if touches(s, x, y, z):
                 if emit:
                     at = wp.int64(wp.atomic_add(large.cursor, slot, 1))
-                    cell = base + index_of(grid.res, s.axis, x, y, z)
-                    write_pair(place + at, cell, triangle, pairs.keys, pairs.values)
+                    cell = what.base + index_of(what.grid.res, s.axis, x, y, z)
+                    write_pair(place + at, cell, what.triangle, pairs.keys, pairs.values)
                 found += wp.int64(1)
         column += lanes
     if not emit and found > wp.int64(0):
         wp.atomic_add(pairs.count, item, found)
-
-
-@wp.kernel(enable_backward=False)
-def bin_kernel(
-    emit: wp.bool,
-    grid: wp.array(dtype=Grid),
-    mesh: Mesh,
-    pairs: Pairs,
-    large: LargeItems,
-):
-    """Bin every triangle into one grid; its item is its index."""
-    i = wp.tid()
-    if mesh.valid[i] == wp.uint8(0):
-        if not emit:
-            pairs.count[i] = wp.int64(0)
-        return
-    bin_item(emit, grid[0], 0, corners_of(mesh, i), i, i, pairs, large)
-
-
-@wp.kernel(enable_backward=False)
-def bin_large_kernel(
-    emit: wp.bool,
-    lanes: wp.int32,
-    at_once: wp.int32,
-    grid: wp.array(dtype=Grid),
-    mesh: Mesh,
-    pairs: Pairs,
-    large: LargeItems,
-):
-    """The same for the queue: ``lanes`` threads share the columns of one triangle."""
-    group, lane = wp.tid()
-    slot = wp.int32(group)
-    while slot < large.size[0]:
-        i = large.items[slot]
-        bin_columns(emit, slot, lane, lanes, grid[0], 0, corners_of(mesh, i), i, i, pairs, large)
-        slot += at_once

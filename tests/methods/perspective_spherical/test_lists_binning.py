@@ -12,7 +12,6 @@ from shadowbench.methods.perspective_spherical.lists.binning import (
     LANES,
     THREAD_TILES,
     PieceQueue,
-    TileBins,
     piece_of,
     queue_large,
 )
@@ -86,51 +85,3 @@ def test_every_tile_of_every_box_is_one_threads_work(lanes):
     if lanes > 1:
         assert queued <= sum(1 + w * h // lanes for w, h in shapes)
         assert queued <= len(shapes) * (int(ENOUGH) // lanes + 1)
-
-
-@pytest.mark.parametrize("sort", ["counting", "radix"])
-def test_pairs_come_out_sorted_and_a_tile_has_its_run(sort):
-    random = np.random.default_rng(5)
-    tiles, slices, count, capacity = 40, 7, 500, 600
-    needs = wp.zeros(2, dtype=wp.int64, device="cpu")
-    bins = TileBins(10, tiles, slices, (capacity, 1, 0), needs, 0, sort, "cpu")
-    bins.clear_pairs()
-    cells = random.integers(0, tiles * slices, count)
-    cells[cells // slices == 3] = 0  # an empty tile
-    ranks = np.zeros(count, dtype=int)
-    for i, cell in enumerate(cells):
-        ranks[i] = (cells[:i] == cell).sum()
-    keys = bins.pairs.keys.numpy()
-    keys[:count] = cells
-    bins.pairs.keys.assign(keys)
-    values = bins.pairs.values.numpy()
-    values[:count] = np.arange(count)
-    bins.pairs.values.assign(values)
-    needs.assign([count, 0])
-    if sort == "counting":
-        assert bins.counted
-        bins.pairs.ranks.assign(np.pad(ranks, (0, capacity - count)))
-        bins.pairs.cell_count.assign(np.bincount(cells, minlength=tiles * slices))
-    bins.launch_sort()
-    keys, values = bins.lists.keys.numpy()[:count], bins.lists.values.numpy()[:count]
-    assert (np.diff(keys) >= 0).all()
-    assert (keys == cells[values]).all()
-    assert sorted(values) == list(range(count))
-    begin, end = bins.lists.begin.numpy(), bins.lists.end.numpy()
-    for tile in range(tiles):
-        assert (keys[begin[tile] : end[tile]] // slices == tile).all()
-    assert (end - begin).tolist() == np.bincount(cells // slices, minlength=tiles).tolist()
-
-
-@pytest.mark.parametrize("sort", ["counting", "radix"])
-def test_pairs_that_do_not_fit_are_no_lists(sort):
-    needs = wp.array([101, 0], dtype=wp.int64, device="cpu")
-    bins = TileBins(1, 3, 2, (100, 1, 0), needs, 0, sort, "cpu")
-    bins.pairs.keys.assign(np.zeros(bins.pairs.keys.shape[0], dtype=np.int32))
-    if sort == "counting":
-        bins.pairs.ranks.assign(np.arange(100))
-        bins.pairs.cell_count.assign([100, 0, 0, 0, 0, 0])
-    for needed, length in ((101, 0), (100, 100)):
-        needs.assign([needed, 0])
-        bins.launch_sort()
-        assert (bins.lists.end.numpy() - bins.lists.begin.numpy()).tolist() == [length, 0, 0]

@@ -14,26 +14,12 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, ray_of
 from ...common.axes import axes_along
 from ...exact.triangle import largest, to_float64
 from ...gpu.reserve import number_in, raise_to
-from .mapping import ray_place, ray_place32, ray_place_centred
-from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
+from ..lists.sorting import PairSink
+from .mapping import CUBE, LightSpace, ray_place
+from .tile_edges import EXTENT, LightTiles, distance_slice, tile_of
 
 FINEST = wp.constant(wp.float64(4.0e-14))
 """Error bound of a direction in float64, relative to its length."""
-
-FACES = 6
-"""Most rectangles of a light grid."""
-
-
-@wp.kernel(enable_backward=False)
-def reset_kernel(box: wp.array(dtype=wp.float64), extent: wp.array(dtype=wp.float64)):
-    """Empty ranges: lows at +inf, highs at -inf."""
-    i = wp.tid()
-    value = wp.float64(wp.INF)
-    if i % EXTENT >= 3:
-        value = -value
-    extent[i] = value
-    if i < 6:
-        box[i] = value
 
 
 @wp.kernel(enable_backward=False)
@@ -168,22 +154,13 @@ def map_kernel(
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
-    light = to_float64(space.proxy_positions[space.index])
-    axes = space.axes[0]
     middle = box_middle(space.box)
     pixel = k
     while pixel < pixels:
         if receiver[pixel] != wp.uint8(0):
-            p = wp.vec4d()
-            if single and space.pads[1] > wp.float64(0.0):
-                beside = hit_points[pixel] - middle
-                p = ray_place_centred(map, axes, beside, space.pads[1], hit_points[pixel] - light)
-            elif single:
-                p = ray_place32(map, axes, hit_points[pixel] - light)
-            else:
-                p = ray_place(map, axes * (hit_points[pixel] - light))
+            p = ray_place(map, single, space, hit_points[pixel], middle)
             place[pixel] = p
-            if map == 2:
+            if map == CUBE:
                 offset = wp.int32(p[3]) * EXTENT
                 for axis in range(3):
                     if p[axis] < extent[offset + axis]:
@@ -194,35 +171,30 @@ def map_kernel(
                 low = wp.min(low, wp.vec3d(p[0], p[1], p[2]))
                 high = wp.max(high, wp.vec3d(p[0], p[1], p[2]))
         pixel += threads
-    if map != 2:
+    if map != CUBE:
         reduce_extent(low, high, k % wp.block_dim(), extent)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def key_kernel(
-    counted: wp.bool,
     space: LightSpace,
     grid: LightTiles,
     receiver: wp.array(dtype=wp.uint8),
     place: wp.array(dtype=wp.vec4d),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
+    pairs: PairSink,
     last_slice: wp.array(dtype=wp.int32),
-    tile_count: wp.array(dtype=wp.int32),
     shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
 
     last_slice  of each shadow ray: the last slice that it reaches
     grid.deepest  int32 [tiles], raised from -1: the last slice that a ray of the tile reaches
-    tile_count  int32 [tiles], raised from 0 if ``counted``: then a ray's value is its number in its tile instead
     """
     pixel = wp.tid()
     shadowed[space.index, pixel] = wp.uint8(0)
-    if not counted:
-        values[pixel] = pixel
+    pairs.values[pixel] = pixel
     if receiver[pixel] == wp.uint8(0):
-        keys[pixel] = grid.faces * grid.tiles * grid.tiles
+        pairs.keys[pixel] = grid.faces * grid.tiles * grid.tiles
         return
     p = place[pixel]
     face = wp.int32(p[3])
@@ -230,34 +202,10 @@ def key_kernel(
     column = tile_of(p[0], grid.extent[offset], grid.extent[offset + 3], grid.tiles)
     row = tile_of(p[1], grid.extent[offset + 1], grid.extent[offset + 4], grid.tiles)
     tile = (face * grid.tiles + row) * grid.tiles + column
-    keys[pixel] = tile
-    if counted:
-        values[pixel] = number_in(tile_count, tile)
+    pairs.keys[pixel] = tile
+    if pairs.counted:
+        pairs.ranks[pixel] = number_in(pairs.cell_count, tile)
     # A triangle is listed from its nearest point on: what lies behind the ray's own slice cannot shadow it.
     slice = distance_slice(p[2] * (wp.float64(1.0) + space.distance_pad), grid, face)
     last_slice[pixel] = slice
     raise_to(grid.deepest, tile, slice)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def place_rays_kernel(
-    tiles: wp.int32,
-    keys: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.int32),
-    tile_count: wp.array(dtype=wp.int32),
-    tile_end: wp.array(dtype=wp.int32),
-    ray_tiles: wp.array(dtype=wp.int32),
-    ray_pixels: wp.array(dtype=wp.int32),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
-):
-    """The counting sort's last step: every ray to its tile; and the run of each tile, over max(pixels, tiles)."""
-    i = wp.tid()
-    if i < tiles:
-        begin[i] = tile_end[i] - tile_count[i]
-        end[i] = tile_end[i]
-    if i < keys.shape[0] and keys[i] < tiles:
-        tile = keys[i]
-        at = tile_end[tile] - tile_count[tile] + numbers[i]
-        ray_tiles[at] = tile
-        ray_pixels[at] = i

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.perspective_spherical.light.mapping import map_bounds, ray_place, ray_place32
-from shadowbench.methods.perspective_spherical.light.placement import FLOAT32_PAD, FLOAT64_PAD
 from shadowbench.methods.perspective_spherical.light.tile_edges import edges_kernel, missed, slope_bounds
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 
@@ -36,25 +34,6 @@ def tile_kernel(
         column, row, stretch[0], planes[i, 0], planes[i, 1], planes[i, 2], wp.float64(1.0e-12)
     )
     slopes[i, tile] = slope_bounds(column, row, planes[i, 0], stretch[0])
-
-
-@wp.kernel(enable_backward=False)
-def bounds_kernel(
-    map: wp.int32, pad: wp.float64, corners: wp.array2d(dtype=wp.vec3d), bounds: wp.array(dtype=wp.vec4d)
-):
-    i = wp.tid()
-    bounds[i] = map_bounds(map, corners[i, 0], corners[i, 1], corners[i, 2], pad)
-
-
-@wp.kernel(enable_backward=False)
-def place_kernel(
-    map: wp.int32, single: wp.bool, points: wp.array(dtype=wp.vec3d), places: wp.array(dtype=wp.vec4d)
-):
-    i = wp.tid()
-    if single:
-        places[i] = ray_place32(map, wp.identity(3, dtype=wp.float64), points[i])
-    else:
-        places[i] = ray_place(map, points[i])
 
 
 def on_cpu(values, kind):
@@ -126,52 +105,3 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
             sure = known & (low > 0)
             assert (bottom[sure] * longest[sure] >= low[sure] - size[sure]).all()
     assert left_out > 100 * (tiles > 3)
-
-
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("name", LIGHT_MAPS)
-@pytest.mark.parametrize("size", [1e-6, 0.01, 0.3, 2.0])
-def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, precision):
-    random = np.random.default_rng(int(100 * size))
-    map, count, samples = LIGHT_MAPS.index(name), 1500, 60
-    centre = random.normal(size=(count, 1, 3))
-    centre[: count // 3, :, 0] *= 0.05  # about the circle that two angles collapse
-    centre[count // 3 : count // 2, :, :2] *= 0.01  # about the poles
-    corners = (
-        centre / np.linalg.norm(centre, axis=2, keepdims=True) + random.normal(size=(count, 3, 3)) * size / 2
-    )
-    points = np.einsum("sk,nkj->nsj", random.dirichlet([0.4, 0.4, 0.4], samples), corners).reshape(-1, 3)
-    places = wp.zeros(len(points), dtype=wp.vec4d, device="cpu")
-    single = precision == "float32"
-    wp.launch(
-        place_kernel,
-        dim=len(points),
-        inputs=[map, single, on_cpu(points, wp.vec3d)],
-        outputs=[places],
-        device="cpu",
-    )
-    u, v, distance, face = places.numpy().reshape(count, samples, 4).transpose(2, 0, 1)
-    np.testing.assert_allclose(
-        distance.ravel(), np.linalg.norm(points, axis=1), rtol=1e-6 if single else 1e-14
-    )
-    keep = np.ones_like(u, dtype=bool)
-    if name == "cube":
-        # The face's own frame, written apart: forward is the axis of the largest coordinate, with its sign.
-        axis = np.abs(points).argmax(axis=1)
-        expected = 2 * axis + (points[np.arange(len(points)), axis] < 0)
-        assert (face.ravel() == expected).mean() > (0.99 if single else 0.999999)
-        keep = face == 0  # the front face is its own frame
-    bounds = wp.zeros(count, dtype=wp.vec4d, device="cpu")
-    pad = FLOAT32_PAD if single else FLOAT64_PAD
-    wp.launch(
-        bounds_kernel, dim=count, inputs=[map, pad, on_cpu(corners, wp.vec3d)], outputs=[bounds], device="cpu"
-    )
-    low_u, high_u, low_v, high_v = bounds.numpy().T[:, :, None]
-
-    def held(x, low, high):
-        turns = (0.0,) if name == "cube" else (-2 * np.pi, 0.0, 2 * np.pi)
-        return np.any([(x + turn >= low) & (x + turn <= high) for turn in turns], axis=0)
-
-    assert held(u, low_u, high_u)[keep].all()
-    assert held(v, low_v, high_v)[keep].all()
-    assert keep.sum() > 1000

@@ -1,4 +1,4 @@
-"""A ray's walk through the cells of the grid: closest hit and any hit."""
+"""A ray's walk through the cells of one grid, and the kernels that trace rays by it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Mesh
-from ..common.grid import Grid, cell_index
-from ..common.grid_walk import FOREVER, TIE, advance, enter, inside, next_leave
+from ...harness.frame.geometry import Mesh, filled
 from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..exact.ray_queries import Found, nothing_found
+from .build import TriangleGrid
+from .grid import Grid, cell_index
+from .walk import FOREVER, TIE, advance, enter, inside, next_leave
+
+REGISTERS = 64
+"""Limit per thread on a GPU: the best on balls-40k and balls-300k."""
 
 
 @wp.struct
@@ -65,6 +69,12 @@ def walk(
     return found
 
 
-def make_kernels(registers: int) -> tuple[Any, Any]:
+def cells_of(built: TriangleGrid) -> Any:
+    """The :class:`Cells` of a grid."""
+    lists = built.binned.list
+    return filled(Cells, grid=built.grid, begin=lists.begin, end=lists.end, members=lists.values)
+
+
+def make_kernels() -> tuple[wp.Kernel, wp.Kernel]:
     """The kernels of primary rays and of shadow rays."""
-    return make_primary_kernel(Cells, walk, registers), make_shadow_kernel(Cells, walk, registers)
+    return make_primary_kernel(Cells, walk, REGISTERS), make_shadow_kernel(Cells, walk, REGISTERS)

@@ -9,8 +9,8 @@ from shadowbench.harness.frame.geometry import Corners
 from shadowbench.methods.exact.segment import occludes
 from shadowbench.methods.exact.triangle import largest, to_float32
 from shadowbench.methods.perspective_spherical.light.segment_tests import (
-    DOUBT,
     NO,
+    UNDECIDED,
     YES,
     segment_bounded,
     segment_exact,
@@ -29,7 +29,7 @@ def verdict_kernel(
     i, j = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     weld = wp.vec3i(0, 1, 2)
-    record = segment_exact(lights[i], triangle, weld, size)
+    record = segment_exact(lights[i], triangle, size)
     h = hits[i, j]
     verdicts[i, j] = segment_bounded(to_float32(h), lights[i], 0.0, record)
     exact[i, j] = occludes(h, lights[i], triangle, weld, wp.float64(largest(triangle.a)))
@@ -72,5 +72,5 @@ def test_a_verdict_without_doubt_is_what_float64_says(distance, scale, middle):
     verdicts, exact = verdicts.numpy(), exact.numpy()
     assert exact[verdicts == int(YES)].all()
     assert not exact[verdicts == int(NO)].any()
-    assert 0 < (verdicts == int(DOUBT)).mean() < 0.95
+    assert 0 < (verdicts == int(UNDECIDED)).mean() < 0.95
     assert (verdicts == int(YES)).any()

@@ -9,8 +9,26 @@ import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.paper_knobs import answers_of
+from shadowbench.harness.frame.geometry import filled
 from shadowbench.methods.perspective_spherical.lists.chunks import Chunks
+from shadowbench.methods.perspective_spherical.lists.sorting import TileLists
 from shadowbench.methods.perspective_spherical.parameters import BALANCING
+
+
+def chunks_of(keys: wp.array, tiles: int, r: int, balancing: str) -> Chunks:
+    """The chunks of sorted rays, of which ``keys`` are the tiles; its second half is room for a sort."""
+    ids = keys.numpy()[: keys.shape[0] // 2]
+    runs = {
+        "begin": np.searchsorted(ids, np.arange(tiles)),
+        "end": np.searchsorted(ids, np.arange(tiles), "right"),
+    }
+    lists = filled(
+        TileLists, keys=keys, values=wp.zeros_like(keys),
+        **{name: wp.array(run, dtype=wp.int32, device=keys.device) for name, run in runs.items()},
+    )  # fmt: skip
+    chunks = Chunks(lists, len(ids), tiles, r, balancing, str(keys.device))
+    chunks.launch()
+    return chunks
 
 
 def test_algorithm_1_as_figure_8_is_described():
@@ -30,8 +48,7 @@ def test_algorithm_1_as_figure_8_is_described():
     a, b = pixels.numpy()[:count], keys.numpy()[:count]
     assert a.tolist() == [1, 3, 6, 2, 7, 4, 0, 5, 8]
     assert b.tolist() == [0, 0, 0, 1, 1, 3, 4, 4, 4]
-    chunks = Chunks(count, tiles, r, "algorithm-1", "cpu")
-    chunks.launch(keys)
+    chunks = chunks_of(keys, tiles, r, "algorithm-1")
     assert chunks.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
     assert chunks.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]  # C
     assert chunks.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]  # D
@@ -53,10 +70,10 @@ def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(so
     session, _, answers = answers_of(prepared, 23, 17, settings, device)
     (light,) = session.method.lights
     hits = np.flatnonzero(answers["triangle"].reshape(-1) >= 0)
-    a, b = light.ray_values.numpy()[: len(hits)], light.ray_keys.numpy()[: 23 * 17]
+    a, b = light.rays.lists.values.numpy()[: len(hits)], light.rays.lists.keys.numpy()[: 23 * 17]
     assert sorted(a.tolist()) == hits.tolist()
     assert (np.diff(b) >= 0).all()
-    assert (b < light.tile_count).sum() == len(hits)
+    assert (b < light.rays.tiles).sum() == len(hits)
     total = int(light.chunks.numCBlocks.numpy()[0])
     first = light.chunks.outArr.numpy()[: total + 1]
     counts = np.bincount(b[: len(hits)])
@@ -77,8 +94,7 @@ def test_both_balancings_make_the_same_chunks(seed, device):
     for r in (1, 2, 7, 64, 1000):
         made = []
         for balancing in BALANCING:
-            chunks = Chunks(rays, tiles, r, balancing, device)
-            chunks.launch(keys)
+            chunks = chunks_of(keys, tiles, r, balancing)
             total = int(chunks.numCBlocks.numpy()[0])
             made.append(chunks.outArr.numpy()[: total + 1].tolist())
             assert total <= chunks.capacity

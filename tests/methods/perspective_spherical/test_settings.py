@@ -7,19 +7,12 @@ import inspect
 
 import numpy as np
 import pytest
-import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.closed_meshes import grid_of_squares
 from helpers.paper_knobs import answers_of, drawn, same
-from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.scene.effects import Limits
-from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
-from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
-from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
-from shadowbench.methods.perspective_spherical.variants import VARIANTS
-from tools.kernel_report import uses_of
 
 
 @pytest.mark.parametrize("light_map", LIGHT_MAPS)
@@ -83,36 +76,6 @@ def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     assert (got["shadowed"] == 0).all()
 
 
-@pytest.mark.parametrize("light_map", LIGHT_MAPS)
-@pytest.mark.parametrize("aimed", ["true", "false"])
-def test_float32_coordinates_are_never_wrong(light_map, aimed):
-    random = np.random.default_rng(5)
-    vertices, faces = soup(21, 60)
-    for distance in (0.3, 30.0, 1e3, 1e5, 1e6):
-        light = tuple(random.normal(size=3) * distance)
-        prepared = make_scene(vertices, faces, [light])
-        _, _, exact = answers_of(prepared, 40, 40, {})
-        settings = {"precision": "float32", "light_map": light_map, "aimed": aimed, "light_tiles": "100"}
-        _, _, got = answers_of(prepared, 40, 40, settings)
-        same(got, exact, (settings, distance))
-
-
-def test_float32_world_axes_need_pairs_without_end_where_float64_needs_few():
-    vertices, faces = soup(22, 300, size=0.1)
-    prepared = make_scene(vertices, faces, [(3e6, 8e6, 2e6)])
-    counts = {}
-    for precision in ("float64", "float32"):
-        session, _, _ = answers_of(prepared, 40, 40, {"precision": precision, "aimed": "false"})
-        counts[precision] = session.method.counters()
-    assert counts["float32"]["light 0 tiles with rays"] < 10 < counts["float64"]["light 0 tiles with rays"]
-    with pytest.raises(CapacityRejected, match=r"needs [\d,]+ \(triangle, cell\) pairs"):
-        answers_of(
-            prepared, 40, 40,
-            {"precision": "float32", "aimed": "false", "skip_empty": "false", "pair_capacity": "1"},
-            limits=Limits(memory=1 << 20),
-        )  # fmt: skip
-
-
 @pytest.mark.parametrize(
     "setting", [("k", "0"), ("light_map", "flat"), ("clamp", "tight"), ("r", "0"), ("cull", "all")]
 )
@@ -125,73 +88,6 @@ def test_every_parameter_is_documented():
     for block in (Build, Trace):
         for field in dataclasses.fields(block):
             assert f"\n{field.name} " in inspect.getdoc(block), field.name
-
-
-@pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
-def test_staged_kernels_give_the_bits_of_their_twins(triangle_test, monkeypatch):
-    """Blocks of more than one thread on a CPU: tracing tiles that do not fill a block, or need several."""
-    vertices, faces = soup(31, 60, size=0.8)
-    prepared = make_scene(vertices, faces, [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
-    for settings in (
-        {"tile": "4", "k": "2", "r": "40"},
-        {"tile": "6", "k": "3", "r": "33", "triangle_chunk": "5", "light_tiles": "4"},
-        {"tile": "9", "k": "2", "r": "200", "light_tiles": "2", "slices": "1", "light_slices": "1"},
-        {"tile": "1", "k": "7", "r": "33"},
-    ):
-        settings["triangle_test"] = triangle_test
-        if triangle_test != "exact" and "triangle_chunk" not in settings:
-            continue  # every block is a compiled variant: seconds each
-        _, _, plain = answers_of(prepared, 21, 18, settings)
-        with monkeypatch.context() as patch:
-            patch.setattr(wp.config, "enable_cpu_blocks", True)
-            session, _, staged = answers_of(prepared, 21, 18, {**settings, "staging": "shared"})
-            assert session.method.built()["staging"] == "shared"
-        same(staged, plain, settings)
-
-
-def test_counters_add_up():
-    vertices, faces = soup(50, 300)
-    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
-    found = []
-    for settings in ({}, {"skip_empty": "false"}, {"depth_lists": "spans"}, {"k": "2", "r": "3"}):
-        session, _, got = answers_of(prepared, 60, 50, {"light_tiles": "32", **settings})
-        counts = session.method.counters()
-        found.append(counts)
-        primary, shadow = session.method.tests_per_pixel()
-        assert counts["primary tests"] == primary.sum()
-        assert counts["shadow tests"] == shadow.sum()
-        assert counts["light 0 rays"] == (got["triangle"] >= 0).sum()
-        r = int(settings.get("r", 32))
-        assert counts["light 0 lanes"] == counts["light 0 chunks"] * r >= counts["light 0 rays"]
-        assert counts["light 0 chunks"] >= counts["light 0 tiles with rays"]
-        for grid in ("camera", "light 0"):
-            mean = counts[f"{grid} pairs"] / counts[f"{grid} occupied tiles"]
-            assert abs(counts[f"{grid} list, mean"] - mean) <= 0.5
-            assert counts[f"{grid} list, mean"] <= counts[f"{grid} list, longest"]
-            assert counts[f"{grid} list, p99"] <= counts[f"{grid} list, longest"]
-            assert (
-                counts[f"{grid} occupied tiles"]
-                <= counts[f"{grid} occupied cells"]
-                <= counts[f"{grid} pairs"]
-            )
-    assert found[0]["light 0 pairs"] < found[1]["light 0 pairs"]
-    assert found[2]["camera pairs"] > found[0]["camera pairs"]
-
-
-MADE = {
-    **{f"trace {v}": (make_trace_kernel, v) for v in VARIANTS},
-    **{f"shadow {v}": (make_shadow_kernel, v) for v in VARIANTS},
-    **{f"resolve {v}": (make_resolve_kernel, v) for v in VARIANTS[:2]},
-    **{f"bound {map}": (make_bound_kernel, map) for map in range(len(LIGHT_MAPS))},
-}
-"""Factories and what they are given. Staged kernels are hot: ``test_kernel_report`` reads their binaries."""
-
-
-@pytest.mark.parametrize("name", MADE)
-def test_a_kernel_that_is_made_for_settings_compiles_without_a_gpu(name):
-    """Those of whole modules are compiled in ``test_cuda_compiles``."""
-    make, given = MADE[name]
-    assert uses_of(make(given).module)
 
 
 def test_lights_moved_between_frames_equal_fresh_ones_under_other_knobs():

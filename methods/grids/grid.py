@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.bounds import box_high, box_low
 from ..exact.triangle import largest, to_float64
-from .bounds import box_high, box_low
 
 FINEST_SLACK = wp.constant(wp.float64(2.0**-16))
 ROUNDING = wp.constant(wp.float64(2.0**-46))

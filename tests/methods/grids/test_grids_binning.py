@@ -1,0 +1,60 @@
+"""Which cells a triangle is listed in: all that it meets, and few others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.method_trials import TRIALS, assert_exact, lattice, random_trial, trace
+
+NAME = "uniform_grid"
+
+
+@pytest.mark.parametrize("density", ["0.3", "4", "60"])
+@pytest.mark.parametrize(
+    "trial", ["random", "teapot in a stadium", "triangles through every cell", "eye in a box"]
+)
+def test_every_cell_that_a_triangle_meets_lists_it(trial, density):
+    """Points all over each triangle, and on its edges: the cell of each must hold the triangle."""
+    prepared, width, height = random_trial(5) if trial == "random" else TRIALS[trial]
+    session, moment, _ = trace(NAME, {"density": density}, prepared, width, height)
+    method = session.method
+    grid = method._grid.grid.numpy()[0]
+    begin, end, members = (
+        getattr(method._grid.binned.list, name).numpy() for name in ("begin", "end", "values")
+    )
+    random = np.random.default_rng(0)
+    weights = np.concatenate(
+        [random.dirichlet([0.4] * 3, 400), np.eye(3), random.dirichlet([1.0] * 2, 50) @ np.eye(3)[:2]]
+    )
+    lists = [set(members[b:e]) for b, e in zip(begin, end, strict=True)]
+    for i in np.nonzero(moment.valid)[0]:
+        p = weights @ moment.points[prepared.faces[i]].astype(np.float64)
+        cell = np.floor((p - grid["origin"]) * grid["scale"]).astype(int)
+        assert (cell >= 0).all()
+        assert (cell < grid["res"]).all()
+        flat = (cell[:, 2] * grid["res"][1] + cell[:, 1]) * grid["res"][0] + cell[:, 0]
+        assert all(i in lists[k] for k in flat)
+
+
+def test_a_slanted_triangle_is_not_binned_by_its_box():
+    """One triangle across the diagonal of a grid: its cells go with its area, far fewer than its box has."""
+    vertices, faces = np.array([[-1.0, -1, -1], [1, 1, -1], [-1, 1, 1]]), [[0, 1, 2]]
+    session, _, _ = trace(NAME, {"density": "1000"}, make_scene(vertices, faces, [(0.0, 0.0, 5.0)]), 8, 8)
+    counters = session.method.counters()
+    assert 700 <= counters["cells"] <= 1000
+    assert counters["pairs"] == counters["occupied cells"]
+    assert 60 <= counters["pairs"] <= 250
+
+
+def test_large_triangles_take_the_queue_and_change_nothing():
+    vertices, faces = soup(5, 300, size=0.02)
+    wide, sheet = lattice(1, 3.0)
+    prepared = make_scene(
+        np.concatenate([vertices, wide + [0.0, 0.0, -1.0]]),
+        np.concatenate([faces, sheet + len(vertices)]),
+        [(0.0, 0.0, 4.0)],
+    )
+    session, _, _ = trace(NAME, {"density": "60"}, prepared, 16, 16)
+    assert session.method.counters()["large triangles"] >= 2
+    assert_exact(NAME, {"density": "60"}, prepared, 16, 16)

@@ -1,0 +1,21 @@
+"""Where a grid lies: its cells are as many as there is room for, whatever the shape of the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.method_trials import trace
+
+NAME = "uniform_grid"
+
+
+@pytest.mark.parametrize(
+    "extent", [(1, 1, 1), (1, 1, 0), (1, 0, 0), (1000, 1, 1), (1, 1000, 1e-3), (1e-6, 1e-6, 1)]
+)
+def test_cells_never_exceed_what_was_made_room_for(extent):
+    vertices, faces = soup(9, 200, size=0.1)
+    flat = vertices * np.asarray(extent) + np.eye(3)[np.arange(len(vertices)) % 3] * 1e-4
+    session, _, _ = trace(NAME, {"density": "5"}, make_scene(flat, faces, [(0.0, 0.0, 5.0)]), 4, 4)
+    counters = session.method.counters()
+    assert 100 <= counters["cells"] <= 1000
