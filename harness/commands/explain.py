@@ -159,7 +159,7 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
         hits.origins.astype(np.float64), hits.directions.astype(np.float64), hits.triangle, edges_only=True
     )
     point = referee.hit_points(hits)
-    outside = not_receivers(judge.prepared, judge.moment, hits.triangle)
+    outside, _ = not_receivers(judge.prepared, judge.moment, hits.triangle)
     shadows = []
     for i in np.nonzero(judge.wanted)[0].tolist():
         entry: dict[str, Any] = {"light": i, "bit": 0, "occluder": -1, "shadow_ray": not outside[i, 0]}

@@ -88,19 +88,21 @@ class Session(PassRunner):
         self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes
 
-    def _widen(self, moment: Moment) -> None:
-        """Plan again, for more digits, where a moment needs them for the first time (:mod:`..scene.width`)."""
-        if self.effects.wide:
-            return
+    def _adapt(self, moment: Moment) -> None:
+        """Plan again where a moment needs more digits than the one before, or no more of them (:mod:`..scene.width`)."""
         if self._sizes is None or self._sizes.points is not moment.points:
             self._sizes = Sizes(moment.points, self.frame.prepared.faces, moment.valid)
-        if is_wide(moment, self._sizes):
-            self.effects = replace(self.effects, wide=True)
+        wide = is_wide(moment, self._sizes)
+        if wide != self.effects.wide:
+            self.effects = replace(self.effects, wide=wide)
             self._plan()
 
     def load(self, moment: Moment) -> None:
         """Copy the next moment to the device. All passes will run."""
-        self._widen(moment)
+        self._adapt(moment)
+        self._load(moment)
+
+    def _load(self, moment: Moment) -> None:
         self.made = None
         self.frame.load(moment)
         self.passes = self.all_passes
@@ -115,9 +117,9 @@ class Session(PassRunner):
         All passes run if the last frame may be incomplete (the first frame, one that was loaded but not run to its
         end, one that was rejected) or if a capacity is exceeded.
         """
-        self._widen(moment)
+        self._adapt(moment)
         changed = changes(self.made, moment)
-        self.load(moment)
+        self._load(moment)
         self.select(changed)
         self.select(changed | self._outdated_inputs(self.passes))
         self.run()

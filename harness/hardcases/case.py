@@ -89,7 +89,7 @@ def view(
     towards: Sequence[float] | F64,
     half: float = 1.0,
     size: tuple[int, int] = (16, 16),
-    up: Sequence[float] | None = None,
+    up: Sequence[float] | F64 | None = None,
     turn: int = 0,
     scale: float = 1.0,
     stated: Counts | None = None,

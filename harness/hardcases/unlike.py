@@ -1,5 +1,5 @@
-"""P60, S60-S62, V axis: triangles far larger than the eye's distance, occluders at the very ends of a segment, and axes of
-unlike scale.
+"""P60, S60-S63, V axis: triangles far larger than the eye's distance, occluders at the very ends of a segment, spots whose
+borders touch a contact of two surfaces, and axes of unlike scale.
 
 An edge whose ends are 1e9 and more times as far away as what passes it is decided by digits that float64 does not have.
 """
@@ -11,7 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from .case import Counts, HardCase, Trial, joined, quad, triangles, view
+from ..scene.light_paths import vector
+from .case import Counts, HardCase, Mesh, Trial, joined, plane, quad, soup, spot_light, triangles, view
 from .variants import ball_on_floor
 
 EDGE, THIRD = np.array([3.0, 2.0, 1.0]), np.array([-5.0, 7.0, 2.0])
@@ -71,14 +72,36 @@ def before_the_hit(distance: float, gap: float, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
-def thin_axis(power: int, turn: int) -> Trial:
-    """A ball on a floor, with one axis multiplied by a power of two: no exact answer changes."""
-    points, faces = ball_on_floor()
+def spots_at_a_contact(tilted: bool, turn: int = 0) -> Trial:
+    """A wall stands on a floor, on which there are spots that light what is above it: every hit of the floor is on their
+    border, where rounding of the hit point decides whether it has a shadow ray. A rectangle and a cone of another light
+    touch the line of the contact. A plate through the floor shadows both."""
+    axes = np.array([(2, -1, 2), (2, 2, -1), (-1, 2, 2)] if tilted else np.eye(3))
+
+    def placed(*p: float) -> tuple[float, float, float]:
+        return vector(axes @ p)
+
+    over, above, below, up = placed(0, 0, 1), placed(0.625, -0.25, 0), placed(0, 0, -1), placed(0, 1, 0)
+    spots = [
+        spot_light(over, below, 45.0, 60.0, up), spot_light(over, below, 45.0, None, up),
+        spot_light(above, over, 90.0, None, up), spot_light(above, over, 90.0, 90.0, up),
+    ]  # fmt: skip
+    plate = quad((0.5, -0.125, -1), (0.75, -0.125, -1), (0.75, 0.125, 1), (0.5, 0.125, 1))
+    points, faces = joined(plane(2, 0, 3), plane(0, 1, 3), plate)
+    eye, towards = placed(-0.3, -0.9, 1.7), placed(0.93, 1.05, -1.7)
+    return view((points @ axes.T, faces), spots, eye, towards, 0.5, up=over, turn=turn)
+
+
+def thin_axis(power: int, turn: int, mesh: Mesh) -> Trial:
+    """A mesh with one axis multiplied by a power of two, as are the lights, the eye and what the picture shows of that axis:
+    its columns are all but one."""
     factors = np.array([1.0, 1.0, 2.0**power])
-    lights = [tuple(np.array(place) * factors) for place in ((1, 2.5, 0.5), (-0.4, 0.1, 0.7))]
+    eye, towards, *lights = (
+        vector(np.array(p) * factors)
+        for p in ((0.3, 1.7, 1.5), (-0.2, -1.3, -1.5), (1, 2.5, 0.5), (-0.4, 0.1, 0.7))
+    )
     return view(
-        (points * factors, faces), lights, np.array((0.3, 1.7, 3.1)) * factors, (-0.1, -0.45, -(2.0**power)), 0.5, (24, 24),
-        turn=turn,
+        (mesh[0] * factors, mesh[1]), lights, eye, towards, 2.0**power, (2, 128), up=(0, 0, 1), turn=turn,
     )  # fmt: skip
 
 
@@ -103,11 +126,22 @@ def _cases() -> Iterator[HardCase]:
                 f"S62 {distance:g} {gap:g}", f"an occluder {gap:g} above the hit point, a light at {distance:g}",
                 "a surface near the hit point taken for its own", partial(before_the_hit, distance, gap, k),
             )  # fmt: skip
-    for turn, power in enumerate((-20, -40, -60)):
+    for turn in range(4):
         yield HardCase(
-            f"V axis {power}", f"ball on a floor, one axis times 2^{power}", "bounds by the largest coordinate",
-            partial(thin_axis, power, turn),
+            f"S63 {turn}", "spots whose borders touch a contact of two surfaces",
+            "rounding of the hit point decides on which side of a spot's border it is",
+            partial(spots_at_a_contact, turn > 0, turn % 3),
         )  # fmt: skip
+    meshes = (
+        ("", "a ball on a floor", ball_on_floor()),
+        (" flat", "triangles of which none stays steep", soup(7, 24, 1.0)),
+    )
+    for suffix, title, mesh in meshes:
+        for turn, power in enumerate((-20, -40, -60)):
+            yield HardCase(
+                f"V axis {power}{suffix}", f"{title}, one axis times 2^{power}", "bounds by the largest coordinate",
+                partial(thin_axis, power, turn, mesh),
+            )  # fmt: skip
 
 
 CASES = tuple(_cases())

@@ -98,7 +98,8 @@ def _classify_bits(
 ) -> NDArray[np.int8]:
     """The class of every light's bits where the triangle is right. int8 [lights, pixels]
 
-    Hit points that are not receivers have no shadow ray: a bit that is set there is an error.
+    Hit points that are not receivers have no shadow ray: a bit that is set there is an error. At the border of a spot the
+    answer of either side is excused.
     """
     result = np.full(checked.shadow_invalid.shape, -1, dtype=np.int8)
     for i, light in enumerate(judge.moment.lights):
@@ -107,15 +108,17 @@ def _classify_bits(
             classes[bits != 0] = Verdict.INVALID  # a light without shadows: every bit must be 0
             continue
         scored = named & (checked.answers["triangle"] >= 0)
-        outside = checked.outside[i]
+        outside, border = checked.outside[i], checked.border[i]
         classes[scored] = Verdict.OK
-        classes[scored & outside & (bits != 0)] = Verdict.ACNE
-        rows = np.nonzero((scored & ~outside)[selection.judged])[0]
+        classes[scored & outside & ~border & (bits != 0)] = Verdict.ACNE
+        rows = np.nonzero((scored & (~outside | border))[selection.judged])[0]
         pixels = selection.judged[rows]
         exact_bits = exact.occluders[i, rows] >= 0
-        classes[pixels] = judge.referee.classify_shadow(
-            exact.hits.take(rows), light, bits[pixels], exact_bits
-        )
+        found = judge.referee.classify_shadow(exact.hits.take(rows), light, bits[pixels], exact_bits)
+        other_side = border[pixels] & exact_bits & ((bits[pixels] == 1) == outside[pixels])
+        found[border[pixels] & (bits[pixels] == 0)] = Verdict.OK
+        found[other_side] = Verdict.EDGE
+        classes[pixels] = found
         classes[checked.shadow_invalid[i]] = Verdict.INVALID
     return result
 

@@ -28,6 +28,7 @@ class Checked:
 
     answers          as a method gives them; ``shadowed`` uint8 [lights, pixels]
     outside          bool [lights, pixels]: hit points that have no shadow ray to the light (:mod:`.judge.receivers`)
+    border           bool [lights, pixels]: hit points within rounding of a spot's border
     primary_invalid  bool [pixels]: poison, NaN, an index out of range, a triangle never hit, a miss with other values
     shadow_invalid   bool [lights, pixels]: neither 0 nor 1, or 1 at a miss
     t_wrong, uv_wrong  bool [pixels]: beyond the tolerance for the triangle that was given
@@ -37,6 +38,7 @@ class Checked:
 
     answers: dict[str, NDArray]
     outside: NDArray[np.bool_]
+    border: NDArray[np.bool_]
     primary_invalid: NDArray[np.bool_]
     shadow_invalid: NDArray[np.bool_]
     t_wrong: NDArray[np.bool_]
@@ -49,9 +51,9 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
     """Check the answers of a method (numpy arrays as :meth:`.frame.frame.Answers.to_host` gives them).
 
     A t is wrong where the point eye + t d lies further from the triangle's plane than the float32 rounding of
-    coordinates, and of the triangle's own normal (worse the thinner it is), can move it:
-    |t - t*| |n . d| > 64 * 2^-24 t |n . d| + bound * (1 + |e| |f| / |e x f|), n the unit normal. For u and v the
-    same displacement, divided by the triangle's heights.
+    coordinates can move that: |t - t*| |n . d| > 64 * 2^-24 t |n . d| + bound, n the unit normal. For u and v the
+    same displacement, divided by the triangle's heights. How thin the triangle is does not excuse a t: rounding turns the
+    normal of a sliver, but within the triangle its points move no further than the corners.
     """
     triangle, t = answers["triangle"], answers["t"]
     u, v = answers["u"], answers["v"]
@@ -66,7 +68,7 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
     shadow_invalid = (shadowed > 1) | ((shadowed != 0) & ~known[None, :])
     result = Checked(
         {**answers, "shadowed": shadowed},
-        not_receivers(prepared, moment, triangle),
+        *not_receivers(prepared, moment, triangle),
         ~(sound_hit | sound_miss),
         shadow_invalid,
         np.zeros(len(triangle), dtype=bool),
@@ -104,7 +106,7 @@ def _check_hits(
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.linalg.norm(d, axis=1)
         met = o + np.where(np.isfinite(exact_t), exact_t, 0.0)[:, None] * d
-        slack = edge_bound(o, met) * (1 + lengths[0] * lengths[1] / area)
+        slack = edge_bound(o, met)
         # A coplanar ray has no t on this triangle: the referee judges the triangle, there is nothing to compare.
         real = steep > 2.0**-45 * speed
         result.t_wrong[pixels] = real & ~(error * steep <= T_UNITS * UNIT * exact_t * steep + slack)

@@ -84,6 +84,6 @@ class Judge:
     def checked_reference(self) -> Checked:
         """The answers of the reference in the form of a method's answers: bits are 0 where there is no shadow ray."""
         answers = self.reference.answers()
-        outside = not_receivers(self.prepared, self.moment, answers["triangle"])
+        outside, _ = not_receivers(self.prepared, self.moment, answers["triangle"])
         answers["shadowed"] = np.where(outside, 0, answers["shadowed"]).astype(np.uint8)
         return check_consistency(self.prepared, self.moment, answers)

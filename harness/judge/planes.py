@@ -28,7 +28,7 @@ def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
         area = np.linalg.norm(normal, axis=1)
         under, over = np.einsum("ij,ij->i", normal, d), np.einsum("ij,ij->i", normal, a - o)
         slope = under / area
-        t = over / area / slope
+        t = over / under
         p = o + t[:, None] * d - a
         u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
         v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2

@@ -17,6 +17,7 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Spot
 from ..scene.spotlight import CONE, DOUBT, NO_SPOT, SPOT, spot_row
+from .arithmetic import edge_bound
 from .planes import plane_numbers
 
 
@@ -34,6 +35,28 @@ def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArr
         return (f >= 0.0) | (f * f <= square)
     r, u = v @ row[4:7], v @ row[7:10]
     return (np.abs(np.arctan2(r, f)) <= row[10]) & (np.abs(np.arctan2(u, np.hypot(f, r))) <= row[11])
+
+
+def near_border(
+    moment: Moment, points: NDArray[np.floating], light: int, bound: NDArray[np.floating]
+) -> NDArray[np.bool_]:
+    """Which hit points [n, 3] lie within ``bound`` [n] of the border of a light's spot: rounding decides them."""
+    if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
+        return np.zeros(len(points), dtype=bool)
+    row = moment.spots[light]
+    v = np.asarray(points, dtype=np.float64) - moment.lights[light].astype(np.float64)
+    f, r, u = v @ row[1:4], v @ row[4:7], v @ row[7:10]
+    if row[0] == CONE:
+        away = _from_ray(f, np.hypot(r, u), float(np.arccos(row[10])))
+    else:
+        away = np.minimum(_from_ray(f, np.abs(r), row[10]), _from_ray(np.hypot(f, r), np.abs(u), row[11]))
+    return away <= bound
+
+
+def _from_ray(x: NDArray, y: NDArray, angle: float) -> NDArray[np.float64]:
+    """Distances of points (x, y) in a plane from the ray from 0 at an angle to the x axis."""
+    ahead = x * np.cos(angle) + y * np.sin(angle) > 0.0
+    return np.where(ahead, np.abs(y * np.cos(angle) - x * np.sin(angle)), np.hypot(x, y))
 
 
 def facing(
@@ -72,12 +95,16 @@ def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float6
     return receivers(moment, away, 0) * np.maximum(cosine, 0.0) ** spot.falloff
 
 
-def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), bool [lights, pixels].
+def not_receivers(
+    prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), and which are within
+    :func:`.arithmetic.edge_bound` of a spot's border, so that they may have one or not: bool [lights, pixels] each.
 
     ``triangle`` [pixels]: the triangle that each pixel hits; the points are float64, on the triangles' planes.
     """
     outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
+    border = outside.copy()
     limited = [
         i
         for i in range(len(moment.lights))
@@ -85,13 +112,16 @@ def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integ
     ]
     hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
     if not limited or not len(hit):
-        return outside
+        return outside, border
     origins, directions = (part(hit).astype(np.float64) for part in (moment.origins, moment.directions))
     corners = moment.points[prepared.faces[triangle[hit]]].astype(np.float64)
     t = plane_numbers(corners, origins, directions)[0]
+    points = origins + t[:, None] * directions
+    bound = edge_bound(origins, points)
     for i in limited:
-        wanted = receivers(moment, origins + t[:, None] * directions, i)
+        wanted = receivers(moment, points, i)
+        border[i, hit] = near_border(moment, points, i, bound)
         if moment.facing:
             wanted &= facing(moment, corners, i, origins)
         outside[i, hit] = ~wanted
-    return outside
+    return outside, border

@@ -17,19 +17,17 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.effects.specialise import effects
-from ...harness.frame.geometry import Corners, Ray
-from ...harness.frame.vectors import largest, to_float32, to_float64, total
-from .digits import (
-    exact_product,
+from ...harness.frame.digits import (
     fused,
-    lost_in_product,
     lost_in_sum,
     precise_product,
-    rounded_product,
+    wide_hit_point,
     wide_side,
     wide_slope,
 )
+from ...harness.frame.effects.specialise import effects
+from ...harness.frame.geometry import Corners, Ray
+from ...harness.frame.vectors import largest, to_float32, to_float64, total
 
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
@@ -157,21 +155,6 @@ def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     near = nearest_corner(p, a64, b64, c64)
     n = wp.cross(b64 - a64, c64 - a64)
     return p - d64 * (wp.dot(n, p - near) / wp.dot(n, d64))
-
-
-@wp.func
-def wide_hit_point(ray: Ray, corners: Corners) -> wp.vec3d:
-    """:func:`hit_point` in a wide frame: o + t d with t in twice the digits, each coordinate rounded once."""
-    o = to_float64(ray.origin)
-    d = to_float64(ray.direction)
-    over = -exact_product(corners.a, corners.b, corners.c, o, True)
-    under = exact_product(corners.a, corners.b, corners.c, d, False)
-    t = over[0] / under[0]
-    t_lost = (fused(-t, under[0], over[0]) + (over[1] - t * under[1])) / under[0]
-    t3 = wp.vec3d(t, t, t)
-    way = rounded_product(d, t3)
-    p = o + way
-    return p + (lost_in_sum(o, way, p) + (lost_in_product(d, t3, way) + d * t_lost))
 
 
 @wp.func

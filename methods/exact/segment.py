@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.digits import wide_side
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners
-from .digits import wide_side
 from .hit_point import hit_error, wide_hit_error
 from .triangle import (
     CLOSED,

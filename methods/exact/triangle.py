@@ -19,13 +19,13 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.digits import products_of_normal, sum_of_sizes, wide_slope
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Hits, Mesh, Ray, corners_of, weld_of
 from ...harness.frame.vectors import largest as largest
 from ...harness.frame.vectors import to_float32 as to_float32
 from ...harness.frame.vectors import to_float64 as to_float64
 from ...harness.frame.vectors import total as total
-from .digits import products_of_normal, sum_of_sizes, wide_slope
 from .hit_point import U64 as U64
 from .hit_point import hit_point, plane_distance
 

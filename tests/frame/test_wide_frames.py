@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 import warp as wp
 from helpers.judged_hard_cases import exact_methods, judged, settings_of
+from shadowbench.harness.frame import session as sessions
+from shadowbench.harness.frame.digits import exact_product, wide_side
 from shadowbench.harness.frame.effects.specialise import named, specialised
 from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.harness.frame.registry import make_method
@@ -15,7 +18,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.judge import same_bits
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.harness.scene.scene import Camera
-from shadowbench.methods.exact.digits import exact_product, wide_side
+from shadowbench.harness.scene.width import Sizes
 from shadowbench.methods.exact.hit_point import hit_point, plane_distance
 
 SETTINGS = [(name, settings) for name, given in exact_methods() for settings in settings_of(name, given)]
@@ -32,33 +35,58 @@ def session_of(name: str, settings: dict[str, str], case: str) -> Session:
 
 @pytest.mark.parametrize(("name", "settings"), SETTINGS, ids=str)
 def test_every_kernel_that_a_wide_frame_launches_has_the_digits(name, settings, monkeypatch) -> None:
-    launch, without = wp.launch, set()
+    """No kernel runs, so that none is compiled."""
+    launched, without = set(), set()
 
     def noted(kernel, *given, **more):
+        launched.add(kernel.key)
         if "wide" in named(kernel) and not getattr(kernel.func.__globals__.get("effects"), "wide", False):
             without.add(kernel.key)
-        return launch(kernel, *given, **more)
 
     session = session_of(name, settings, "S60 33")
     monkeypatch.setattr(wp, "launch", noted)
     session.answers(judged("S60 33").trial.moment)
     assert session.effects.wide
+    assert launched
     assert without == set()
 
 
 @pytest.mark.parametrize("name", ["bvh2", "ray_grids", "uniform_grid"])
-def test_a_session_plans_again_at_its_first_wide_moment_and_gives_a_fresh_ones_bits(name) -> None:
+def test_a_session_plans_again_where_a_moment_is_wide_or_is_not_and_gives_a_fresh_ones_bits(name) -> None:
     trial = judged("P60 33").trial
     size = trial.moment.width, trial.moment.height
     away = trial.prepared.moment(0, *size, camera=Camera((0.0, 0.0, 2.0**33), (0.0, 0.0, 0.0)))
     session = session_of(name, {}, "P60 33")
-    session.answers(away)
-    assert not session.effects.wide
-    session.advance(trial.moment)
+    for moment, wide in ((away, False), (trial.moment, True), (away, False)):
+        session.advance(moment)
+        assert session.effects.wide == wide
+        fresh = session_of(name, {}, "P60 33").answers(moment)
+        played = session.frame.answers.to_host()
+        assert all(same_bits(played[key], fresh[key]) for key in fresh)
+
+
+def test_sizes_are_measured_once_for_a_mesh_and_never_while_a_frame_runs(monkeypatch) -> None:
+    trial = judged("V axis -20").trial
+    size = trial.moment.width, trial.moment.height
+    measured = []
+    monkeypatch.setattr(sessions, "Sizes", lambda *mesh: measured.append(1) or Sizes(*mesh))
+    session = session_of("bvh2", {}, "V axis -20")
+    for x in (1.0, 2.0):
+        session.load(trial.prepared.moment(0, *size, camera=Camera((x, 1.5, 2.0), (0.0, 0.0, 0.0))))
+    assert len(measured) == 1
     assert session.effects.wide
-    fresh = session_of(name, {}, "P60 33").answers(trial.moment)
-    played = session.frame.answers.to_host()
-    assert all(same_bits(played[key], fresh[key]) for key in fresh)
+    with monkeypatch.context() as within:
+        within.setattr(sessions, "is_wide", None)
+        session.run_complete()
+    factors = np.float32([1, 1, 2.0**20])
+    session.load(
+        replace(
+            trial.moment,
+            **{name: getattr(trial.moment, name) * factors for name in ("points", "eye", "lights")},
+        )
+    )
+    assert len(measured) == 2
+    assert not session.effects.wide
 
 
 @wp.kernel(enable_backward=False)

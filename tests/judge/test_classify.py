@@ -59,6 +59,20 @@ def test_class_of_a_primary_answer(x, y, given, expected):
     assert primary_class(x, y, given) == expected
 
 
+@pytest.mark.parametrize("power", [0, 31, 60, 100])
+@pytest.mark.parametrize(("share", "claimed", "lost"), [(0.9, "EDGE", "EDGE"), (1.1, "TRUE", "TRUE")])
+def test_distances_from_an_edge_are_known_however_far_its_ends_are(power, share, claimed, lost):
+    """A vertical ray that passes the edge of a giant triangle in a share of the bound: a hit claimed outside it, and one
+    lost inside."""
+    corners = np.float32([(-3, -2, 0), (6, 4, 0), (-5, 7, 0)]) * np.float32(2.0**power)
+    referee = Referee(corners, np.int32([(0, 1, 2)]), np.ones(1))
+    for side, given, expected in ((1, 0, claimed), (-1, -1, lost)):
+        eye = np.float32([2 * side * share * 2.0**-20 / 13**0.5, -3 * side * share * 2.0**-20 / 13**0.5, 1])
+        hits = referee.closest(eye[None], np.float32([(0, 0, -1)]))
+        assert hits.triangle[0] == -1 - given
+        assert Verdict(int(referee.classify_primary(hits, np.array([given]))[0])).name == expected
+
+
 def test_a_layer_a_hair_behind_is_a_near_tie_and_one_further_is_not():
     assert primary_class(0.5, 0.25, 2, slice(2, 6)) == "NEAR_TIE"
     assert primary_class(0.5, 0.25, 0, slice(2, 6)) == "OK"
@@ -147,10 +161,10 @@ def test_distances_of_segments():
     p, q = np.float64([[0, 0, 0]]), np.float64([[0, 0, 4]])
     ask = lambda a, b: tuple(float(x[0]) for x in segment_to_segment(p, q, *np.float64([[a], [b]])))  # noqa: E731
     assert ask((1, -1, 1), (1, 1, 1)) == (1.0, 0.25)  # inside both
-    assert ask((3, 0, 2), (3, 0, 8))[0] == 3.0  # parallel: any share in common
-    assert ask((0, 3, -4), (0, 9, -4)) == (5.0, 0.0)  # before the start
-    assert ask((0, 0, 7), (5, 0, 7)) == (3.0, 1.0)  # beyond the end
-    assert ask((0, 2, 3), (0, 2, 3)) == (2.0, 0.75)  # a point
+    assert ask((3, 0, 2), (3, 0, 8))[0] == 9.0  # squares; parallel: any share in common
+    assert ask((0, 3, -4), (0, 9, -4)) == (25.0, 0.0)  # before the start
+    assert ask((0, 0, 7), (5, 0, 7)) == (9.0, 1.0)  # beyond the end
+    assert ask((0, 2, 3), (0, 2, 3)) == (4.0, 0.75)  # a point
 
 
 def test_a_sample_of_a_whole_picture_equals_rational_brute_force():

@@ -39,7 +39,7 @@ def judged(scene):
 
 def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
     moment, answers, judge = judged
-    outside = not_receivers(scene, moment, answers["triangle"])[0]
+    outside = not_receivers(scene, moment, answers["triangle"])[0][0]
     hit = answers["triangle"] >= 0
     assert 20 < outside.sum() < hit.sum() - 20
     assert not outside[~hit].any()
@@ -49,7 +49,7 @@ def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
 
 def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
     moment, answers, judge = judged
-    outside = np.nonzero(not_receivers(scene, moment, answers["triangle"])[0])[0]
+    outside = np.nonzero(not_receivers(scene, moment, answers["triangle"])[0][0])[0]
     bits = answers["shadowed"].copy()
     bits[0, outside[:7]] = 1
     found = score_answers(judge, {**answers, "shadowed": bits}).score
@@ -57,10 +57,34 @@ def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
     assert found.shadow[0].acne == 7
 
 
+@pytest.mark.parametrize(("beside", "excused"), [(0.0, True), (2.0**-22, True), (2.0**-17, False)])
+def test_a_bit_at_the_border_of_a_spot_is_excused_on_either_side(scene, judged, beside, excused):
+    """The cone is turned so that its border passes a shadowed hit by this share of the coordinates, on either side."""
+    moment, answers, judge = judged
+    shadowed = np.nonzero(answers["shadowed"][0])[0]
+    points = moment.origins(shadowed) + answers["t"][shadowed][:, None] * moment.directions(shadowed)
+    ways = points - moment.lights[0]
+    row = moment.spots[0]
+    farthest = (ways @ row[1:4] / np.linalg.norm(ways, axis=1)).argmin()
+    pixel, way = shadowed[farthest], ways[farthest].astype(np.float64)
+    angle = np.arctan2(np.linalg.norm(np.cross(row[1:4], way)), way @ row[1:4])
+    step = beside * max(np.abs(moment.eye).max(), np.abs(points[farthest]).max()) / np.linalg.norm(way)
+    for sign, bit in ((-1, 1), (1, 0)):  # claimed outside the cone, and left out inside
+        spots = moment.spots.copy()
+        spots[0, 10] = np.cos(angle + sign * step)
+        moved = replace(moment, spots=spots)
+        outside = not_receivers(scene, moved, answers["triangle"])[0][0]
+        bits = np.where(outside, 0, answers["shadowed"])
+        bits[0, pixel] = bit
+        found = score_answers(Judge.of(scene, moved, judge.effects), {**answers, "shadowed": bits}).score
+        assert found.true_errors == (not excused)
+        assert beside == 0.0 or found.shadow[0].edge == excused
+
+
 def test_a_light_that_is_not_limited_holds_everything(scene, judged):
     moment, answers, _ = judged
     free = replace(moment, spots=np.zeros((1, 12)))
-    assert not not_receivers(scene, free, answers["triangle"]).any()
+    assert not np.any(not_receivers(scene, free, answers["triangle"]))
 
 
 def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_path, monkeypatch):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
+from shadowbench.harness.hardcases.case import sheet
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light
-from shadowbench.harness.scene.width import Sizes, is_wide
+from shadowbench.harness.scene.width import MANY, Sizes, is_wide
 
 EYE = (0.3, 0.2, 3.0)
 LIGHT = (1.0, 2.5, 0.5)
@@ -45,16 +46,35 @@ def test_a_sliver_is_wide_only_if_it_is_very_thin() -> None:
         assert wide(with_triangle(corners)) is expected
 
 
-def test_an_axis_of_its_own_scale_is_wide() -> None:
-    points, faces = soup(3, 400)
-    assert wide(make_scene(points * (1, 1, 2.0**-40), faces, [(1.0, 2.5, 2.0**-40)]))
+@pytest.mark.parametrize(("power", "expected"), [(0, False), (-8, False), (-20, True), (-40, True)])
+def test_an_axis_of_its_own_scale_is_wide(power, expected) -> None:
+    x = np.linspace(-3, 3, 5)
+    points, faces = sheet(x, x, np.arange(5))
+    points[:, :2] = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)  # no triangle is steep
+    assert wide(make_scene(points * (1, 1, 2.0**power), faces, [(1.0, 2.5, 2.0**power)])) is expected
 
 
-@pytest.mark.parametrize(("height", "expected"), [(0.0, False), (1e-17, True), (1e-9, False)])
-def test_a_light_beside_a_plane_by_less_than_float64_knows_is_wide(height, expected) -> None:
-    tilted = np.array([(8, 1, 3), (-8, 7, -3), (-7, -9, 11)], dtype=np.float64)
-    tilted[:, 2] = tilted[:, 0] + tilted[:, 1]  # a plane through 0 in which rounding shows
-    assert wide(with_triangle(tilted, lights=[(0.0, 0.0, height)])) is expected
+@pytest.mark.parametrize(
+    ("light", "expected"),
+    [
+        ((0, 0, 0), False),
+        ((0, 0, 1e-17), True),
+        ((0, 0, 1e-44), True),
+        ((0, 0, 1e-9), False),
+        ((0, 1, 1), False),
+        ((1e-30, 1, 1), True),  # float64 takes it for a point of the plane
+    ],
+)
+def test_a_light_beside_a_plane_by_less_than_float64_knows_is_wide(light, expected) -> None:
+    tilted = np.array([(8, 1, 9), (-8, 7, -1), (-7, -9, -16)], dtype=np.float64)  # z = x + y
+    assert wide(with_triangle(tilted, lights=[light])) is expected
+
+
+def test_planes_of_two_axes_that_hold_the_eye_are_not_wide_however_many_they_are() -> None:
+    x = np.linspace(-3, 3, 40)
+    points, faces = sheet(x, x, 1.0)
+    assert len(faces) > 2 * MANY
+    assert not wide(make_scene(points, faces, [(0.1, 0.2, -3.0)], (0.3, 0.2, -1.0), (0.3, 0.2, -2.0)))
 
 
 def test_an_eye_at_the_origin_is_not_wide_for_that() -> None:

@@ -16,6 +16,7 @@ import warp as wp
 
 from ...scene.effects import Effects, Switches
 from ...scene.spotlight import DOUBT
+from ..digits import wide_hit_point
 from ..frame import Frame
 from ..geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
 from ..schedule.passes import Hints, Pass
@@ -93,7 +94,10 @@ def receives(
         wanted = faces_light(light, ray.origin, corners, lights)
     if wanted:
         t = wp.dot(n, a - o) / wp.dot(n, d)
-        wanted = in_spot(spots, light, o + d * t - to_float64(lights[light]))
+        h = o + d * t
+        if wp.static(effects.wide):
+            h = wide_hit_point(ray, corners)
+        wanted = in_spot(spots, light, h - to_float64(lights[light]))
     return wanted
 
 
@@ -222,7 +226,7 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
 
     def launch(first: int, number: int) -> None:
         wp.launch(
-            specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
+            specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce), wide=effects.wide)),
             dim=-(-number // each),
             inputs=[
                 first, number, each, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots,

@@ -108,7 +108,7 @@ class ByRays:
         r, f = self.rays, self.rays.frame
         flags = f.receivers if self.marking else r.receivers
         wp.launch(
-            r.of_cells(make_map_kernel(self.receivers(), self.keeps)),
+            specialised(r.of_cells(make_map_kernel(self.receivers(), self.keeps)), r.switches),
             dim=threads.number,
             inputs=[threads.first, r.effects.facing, r.light, r.hits],
             outputs=[r.cells, flags, self.reached, f.answers.shadowed],
@@ -233,7 +233,7 @@ class ByTriangles(ByRays):
         r, f = self.rays, self.rays.frame
         flags = f.receivers if self.marking else r.receivers
         wp.launch(
-            r.of_cells(make_place_kernel(self.receivers(), self.region == "cone")),
+            specialised(r.of_cells(make_place_kernel(self.receivers(), self.region == "cone")), r.switches),
             dim=threads.number,
             inputs=[threads.first, r.light, r.hits, self.facing],
             outputs=[r.cells, flags, self.reached, f.answers.shadowed, self.outside],

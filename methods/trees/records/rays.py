@@ -35,8 +35,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.digits import fused, lost_in_sum, rounded
 from ....harness.frame.geometry import Mesh
-from ...exact.digits import fused, lost_in_sum, rounded
 from ...exact.triangle import largest, to_float64
 from ...gpu.entries import entry, set_entry
 from ..constants import RECORD_REGISTERS

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.vectors import to_float64
+from .geometry import Corners, Ray
+from .vectors import to_float64
 
 CANCELLED = wp.constant(wp.float64(2.0**-46))
 """Share of the sizes of its terms below which a triple product is found exactly: with twice the digits it is known to 2^-98
@@ -174,3 +175,18 @@ def wide_slope(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3d) -> wp.float64
     if value == wp.float64(0.0):
         value = exact_product(a, b, c, d, False)[0]
     return value
+
+
+@wp.func
+def wide_hit_point(ray: Ray, corners: Corners) -> wp.vec3d:
+    """Where a ray meets the plane of a triangle: o + t d with t in twice the digits, each coordinate rounded once."""
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
+    over = -exact_product(corners.a, corners.b, corners.c, o, True)
+    under = exact_product(corners.a, corners.b, corners.c, d, False)
+    t = over[0] / under[0]
+    t_lost = (fused(-t, under[0], over[0]) + (over[1] - t * under[1])) / under[0]
+    t3 = wp.vec3d(t, t, t)
+    way = rounded_product(d, t3)
+    p = o + way
+    return p + (lost_in_sum(o, way, p) + (lost_in_product(d, t3, way) + d * t_lost))
