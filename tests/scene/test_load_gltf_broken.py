@@ -64,6 +64,7 @@ INSTANCES = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}
         ("nodes", "nodes 2 translation", [0, 1, 10**400], "not 3 finite numbers"),
         ("nodes", "nodes 2 matrix", [1] * 15, "not 16 finite numbers"),
         ("nodes", "nodes 2 matrix", [1] * 16, "last row is not 0, 0, 0, 1"),
+        ("nodes", "nodes 2 matrix", np.eye(4).ravel().tolist(), "node 2 has both a matrix and a translation"),
         ("nodes", f"{PRIMITIVE} mode", 7, "mode 7"),
         ("nodes", f"{PRIMITIVE} mode", 1, "no triangles"),
         ("nodes", f"{PRIMITIVE} indices", 9, "names accessor 9"),
