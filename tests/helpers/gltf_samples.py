@@ -118,3 +118,18 @@ def everything() -> Gltf:
         weights=(2, [0, 0.2], [0, 1]),
     )
     return made
+
+
+def moved(**channels) -> Gltf:
+    """A square whose node moves: for each path times and values, and perhaps the interpolation."""
+    made = square()
+    made.animate(**{path: (0, *curve) for path, curve in channels.items()})
+    return made
+
+
+def instanced(attributes: dict[str, object], **node: object) -> Gltf:
+    """A square in many instances, of an array for each attribute."""
+    made = square(**node)
+    said = {"attributes": {name: made.accessor(values) for name, values in attributes.items()}}
+    made.extend(made.head["nodes"][0], "EXT_mesh_gpu_instancing", said)
+    return made

@@ -6,7 +6,7 @@ import meshopt
 import numpy as np
 import pytest
 from helpers.gltf_files import CORNERS, SQUARE, Gltf, bounds, square
-from helpers.gltf_samples import DRACO, FACES, POINTS, draco, packed
+from helpers.gltf_samples import DRACO, FACES, POINTS, draco, instanced, packed
 from helpers.mesh_files import refused, written
 from shadowbench.harness.scene.readers.load import load
 
@@ -92,13 +92,6 @@ def test_a_sparse_morph_target_of_no_weight_is_read(tmp_path):
         assert bounds(load(made.write(tmp_path))) == ([0, 0, 0], [1, 1, 5 * weight])
 
 
-def instanced(attributes: dict[str, object], **node: object) -> Gltf:
-    made = square(**node)
-    said = {"attributes": {name: made.accessor(values) for name, values in attributes.items()}}
-    made.extend(made.head["nodes"][0], "EXT_mesh_gpu_instancing", said)
-    return made
-
-
 def test_instances(tmp_path):
     made = instanced({"TRANSLATION": [[0, 0, 0], [5, 0, 0], [10, 0, 0]]})
     loaded = load(made.write(tmp_path))
@@ -124,12 +117,6 @@ def test_instances_are_turned_scaled_and_moved_with_their_node(tmp_path):
     assert np.allclose(points, expected, atol=1e-5)
     faces = load(made.write(tmp_path)).faces
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]], "the mirrored one is turned round"
-
-
-def test_broken_instances(tmp_path):
-    refused(instanced({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}).write(tmp_path), "[1, 2]")
-    refused(instanced({"TRANSLATION": [[0, 0]]}).write(tmp_path), "not 3 floats")
-    refused(instanced({}).write(tmp_path), "counts []")
 
 
 def test_hidden_nodes(tmp_path):
@@ -199,18 +186,6 @@ def test_draco_beside_plain_data_is_not_needed(tmp_path):
     assert np.array_equal(load(made.write(tmp_path)).frames[0], SQUARE)
 
 
-def test_broken_draco(tmp_path):
-    made = draco(POINTS, FACES)
-    made.head["accessors"][0]["count"] = 1 << 30
-    refused(made.write(tmp_path), "its compressed data (50, 3)")
-    made = draco(POINTS, FACES)
-    made.primitive()["extensions"][DRACO]["attributes"] = {"POSITION": 77}
-    refused(made.write(tmp_path), "its compressed data nothing")
-    made = draco(POINTS, FACES)
-    made.head["bufferViews"][0]["byteLength"] = 60
-    refused(made.write(tmp_path), "cannot be decompressed")
-
-
 @pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
 def test_meshopt(tmp_path, name):
     made = packed(POINTS, FACES, name)
@@ -232,22 +207,6 @@ def test_meshopt_with_a_filter(tmp_path):
     made.data += CORNERS.astype("u4").tobytes()
     made.head["accessors"][1]["count"] = 6
     assert np.array_equal(load(made.write(tmp_path)).frames[0], SQUARE)
-
-
-def test_broken_meshopt(tmp_path):
-    for key, value, word in (
-        ("count", 1 << 30, "unpacks"),
-        ("mode", "POINTS", "mode 'POINTS'"),
-        ("filter", "NOISE", "cannot be decompressed"),
-        ("byteStride", 5, "cannot be decompressed"),
-        ("byteOffset", 1 << 20, "reaches beyond"),
-    ):
-        made = packed(POINTS, FACES)
-        made.head["bufferViews"][0]["extensions"]["EXT_meshopt_compression"][key] = value
-        refused(made.write(tmp_path), "buffer view 0", word)
-    made = packed(POINTS, FACES)
-    made.head["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]["count"] = 49
-    refused(made.write(tmp_path), "accessor 0 needs 600 bytes, its view has 588")
 
 
 @pytest.mark.parametrize(

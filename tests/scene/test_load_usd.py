@@ -160,6 +160,41 @@ def DomeLight "Sky" {{
     )
 
 
+SHADER = """def Material "{name}" {{
+    float inputs:opacity = {value}
+    token outputs:surface.connect = <{name}/S.outputs:surface>
+    def Shader "S" {{
+        uniform token info:id = "UsdPreviewSurface"
+        float inputs:opacity{given}
+        token outputs:surface
+    }}
+    def Shader "T" {{
+        uniform token info:id = "UsdUVTexture"
+        float outputs:a
+    }}
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("value", "given", "opaque"),
+    [
+        (1, " = 1", True),
+        (1, " = 0.5", False),
+        (1, ".connect = </M.inputs:opacity>", True),
+        (0, ".connect = </M.inputs:opacity>", False),
+        (1, ".connect = </M/T.outputs:a>", False),
+    ],
+)
+def test_opacities_are_noted(tmp_path, value, given, opaque):
+    text = SHADER.format(name="M", value=value, given=given).replace("<M/", "</M/")
+    said = "opacities of materials and shapes not read: "
+    notes = read(tmp_path, mesh("A") + text).notes
+    assert notes == ("materials not read: 1", *(() if opaque else (f"{said}1",)))
+    shown = f"    float[] primvars:displayOpacity = [{value}]\n"
+    assert read(tmp_path, mesh("A", shown)).notes == (() if value else (f"{said}1",))
+
+
 def test_a_mesh_without_faces_is_named(tmp_path):
     none = mesh("None").replace("[3]", "[]").replace("[0, 1, 2]", "[]")
     assert read(tmp_path, mesh("A") + none).notes == ("in no frame, empty or invisible: /None",)

@@ -17,6 +17,7 @@ Matrices = NDArray[np.float64]
 TRANSLATION, ROTATION, SCALE = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 """The transform of a node that says nothing."""
 
+_PARTS = {"translation": TRANSLATION, "rotation": ROTATION, "scale": SCALE}
 
 _AFFINE = 1e-4
 """Largest part of the last row of a matrix that counts as rounding."""
@@ -133,7 +134,7 @@ class Tree:
 
     def _parts(self) -> dict[str, NDArray[np.float64]]:
         columns = {}
-        for key, default in (("translation", TRANSLATION), ("rotation", ROTATION), ("scale", SCALE)):
+        for key, default in _PARTS.items():
             rows = [
                 self.document.numbers(self.entry(i), key, f"node {node}", default)
                 for i, node in enumerate(self.nodes)
@@ -148,6 +149,9 @@ class Tree:
                 numbers = self.document.numbers(self.entry(i), "matrix", f"node {node}", (0.0,) * 16)
                 columns = np.array(numbers).reshape(4, 4)
                 result[i] = affine(self.document, columns.T, f"node {node}")
+                for key, default in _PARTS.items():
+                    if not np.array_equal(self.parts[key][i], default):
+                        raise self.document.error(f"node {node} has both a matrix and a {key}")
         return result
 
 

@@ -16,7 +16,7 @@ from ..topology import Piece
 from .gprims import SURFACES
 from .instancers import Instancer, Placed, mesh_of, moved
 from .prims import IN_PROTOTYPE, Node, Prims
-from .shapes import Polygons, Shape, Tessellated
+from .shapes import Polygons, Shape, Tessellated, array
 from .skins import Skin, Skinned, bindings
 
 MOST_NESTED = 32
@@ -51,6 +51,8 @@ class Library:
             self.counts["cages"] += 1
         elif not is_mesh:
             self.counts["tessellated"] += 1
+        opacity = UsdGeom.Gprim(origin).GetDisplayOpacityAttr()
+        self.counts["opacities"] += bool((array(opacity, Usd.TimeCode.EarliestTime(), np.float32) < 1).any())
         key = str(origin.GetPath()), str(prim.GetPath()) if skin else ""
         if key not in self._known:
             shape: Shape = Polygons(self.path, origin) if is_mesh else Tessellated(origin)

@@ -30,6 +30,8 @@ def approximations(stage: Any, library: Library) -> list[str]:
         notes.append(f"draw modes not used: {counts['draw modes']}")
     if counts["materials"]:
         notes.append(f"materials not read: {counts['materials']}")
+    if counts["opacities"]:
+        notes.append(f"opacities of materials and shapes not read: {counts['opacities']}")
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         notes.append(f"lengths in units of {UsdGeom.GetStageMetersPerUnit(stage):g} m")
     return notes

@@ -59,6 +59,17 @@ class Node:
         return not self.hidden and self.purpose not in ("guide", "proxy")
 
 
+def _see_through(material: Any) -> bool:
+    """Whether the opacity of a material's surface is a texture, or a number other than 1."""
+    shader = material.ComputeSurfaceSource()[0]
+    opacity = shader.GetInput("opacity") if shader else None
+    sources = opacity.GetValueProducingAttributes() if opacity else ()
+    output = UsdShade.AttributeType.Output
+    return any(
+        UsdShade.Utils.GetType(one.GetName()) == output or one.Get() not in (None, 1) for one in sources
+    )
+
+
 class Prims:
     """Prims and all below them, depth first, in the order of the stage.
 
@@ -78,7 +89,9 @@ class Prims:
                 problem = f"has more than {MOST_PRIMS} prims with instances"
                 raise broken(path, problem, "export a part of it")
             if prim.IsA(Usd.Typed) and not prim.IsA(UsdGeom.Imageable):
-                counts["materials"] += prim.IsA(UsdShade.Material)
+                if prim.IsA(UsdShade.Material):
+                    counts["materials"] += 1
+                    counts["opacities"] += _see_through(UsdShade.Material(prim))
                 continue
             if prim.HasAPI(UsdGeom.ModelAPI):
                 mode = UsdGeom.ModelAPI(prim).GetModelDrawModeAttr().Get()

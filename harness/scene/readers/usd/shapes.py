@@ -34,7 +34,7 @@ def samples(attributes: list[Any]) -> set[float]:
     return {time for attribute in attributes if attribute for time in attribute.GetTimeSamples()}
 
 
-def array(attribute: Any, time: float, kind: type, width: int = 0) -> NDArray:
+def array(attribute: Any, time: Any, kind: type, width: int = 0) -> NDArray:
     """The values of an array attribute, [n] or [n, width]; empty where it has none. Not to be written to."""
     value = attribute.Get(time) if attribute else None
     result = np.zeros(0, dtype=kind) if value is None else np.asarray(value)
