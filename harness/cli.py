@@ -18,14 +18,9 @@ import typer
 from .commands import program
 from .commands.options import (
     AllowMissing,
-    CameraOf,
-    CameraPlace,
     Device,
-    Fov,
     FrameRate,
     Json,
-    Lights,
-    LightsOf,
     MemoryLimit,
     OneMethod,
     SceneDir,
@@ -34,6 +29,7 @@ from .commands.options import (
     complete_scene,
     method_option,
     number_or_frames,
+    takes_view,
     view_of,
 )
 from .commands.program import app as app
@@ -42,9 +38,11 @@ from .errors import UserError, say
 
 if TYPE_CHECKING:
     from .runner.planning.run_options import Options
+    from .scene.chosen_view import ChosenView
 
 
 @command("run", "shadowbench run table1 --scene cloth --method warp_bvh --method embree")
+@takes_view(but=["frames"])
 def run_(
     experiment: Annotated[
         str,
@@ -89,13 +87,6 @@ def run_(
             "--size", metavar="WxH", help="Image size, such as 256x256. Default: that of the preset."
         ),
     ] = None,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     frames: Annotated[
         str | None,
         typer.Option(
@@ -175,6 +166,8 @@ def run_(
         ),
     ] = False,
     as_json: Json = False,
+    *,
+    view: ChosenView,
 ) -> int:
     """Measure an experiment: every method on every scene. Compare the answers with the exact reference, then draw tables
     and figures.
@@ -184,7 +177,7 @@ def run_(
     """
     from .commands.run import dry, plan_run, run, run_on_cluster
 
-    count, of_file = number_or_frames(frames)
+    count, seen = number_or_frames(frames, view)
 
     def planned(elsewhere: str | None = None) -> Options:
         return plan_run(
@@ -204,7 +197,7 @@ def run_(
                 "budget_s": budget,
                 "timeout_s": timeout,
             },
-            view_of(camera, fov, light, of_file, rate, allow_missing, camera_of, light_of),
+            seen,
             elsewhere,
             seed=seed,
             save_answers=save_answers,
@@ -277,7 +270,7 @@ def list_(
     rows = rows_of(
         kind,
         files or [],
-        lambda: view_of(None, None, None, None, rate, allow_missing),
+        lambda: view_of(rate=rate, allow_missing=allow_missing),
         scene_dir,
         not as_json,
     )
@@ -289,6 +282,7 @@ def list_(
 
 
 @command("render", "shadowbench render cloth --out cloth.png --size 512x512")
+@takes_view(but=["frames"])
 def render_(
     scene: Annotated[
         list[str],
@@ -332,16 +326,11 @@ def render_(
             help="Length of the animation. Default: as the file says, else 4.",
         ),
     ] = None,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     setting: Settings = None,
     device: Device = None,
     scene_dir: SceneDir = None,
+    *,
+    view: ChosenView,
 ) -> int:
     """Render a scene from the hits and shadow bits that a method finds.
 
@@ -351,8 +340,7 @@ def render_(
     from .commands.render import animate, render
 
     settings = settings_by_method(setting or [])
-    count, of_file = number_or_frames(frames)
-    seen = view_of(camera, fov, light, of_file, rate, allow_missing, camera_of, light_of)
+    count, seen = number_or_frames(frames, view)
     if (out is None) == (animation is None):
         raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
     if animation is not None:

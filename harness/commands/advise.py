@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import UserError, did_you_mean
 from ..scene.overrides import Lighting
 from .options import (
-    AllowMissing,
-    CameraOf,
-    CameraPlace,
     Device,
-    Fov,
-    FrameRate,
     Json,
-    Lights,
-    LightsOf,
     MemoryLimit,
     SceneDir,
     complete_scene,
-    view_of,
+    takes_view,
 )
+
+if TYPE_CHECKING:
+    from ..scene.chosen_view import ChosenView
 
 EXPERIMENT = "advise"
 MOVES = {
@@ -37,6 +33,7 @@ MOVES = {
 MOST_LIGHTS = 1024
 
 
+@takes_view(but=["frames"])
 def advise(
     scene: Annotated[
         str, typer.Argument(help="Name of a scene, or a mesh file.", autocompletion=complete_scene)
@@ -65,13 +62,6 @@ def advise(
         ),
     ] = None,
     device: Device = None,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     scene_dir: SceneDir = None,
     memory_limit: MemoryLimit = None,
     out: Annotated[
@@ -79,6 +69,8 @@ def advise(
         typer.Option("--out", metavar="PATH", help="Results folder. Default: one in results/local."),
     ] = None,
     as_json: Json = False,
+    *,
+    view: ChosenView,
 ) -> int:
     """Measure a shortlist of structures on a scene and say which is the fastest: of the exact ones, and of all.
 
@@ -88,10 +80,9 @@ def advise(
     """
     from .run import RESULTS, plan_run, run
 
-    if lights is not None and (light or light_of):
+    if lights is not None and (view.lights or view.lights_of):
         raise UserError("--lights and --light: give the number of lights or their places, not both")
     lighting = lighting_of(lights, moves)
-    view = view_of(camera, fov, light, None, rate, allow_missing, camera_of, light_of)
     options = plan_run(
         EXPERIMENT, device=device, scenes=[scene], scene_dir=scene_dir, out=out, size=size, view=view,
         memory_limit=memory_limit,

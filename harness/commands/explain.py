@@ -13,21 +13,13 @@ from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine.lock import MACHINE
 from .options import (
-    AllowMissing,
-    CameraOf,
-    CameraPlace,
     Device,
-    FileFrames,
-    Fov,
     Frame,
-    FrameRate,
     Json,
-    Lights,
-    LightsOf,
     Methods,
     SceneDir,
     Settings,
-    view_of,
+    takes_view,
 )
 from .tables import make_console, make_table, print_legend, print_lines
 
@@ -35,9 +27,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..judge.score import Judgement
+    from ..scene.chosen_view import ChosenView
 
 
 @MACHINE.restored()
+@takes_view()
 def explain(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
     pixel: Annotated[
@@ -50,16 +44,10 @@ def explain(
     ] = "256x256",
     frame: Frame = 0,
     setting: Settings = None,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    frames: FileFrames = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
+    *,
+    view: ChosenView,
 ) -> int:
     """Show the answer of every method at one pixel with its class, the answer of the reference, and the exact answer.
 
@@ -84,7 +72,6 @@ def explain(
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
-    view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     described = view.resolved(scene, scene_dir)
     MACHINE.share_beside(place)
     prepared = prepare(described)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -156,15 +159,54 @@ AllowMissing = Annotated[
 ]
 
 
+VIEW = {
+    "camera": CameraPlace, "fov": Fov, "light": Lights, "camera_of": CameraOf, "light_of": LightsOf, "frames": FileFrames,
+    "rate": FrameRate, "allow_missing": AllowMissing,
+}  # fmt: skip
+"""The options that choose what is seen of a scene: the parameters of :func:`view_of`."""
+
+Command = Callable[..., int]
+
+
+def takes_view(but: Iterable[str] = ()) -> Callable[[Command], Command]:
+    """Give a command the options :data:`VIEW`, ``but`` some; its parameter ``view`` is what they ask of a scene."""
+
+    def with_options(work: Command) -> Command:
+        names = [name for name in VIEW if name not in but]
+
+        @functools.wraps(work)
+        def called(*arguments: Any, **given: Any) -> int:
+            view = view_of(**{name: given.pop(name) for name in names if name in given})
+            return work(*arguments, **given, view=view)
+
+        own = [
+            one.replace(annotation=eval(str(one.annotation), work.__globals__))  # as typer evaluates them
+            for one in inspect.signature(work).parameters.values()
+            if one.name != "view"
+        ]
+        kind = inspect.Parameter.KEYWORD_ONLY
+        more = [
+            inspect.Parameter(
+                name, kind, annotation=VIEW[name], default=False if name == "allow_missing" else None
+            )
+            for name in names
+        ]
+        called.__signature__ = inspect.Signature([*own, *more], return_annotation=int)  # type: ignore[attr-defined]
+        called.__annotations__ = {one.name: one.annotation for one in (*own, *more)}
+        return called
+
+    return with_options
+
+
 def view_of(
-    camera: tuple[str, str] | None,
-    fov: float | None,
-    lights: list[str] | None,
+    camera: tuple[str, str] | None = None,
+    fov: float | None = None,
+    light: list[str] | None = None,
     frames: str | None = None,
     rate: float | None = None,
     allow_missing: bool = False,
     camera_of: str | None = None,
-    lights_of: list[str] | None = None,
+    light_of: list[str] | None = None,
 ) -> ChosenView:
     """What ``--camera``, ``--fov``, ``--light``, ``--frames``, ``--rate``, ``--allow-missing``, ``--camera-of`` and
     ``--light-of`` ask of a scene. Raises :class:`UserError` for a malformed value.
@@ -178,17 +220,20 @@ def view_of(
     if rate is not None and not 0.0 < rate <= FASTEST:
         raise UserError(f"--rate {rate:g}: must lie between 0 and {FASTEST:g} frames a second")
     wanted = Wanted(frames_of(frames), allow_missing, rate)
-    places = tuple(_place("--light", text) for text in lights or ())
-    return ChosenView(ends, fov, places, wanted, camera_of, tuple(lights_of or ()))
+    places = tuple(_place("--light", text) for text in light or ())
+    return ChosenView(ends, fov, places, wanted, camera_of, tuple(light_of or ()))
 
 
-def number_or_frames(text: str | None) -> tuple[int | None, str | None]:
-    """The value of a ``--frames`` that takes either a number of frames, or the frames A:B:STEP of a file."""
+def number_or_frames(text: str | None, view: ChosenView) -> tuple[int | None, ChosenView]:
+    """The value of a ``--frames`` that takes either a number of frames, or the frames A:B:STEP of a file: the number, and
+    the view of these frames."""
+    from ..scene.readers.checks import frames_of
+
     if text is None or ":" in text:
-        return None, text
+        return None, replace(view, wanted=replace(view.wanted, frames=frames_of(text)))
     if not re.fullmatch(r"-?\d+", text):
         raise UserError(f"--frames {text!r}: give a number of frames, or those of a file as A:B:STEP")
-    return int(text), None
+    return int(text), view
 
 
 def _place(option: str, text: str) -> Vector:

@@ -24,22 +24,14 @@ from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from .listing import place_text
 from .options import (
-    AllowMissing,
-    CameraOf,
-    CameraPlace,
     Device,
-    FileFrames,
-    Fov,
     Frame,
-    FrameRate,
     Json,
-    Lights,
-    LightsOf,
     Methods,
     SceneDir,
     Settings,
     Size,
-    view_of,
+    takes_view,
 )
 from .tables import table_blocks
 
@@ -47,6 +39,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+@takes_view()
 def plan(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
     method: Methods = None,
@@ -54,23 +47,16 @@ def plan(
     size: Size = "256x256",
     device: Device = None,
     frame: Frame = 0,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    frames: FileFrames = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
+    *,
+    view: ChosenView,
 ) -> int:
     """List the effects of a scene and the passes of each method, with the reason why each pass runs.
 
     The passes are listed for the first frame that is traced (--frame), and for a later one in which only the camera, only
     one light, only the geometry or nothing has changed.
     """
-    view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     found = frame_plan(scene, method or [], size, device, scene_dir, setting or [], view, frame)
     if as_json:
         print(json.dumps(found, indent=1))

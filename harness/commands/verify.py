@@ -19,35 +19,30 @@ from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
 from .options import (
-    AllowMissing,
-    CameraOf,
-    CameraPlace,
     Device,
-    FileFrames,
-    Fov,
     Frame,
-    FrameRate,
     Json,
-    Lights,
-    LightsOf,
     MemoryLimit,
     Methods,
     SceneDir,
     Settings,
     Size,
     checked_limit,
-    view_of,
+    takes_view,
 )
 from .verify_tables import print_reports, print_scores
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ..scene.chosen_view import ChosenView
+
 
 __all__ = ["answer", "explain", "score", "verify"]
 
 
 @MACHINE.restored()
+@takes_view()
 def verify(
     scene: Annotated[list[str], typer.Argument(help="Names of scenes, or mesh files.")],
     method: Methods = None,
@@ -61,17 +56,11 @@ def verify(
             "--every-pixel", help="Decide every pixel exactly, not only those where two answers differ."
         ),
     ] = False,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    frames: FileFrames = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     memory_limit: MemoryLimit = None,
     scene_dir: SceneDir = None,
     as_json: Json = False,
+    *,
+    view: ChosenView,
 ) -> int:
     """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
@@ -89,7 +78,6 @@ def verify(
     width, height = parse_size(size)
     names = list(dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
-    view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
     scenes = [view.resolved(name, scene_dir) for name in scene]
     limit = checked_limit(memory_limit)
     if limit is not None and not stops_allocations():

@@ -4,33 +4,29 @@ from __future__ import annotations
 
 import shlex
 import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import UserError
 from ..runner.machine.lock import MACHINE
 from .options import (
-    AllowMissing,
-    CameraOf,
-    CameraPlace,
     Device,
-    FileFrames,
-    Fov,
-    FrameRate,
-    Lights,
-    LightsOf,
     OneMethod,
     SceneDir,
     Settings,
     Size,
-    view_of,
+    takes_view,
 )
+
+if TYPE_CHECKING:
+    from ..scene.chosen_view import ChosenView
 
 DEFAULT_SCENE = "cloth"
 
 
 @MACHINE.restored()
+@takes_view()
 def view(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")] = DEFAULT_SCENE,
     method: OneMethod = None,
@@ -40,20 +36,14 @@ def view(
         int | None,
         typer.Option("--frame", metavar="N", help="Frame to begin with, from 0. Default: the middle."),
     ] = None,
-    camera: CameraPlace = None,
-    fov: Fov = None,
-    light: Lights = None,
-    camera_of: CameraOf = None,
-    light_of: LightsOf = None,
-    frames: FileFrames = None,
-    rate: FrameRate = None,
-    allow_missing: AllowMissing = False,
     device: Device = None,
     scene_dir: SceneDir = None,
     port: Annotated[
         int, typer.Option("--port", metavar="PORT", help="Port on 127.0.0.1. Default: a free one.")
     ] = 0,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    *,
+    view: ChosenView,
 ) -> int:
     """Show a scene on a page on this machine: drag the light and the camera, walk, play the animation, compare two methods.
 
@@ -73,8 +63,7 @@ def view(
         raise UserError(f"--size {size}: more than {LARGEST:,} pixels; choose fewer for a page")
     place, settings = find_device(device), settings_by_method(setting or [])
     with listen(port) as listening:
-        chosen_view = view_of(camera, fov, light, frames, rate, allow_missing, camera_of, light_of)
-        described = chosen_view.resolved(scene, scene_dir)
+        described = view.resolved(scene, scene_dir)
         chosen = method or default_method(described, place)
         MACHINE.share_beside(place)
         prepared = prepare(described)
@@ -88,7 +77,7 @@ def view(
             "title": described.title, "stand_in": described.stand_in, "left_out": described.source.left_out,
             "state": {"method": chosen, "frame": start, "size": [width, height]}, "largest": LARGEST,
             "frames": prepared.frame_count, "box": shown.box(), "scene": shlex.quote(scene),
-            "fov": "" if fov is None else f" --fov {fov:g}",
+            "fov": "" if view.fov is None else f" --fov {view.fov:g}",
             "methods": [{"name": name, "title": about(name), "reason": ""} for name in method_names()],
         }  # fmt: skip
         server = Server(shown, facts, listening)

@@ -26,6 +26,7 @@ from shadowbench.harness.commands.viewer.server import Server, listen
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.files import array_hash
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.runner.machine.lock import LOWEST, MachineLock
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 
@@ -95,6 +96,16 @@ def test_partial_frames_have_the_bits_of_render(scene):
     assert set(frames._sessions) == {METHOD, OTHER}, "both of a comparison are kept"
     small, _ = frames.show(Wish(OTHER, (8, 8)))
     assert (small["size"], set(frames._sessions)) == ([8, 8], {OTHER}), "and nothing else"
+
+
+def test_a_frame_on_a_cpu_waits_for_no_run_that_measures(scene, tmp_path, monkeypatch):
+    niced = []
+    monkeypatch.setattr("os.nice", niced.append)
+    monkeypatch.setattr("shadowbench.harness.commands.viewer.frames.MACHINE", MachineLock(tmp_path))
+    frames = Frames(prepare(resolve(scene)), "cpu")
+    with MachineLock(tmp_path).exclusive():
+        assert frames.show(Wish(METHOD, SIZE))[1]
+    assert niced == [LOWEST]
 
 
 def test_wrong_pixels_are_found(scene, monkeypatch):

@@ -12,7 +12,7 @@ from helpers.experiment_records import record_of, write_records
 from shadowbench.harness import files
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep
-from shadowbench.harness.commands.listing import listing
+from shadowbench.harness.commands.listing import rows_of
 from shadowbench.harness.commands.report import report
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
@@ -23,6 +23,7 @@ from shadowbench.harness.results.folder import ResultsFolder, read_environment, 
 from shadowbench.harness.results.table import samples, tidy
 from shadowbench.harness.results.throttled import disturbances
 from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.scene.chosen_view import ChosenView
 
 ODD = "a\x1b[31m<b>x</b> $\\foo$ & $ \udc80 \u202e | [l](javascript:1) `c`"
 METHODS = ("ray_grids", "bvh2", "warp_bvh")
@@ -225,7 +226,7 @@ def test_a_package_that_fails_on_import_hides_no_record_and_no_method(tmp_path, 
     record = one()
     record["method"]["name"] = "of_another"
     assert schema.read_records(write_records(tmp_path, [record]))[0].method["name"] == "of_another"
-    (row,) = [row for row in listing("methods") if row["name"] == "broken"]
+    (row,) = [row for row in rows_of("methods", [], ChosenView, None, brief=False) if row["name"] == "broken"]
     assert "cannot be imported" in row["title"]
     with pytest.raises(UserError, match="correct that package"):
         registry.method_class("broken")

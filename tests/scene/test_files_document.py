@@ -89,7 +89,7 @@ def test_its_declarations_are_read(folder):
     assert scene.geometry().positions(9)[10].tolist() == [3, 0, 0]
     scene = resolve(files.written(folder, "views.toml", views.encode()))
     assert (scene.camera.eye, scene.camera.fov) == ((0, 1.7, 4), 50)
-    assert view_of(None, None, None, camera_of="door", lights_of=["lamp"]).applied(scene).camera.fov != 50
+    assert view_of(None, None, None, camera_of="door", light_of=["lamp"]).applied(scene).camera.fov != 50
 
 
 def test_its_patterns_are_read(folder, monkeypatch):

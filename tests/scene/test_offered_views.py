@@ -50,11 +50,11 @@ def test_the_automatic_view_is_the_default(path):
 
 
 def test_a_camera_and_lights_are_used_by_name(path):
-    scene = seen(path, camera_of="door", lights_of=["sun", "lamp"])
+    scene = seen(path, camera_of="door", light_of=["sun", "lamp"])
     assert (scene.camera, scene.lights) == (DOOR, (SUN, LAMP))
     assert seen(path, camera_of="above").camera == ABOVE
     assert seen(path, camera_of="door").lights == resolve(path).lights
-    wide = view_of(None, 70.0, ["1,2,3"], camera_of="door", lights_of=["sun"]).resolved(path)
+    wide = view_of(None, 70.0, ["1,2,3"], camera_of="door", light_of=["sun"]).resolved(path)
     assert wide.camera == replace(DOOR, fov=70.0)
     assert wide.lights == (SUN, Light((1, 2, 3)))
 
@@ -69,7 +69,7 @@ def test_other_names_are_refused(path, tmp_path):
     with pytest.raises(UserError, match=r"room\.ply: has no camera 'dor'; did you mean door\?"):
         seen(path, camera_of="dor")
     with pytest.raises(UserError, match="has no light 'moon'; known: lamp, sun"):
-        seen(path, lights_of=["moon"])
+        seen(path, light_of=["moon"])
     with pytest.raises(UserError, match="--camera and --camera-of: give one of them"):
         view_of(("0,0,1", "0,0,0"), None, None, camera_of="door")
     with pytest.raises(UserError, match=r"Cloth.*: has no camera 'door'; its file offers none"):
@@ -131,7 +131,7 @@ def test_a_declaration_uses_and_offers_them(path):
     assert scene.cameras["own"].eye == (5, 5, 5)
     assert set(scene.cameras) == {"door", "above", "far", "own"}
     assert scene.lamps == {"lamp": LAMP, "sun": SUN, "candle": Light((0, 1, 0))}
-    assert seen(path.parent / "a.toml", camera_of="far", lights_of=["candle"]).camera.height == 4.0
+    assert seen(path.parent / "a.toml", camera_of="far", light_of=["candle"]).camera.height == 4.0
 
 
 @pytest.mark.parametrize(

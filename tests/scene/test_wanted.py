@@ -50,13 +50,14 @@ def test_other_texts_are_refused(text):
 
 
 def test_a_command_takes_a_number_or_the_frames_of_a_file():
-    assert number_or_frames(None) == (None, None)
-    assert number_or_frames("7") == (7, None)
-    assert number_or_frames("7:9") == (None, "7:9")
+    seen = ChosenView()
+    assert number_or_frames(None, seen) == (None, seen)
+    assert number_or_frames("7", seen) == (7, seen)
+    assert number_or_frames("7:9", seen) == (None, ChosenView(wanted=Wanted((7, 9, 1))))
     with pytest.raises(UserError, match="give a number of frames, or those of a file as A:B:STEP"):
-        number_or_frames("x")
+        number_or_frames("x", seen)
     with pytest.raises(UserError, match="--rate 0: must lie between"):
-        view_of(None, None, None, None, 0.0)
+        view_of(rate=0.0)
 
 
 def test_what_is_asked_travels_as_json():
