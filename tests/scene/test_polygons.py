@@ -60,6 +60,41 @@ def test_the_outline_of_the_triangles_is_the_polygon(shape):
         assert alone == {(i, (i + 1) % count) for i in range(count)}
 
 
+def drawn(rng: np.random.Generator) -> np.ndarray:
+    """A star, a comb or a spiral, sometimes with corners on its sides, once or twice each."""
+    n = int(rng.integers(4, 14))
+    turn = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    if (kind := rng.integers(3)) == 0:
+        outline = np.c_[np.cos(turn), np.sin(turn)] * rng.uniform(0.1, 3, (n, 1))
+    elif kind == 1:
+        steps = np.arange(n)
+        outline = np.r_[np.c_[steps, 0 * steps], np.c_[steps, 1 + rng.random(n) * 5 * (steps % 2)][::-1]]
+    else:
+        along = np.linspace(0, 4 * np.pi, 3 * n)[:, None]
+        way = np.c_[np.cos(along), np.sin(along)]
+        outline = np.r_[(1.0 + along) * way, ((0.6 + along) * way)[::-1]]
+    for _ in range(rng.integers(4)):
+        k = int(rng.integers(len(outline)))
+        middle = (outline[k] + outline[(k + 1) % len(outline)]) / 2
+        outline = np.insert(outline, k + 1, [middle] * int(rng.integers(1, 3)), axis=0)
+    return outline
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_drawn_polygons_are_covered_once(kind):
+    rng = np.random.default_rng(5)
+    for _ in range(150):
+        outline = drawn(rng)
+        frame = np.linalg.qr(rng.normal(size=(3, 3)))[0] * 10 ** rng.uniform(-3, 3)
+        points = placed(outline, int(rng.integers(len(outline))), frame).astype(kind)
+        faces = cut(points)
+        normal = np.cross(frame[0], frame[1])
+        own = areas(points.astype(np.float64), faces) @ normal / (normal @ normal)
+        assert len(faces) == len(outline) - 2
+        assert own.sum() == pytest.approx(area_of(outline), rel=1e-4)
+        assert np.abs(own).sum() == pytest.approx(abs(area_of(outline)), rel=1e-4)
+
+
 def test_a_convex_polygon_is_a_fan_and_triangles_stay():
     circle = [(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 9)[:-1]]
     assert cut(placed(circle)).tolist() == [[0, i, i + 1] for i in range(1, 7)]

@@ -148,35 +148,39 @@ def _clipped(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
     count = len(flat)
     cut = triangulate_float64(flat, np.array([count], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)
     e, f = flat[cut[:, 1]] - flat[cut[:, 0]], flat[cut[:, 2]] - flat[cut[:, 0]]
-    turned = e[:, 0] * f[:, 1] < e[:, 1] * f[:, 0]
-    cut[turned] = cut[turned][:, [0, 2, 1]]
+    if (
+        e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
+    ).sum() < 0.0:  # all are turned the same way, those without area too
+        cut = cut[:, [0, 2, 1]]
     if len(cut) < count - 2:
-        rings = [np.array(ring) for ring in _rings_left(cut, count)]
-        sizes = np.array([len(ring) for ring in rings])
-        if len(rings) and sizes.min() > 2:
+        rings = [np.array(ring) for ring in _rings_left(cut, count) if len(ring) > 2]
+        if rings:
+            sizes = np.array([len(ring) for ring in rings])
             cut = np.concatenate([cut, fan(sizes, np.concatenate(rings))])
     return cut if len(cut) == count - 2 else None
 
 
 def _rings_left(cut: NDArray[np.int64], count: int) -> list[list[int]]:
-    """The closed rings between the outline of triangles and the polygon 0, 1 ... ``count`` - 1 that they are cut from."""
+    """The closed rings between the outline of triangles and the polygon 0, 1 ... ``count`` - 1 that they are cut from.
+
+    None passes a corner twice: a ring that does is several that touch there.
+    """
     inner = {(int(t[i]), int(t[(i + 1) % 3])) for t in cut for i in range(3)}
     outline = {edge for edge in inner if edge[::-1] not in inner}
-    ring = {(i, (i + 1) % count) for i in range(count)}
+    polygon = {(i, (i + 1) % count) for i in range(count)}
     left: dict[int, list[int]] = {}
-    for start, end in sorted((ring - outline) | {edge[::-1] for edge in outline - ring}):
+    for start, end in sorted((polygon - outline) | {edge[::-1] for edge in outline - polygon}):
         left.setdefault(start, []).append(end)
     rings = []
     while left:
-        first = at = next(iter(left))
-        found = []
+        at, passed = next(iter(left)), list[int]()
         while at in left:
-            found.append(at)
-            end = left[at].pop()
-            if not left[at]:
-                del left[at]
-            at = end
-            if at == first:
-                break
-        rings.append(found)
+            passed.append(at)
+            at = left[at].pop()
+            if not left[passed[-1]]:
+                del left[passed[-1]]
+            if at in passed:
+                first = passed.index(at)
+                rings.append(passed[first:])
+                del passed[first:]
     return rings
