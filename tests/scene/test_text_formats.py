@@ -307,6 +307,7 @@ STL = {
     "all in the first line": "solid hand " + ONE_LINE,
     "a facet in the first line": SOLID.replace("hand\n", "hand ", 1),
     "a facet in one line": " ".join(SOLID.split("\n", 8)[:8]) + "\n" + SOLID.split("\n", 8)[8],
+    "an end in the line of a vertex": SOLID.replace("\n endloop\n", " endloop\n"),
     "no solid": SOLID.partition("\n")[2],
 }
 

@@ -6,6 +6,7 @@ triangle, and takes three times as long.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 from collections.abc import Sequence
@@ -85,19 +86,26 @@ def _lines(text: bytes) -> list[bytes]:
 def _corners(path: Path, text: bytes, before: int) -> NDArray[np.float64]:
     """The corners of the facets of a text in lower case, [3 facets, 3]. ``before``: facets of the file before them."""
     lines = _lines(text)
-    if not _in_threes(lines) or len(lines) != 4 * text.count(_END):  # several keywords may share a line
-        lines = _lines(_KEYWORD.sub(b"\n", text))
+    if _in_threes(lines) and len(lines) == 4 * text.count(_END):
+        with contextlib.suppress(ValueError):
+            return _positions(_vertices(lines))
+    lines = _lines(_KEYWORD.sub(b"\n", text))  # several keywords may share a line
     if not _in_threes(lines):
         wrong = next(i for i, line in enumerate([*lines, b""]) if line[:1] != b"fvvv"[i % 4 : i % 4 + 1])
         facet = before + max(0, wrong - 1) // 4
         raise broken(path, f"facet {facet} has not three vertices", "correct it or export the file again")
-    vertices = [line[6:] for line in lines if line[:1] == b"v"]
+    vertices = _vertices(lines)
     try:
         return _positions(vertices)
     except ValueError:
         wrong, error = first_wrong(vertices, _positions)
         problem = f"facet {before + wrong // 3}: {error}"
         raise broken(path, problem, "correct it or export the file again") from None
+
+
+def _vertices(lines: list[bytes]) -> list[bytes]:
+    """What stands after the word in the lines of vertices."""
+    return [line[6:] for line in lines if line[:1] == b"v"]
 
 
 def _in_threes(lines: list[bytes]) -> bool:
