@@ -152,10 +152,10 @@ def DomeLight "Sky" {{
         "lights with an extent read as points: 1",
         "tessellated gprims: 1 (32 segments around, 16 from pole to pole)",
         "subdivision surfaces read as their cages: 1",
-        "left out: 1 BasisCurves, 1 Points, 1 Unheard, 1 Volume",
-        "left out: 1 invisible, 1 of purpose guide or proxy",
         "draw modes not used: 1",
         "materials not read: 1",
+        "left out: 1 BasisCurves, 1 Points, 1 Unheard, 1 Volume",
+        "left out: 1 invisible, 1 of purpose guide or proxy",
         "lengths in units of 0.01 m",
     )
 

@@ -124,42 +124,35 @@ class _Reader:
         self._texts: list[str] = []
         self._blocks: list[NDArray[Any]] = []
         self._starts = {
-            f"{core} {name}".lstrip(): handle
-            for core in _CORE
-            for name, handle in {
-                "vertex": self._vertex,
-                "triangle": self._triangle,
-                "vertices": self._begin,
-                "triangles": self._begin,
-                "object": self._object,
-                "component": self._component,
-                "item": self._item,
-                "model": self._model,
-                "mesh": self._shape,
-                "components": self._shape,
-                "basematerials": self._material,
-            }.items()
+            "model": self._model,
+            "basematerials": self._material,
+            "object": self._object,
+            "mesh": self._shape,
+            "components": self._shape,
+            "component": self._component,
+            "vertices": self._begin,
+            "vertex": self._vertex,
+            "triangles": self._begin,
+            "triangle": self._triangle,
+            "item": self._item,
         }
-        self._starts[_LATTICE] = lambda attributes: self.model.left_out.add("beam lattices")
         self._ends = {
-            f"{core} {name}".lstrip(): handle
-            for core in _CORE
-            for name, handle in {
-                "vertices": self._end_vertices,
-                "triangles": self._end_triangles,
-                "object": self._end_object,
-            }.items()
+            "vertices": self._end_vertices,
+            "triangles": self._end_triangles,
+            "object": self._end_object,
         }
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
-        handle = self._starts.get(name)
-        if handle is not None:
-            handle(attributes)
+        space, _, tag = name.rpartition(" ")
+        if space in _CORE and tag in self._starts:
+            self._starts[tag](attributes)
+        elif name == _LATTICE:
+            self.model.left_out.add("beam lattices")
 
     def end(self, name: str) -> None:
-        handle = self._ends.get(name)
-        if handle is not None:
-            handle()
+        space, _, tag = name.rpartition(" ")
+        if space in _CORE and tag in self._ends:
+            self._ends[tag]()
 
     def _model(self, attributes: dict[str, str]) -> None:
         self.model.unit = attributes.get("unit", "")

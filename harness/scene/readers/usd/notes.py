@@ -10,28 +10,27 @@ from pxr import UsdGeom
 from .drawing import Library
 from .gprims import RESOLUTION
 
+_COUNTED = {
+    "tessellated": f"tessellated gprims: {{}} ({RESOLUTION})",
+    "cages": "subdivision surfaces read as their cages: {}",
+    "empty": "prototypes of instancers that draw nothing: {}",
+    "draw modes": "draw modes not used: {}",
+    "materials": "materials not read: {}",
+    "opacities": "opacities of materials and shapes not read: {}",
+}
+"""What is said of each count that is not 0."""
+
 
 def approximations(stage: Any, library: Library) -> list[str]:
     """What is read as something else or not at all, and the unit of length."""
-    counts, notes = library.counts, []
-    if counts["tessellated"]:
-        notes.append(f"tessellated gprims: {counts['tessellated']} ({RESOLUTION})")
-    if counts["cages"]:
-        notes.append(f"subdivision surfaces read as their cages: {counts['cages']}")
+    counts = library.counts
+    notes = [text.format(counts[name]) for name, text in _COUNTED.items() if counts[name]]
     if library.left_out.total():
         notes.append(f"left out: {listed(library.left_out)}")
     if counts["invisible"] or counts["unseen"]:
         notes.append(
             f"left out: {counts['invisible']} invisible, {counts['unseen']} of purpose guide or proxy"
         )
-    if counts["empty"]:
-        notes.append(f"prototypes of instancers that draw nothing: {counts['empty']}")
-    if counts["draw modes"]:
-        notes.append(f"draw modes not used: {counts['draw modes']}")
-    if counts["materials"]:
-        notes.append(f"materials not read: {counts['materials']}")
-    if counts["opacities"]:
-        notes.append(f"opacities of materials and shapes not read: {counts['opacities']}")
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         notes.append(f"lengths in units of {UsdGeom.GetStageMetersPerUnit(stage):g} m")
     return notes
