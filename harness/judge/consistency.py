@@ -100,8 +100,7 @@ def _check_hits(
     )
     e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = np.linalg.norm(np.cross(e, f), axis=1)
-    lengths = np.linalg.norm(e, axis=1), np.linalg.norm(f, axis=1), np.linalg.norm(f - e, axis=1)
-    longest = np.max(lengths, axis=0)
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (e, f, f - e)], axis=0)
     steep = np.abs(slope)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.linalg.norm(d, axis=1)

@@ -11,7 +11,7 @@ class Verdict(IntEnum):
     OK        the lowest index of the exact tie set, or the right shadow bit
     TIE       another member of the exact tie set
     NEAR_TIE  another triangle whose exact t is within the bound of the true one
-    EDGE      wrong only because the ray passes within the bound of an exact edge, or of the border of a hole
+    EDGE      wrong only because the ray passes within the bound of an exact edge, or of the border of a hole or spot
     TRUE      wrong
     INVALID   not an answer: poison, NaN, an index out of range, a triangle that is never hit
     ACNE      a lit point called shadowed;  LEAK  a shadowed point called lit

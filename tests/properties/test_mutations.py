@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 from helpers.judged_hard_cases import judged
+from shadowbench.harness.frame import session
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
 from shadowbench.methods.common import bounds, box_tree, ray_kernels
@@ -369,7 +370,11 @@ def wrong_cases(mutation: Mutation, device: str) -> list[str]:
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.name.replace(" ", "-"))
-def test_a_named_case_catches_it(mutation: Mutation, tmp_path: Path, device: str) -> None:
+def test_a_named_case_catches_it(
+    mutation: Mutation, tmp_path: Path, device: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the kernels of ordinary frames, however unlike the sizes in a case are."""
+    monkeypatch.setattr(session, "is_wide", lambda *_: False)
     assert wrong_cases(mutation, device) == [], "the method as it is must pass"
     with pytest.MonkeyPatch.context() as patch:
         for planted in mutation.planted:
