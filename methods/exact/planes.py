@@ -19,9 +19,6 @@ from ..gpu.division import about_inverse
 from .segment import side_of_light
 from .triangle import U32, largest
 
-EDGE_UNITS = wp.constant(16.0 * U32)
-"""Bound on the error of n . v, as a share of P Q |v|_1."""
-
 
 @wp.func
 def normal_through(o: wp.vec3f, p: wp.vec3f, q: wp.vec3f) -> wp.vec3f:

@@ -28,6 +28,9 @@ LANES = 1024
 LARGE_AT_ONCE = 128
 """Large triangles worked on at the same time on CUDA."""
 
+GRIDS = wp.array(dtype=Grid)
+"""The type of an array of grids: one object, by which kernels are kept (:func:`make_bin_kernels`)."""
+
 
 def cells_for(triangles: int, density: float, memory: int) -> int:
     """The number of cells at ``density`` cells per triangle. Raises CapacityRejected if their lists exceed ``memory``
@@ -143,9 +146,7 @@ class TriangleGrid:
 
     def __init__(self, frame: Frame, cells: int, capacity: int):
         self._frame = frame
-        self.binned = BinnedItems(
-            frame.triangle_count, cells, capacity, frame, wp.array(dtype=Grid), whole_triangle
-        )
+        self.binned = BinnedItems(frame.triangle_count, cells, capacity, frame, GRIDS, whole_triangle)
         with wp.ScopedDevice(frame.device):
             self.box = wp.zeros(6, dtype=wp.float32)
             self.grid = wp.zeros(1, dtype=Grid)

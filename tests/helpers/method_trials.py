@@ -9,6 +9,7 @@ from helpers.brute_force import closest, make_scene, shadowed, soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared
 
@@ -16,10 +17,16 @@ Answers = dict[str, NDArray]
 
 
 def trace(
-    name: str, settings: dict[str, str], prepared: Prepared, width: int, height: int, device: str = "cpu"
+    name: str,
+    settings: dict[str, str],
+    prepared: Prepared,
+    width: int,
+    height: int,
+    device: str = "cpu",
+    limits: Limits | None = None,
 ) -> tuple[Session, Moment, Answers]:
     """One frame of a method, with the session and the moment it was traced at."""
-    session = Session(make_method(name, settings), prepared, width, height, device)
+    session = Session(make_method(name, settings), prepared, width, height, device, limits=limits)
     moment = prepared.moment(0, width, height)
     return session, moment, session.answers(moment)
 

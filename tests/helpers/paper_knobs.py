@@ -1,9 +1,8 @@
-"""The paper's method under drawn settings of its knobs, and its answers compared bit for bit."""
+"""The paper's method under drawn settings of its knobs."""
 
 from __future__ import annotations
 
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
+from helpers.method_trials import trace
 from shadowbench.methods.perspective_spherical.parameters import (
     BALANCING,
     CLAMPS,
@@ -16,10 +15,7 @@ from shadowbench.methods.perspective_spherical.parameters import (
 
 
 def answers_of(prepared, width, height, settings, device="cpu", limits=None):
-    method = make_method("perspective_spherical", settings)
-    session = Session(method, prepared, width, height, device, limits=limits)
-    moment = prepared.moment(0, width, height)
-    return session, moment, session.answers(moment)
+    return trace("perspective_spherical", settings, prepared, width, height, device, limits)
 
 
 def drawn(random, **fixed):
@@ -46,8 +42,3 @@ def drawn(random, **fixed):
     if settings["precision"] == "float32-centred" and not settings["aimed"]:
         settings["precision"] = "float32"
     return {name: str(value) for name, value in settings.items()}
-
-
-def same(got, expected, what):
-    for name, values in expected.items():
-        assert (got[name] == values).all(), (what, name, int((got[name] != values).sum()))

@@ -10,8 +10,8 @@ from helpers.brute_force import make_scene
 from helpers.closed_meshes import grid_of_squares, rays_along_an_edge, rays_through_vertices
 from helpers.drawn_examples import CLOSED, some
 from helpers.lattice_examples import CULLING, Example, answers_of, fresh_method, true_errors
+from helpers.method_trials import assert_same
 from helpers.paper_knobs import answers_of as knob_answers
-from helpers.paper_knobs import same
 from hypothesis import given
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -38,7 +38,7 @@ def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside(
             method = make_method(NAME, {"cull": cull})
             assert method.applies(scene, "cpu") is None
             session, _, got = knob_answers(prepared, 61, 47, {"cull": cull})
-            same(got, off, cull)
+            assert_same(got, off, cull)
             counts = session.method.counters()
             pairs.append((counts["camera pairs"], counts["light 0 pairs"]))
         assert pairs[1][0] < pairs[0][0]

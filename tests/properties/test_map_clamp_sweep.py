@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.judged_hard_cases import EVERYTHING
-from helpers.paper_knobs import same
+from helpers.method_trials import assert_same
 from helpers.real_scenes import MESHES, needs_real
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
@@ -100,12 +100,14 @@ def check(name: str, turn: int) -> None:
     assert any(exact["shadowed"].sum() > 0 for exact in lit.exact.values()), "nothing casts a shadow"
     for light_map, clamp, aimed, radii in combinations(count <= SMALL, None if EVERYTHING else turn):
         settings = {**COARSE, "light_map": light_map, "clamp": clamp, "aimed": aimed}
-        same(lit.answers(settings, radii), lit.exact[radii], (light_map, clamp, aimed, radii))
-    same(lit.answers({**COARSE, "precision": "float32-centred"}, 1e7), lit.exact[1e7], "float32-centred")
+        assert_same(lit.answers(settings, radii), lit.exact[radii], (light_map, clamp, aimed, radii))
+    assert_same(
+        lit.answers({**COARSE, "precision": "float32-centred"}, 1e7), lit.exact[1e7], "float32-centred"
+    )
     others = TRIANGLE_TESTS[1:]
     for test in others if EVERYTHING else others[turn % len(others) :][:1]:
         settings = {**COARSE, "triangle_test": test}
-        same(lit.answers({**settings, **OTHERS}, 2.0), lit.answers(settings, 2.0), test)
+        assert_same(lit.answers({**settings, **OTHERS}, 2.0), lit.answers(settings, 2.0), test)
 
 
 STAND_INS = [name for name in catalogue.NAMES if EVERYTHING or name != LARGEST]

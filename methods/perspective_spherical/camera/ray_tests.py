@@ -1,6 +1,6 @@
 """Float32 tests of a ray from the eye against a triangle, on a record made once per frame.
 
-Three tests, chosen when the kernels are compiled (:class:`~.variants.Variant`):
+Three tests, chosen when the kernels are compiled:
 
 exact            rejects only what its rounding bound makes certain; float64 decides the rest
 edge_planes      rejects by the plain signs of d . n, the planes through the eye and each edge, in difference form

@@ -36,7 +36,7 @@ class LightSpace:
 
     lights, proxy_positions  vec3f [light_count]: the lights, and what their grids look from (:class:`.frame.frame.Frame`)
     axes          mat33d [1], rows: forward, right, up
-    pads          float64 [2]: error bound of a ray's direction, relative to its length; see ``frame.aim_kernel``
+    pads          float64 [2]: error bound of a ray's direction, relative to its length; see ``rays.aim_kernel``
     distance_pad  relative error bound of a ray's distance
     eye           vec3f [1]: bounds the coordinates of the eye
     box           float64 [6]: of the hit points, or of the scene where the rectangle is the scene's

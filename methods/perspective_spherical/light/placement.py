@@ -18,15 +18,13 @@ from ..lists.staging import wide
 from ..parameters import CLAMPS, LIGHT_MAPS, Build
 from . import rays
 from .mapping import LightSpace
+from .rays import FLOAT32_PAD, FLOAT64_PAD
 from .rectangle import make_clamp_kernel, scene_kernel
 from .tile_edges import EXTENT, edges_kernel
 
-FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
-"""Error bound of a ray's direction from the light, relative to its length."""
-
 PARALLEL_PAD = 2.0**-45
-"""How far the rays of a directional light turn, seen from its post 2^24 scene radii away: 2 (2^-24)^2, and twice that
-again."""
+"""How far the rays of a directional light turn, seen from its proxy position 2^24 scene radii away: 2 (2^-24)^2, and
+twice that again."""
 
 REDUCE_BLOCK, REDUCE_THREADS = 256, 1 << 17
 

@@ -18,8 +18,10 @@ from ..lists.sorting import PairSink
 from .mapping import CUBE, LightSpace, ray_place
 from .tile_edges import EXTENT, LightTiles, distance_slice, tile_of
 
-FINEST = wp.constant(wp.float64(4.0e-14))
-"""Error bound of a direction in float64, relative to its length."""
+FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
+"""Error bound of a ray's direction from the light, relative to its length."""
+
+FINEST = wp.constant(wp.float64(FLOAT64_PAD))
 
 
 @wp.kernel(enable_backward=False)

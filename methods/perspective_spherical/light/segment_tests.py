@@ -28,11 +28,8 @@ from ..camera.ray_tests import (
     near_inside,
 )
 
-RECORD = wp.constant(6)
-"""vec4f of a triangle's record."""
-
 USED = (4, 6, 3)
-"""By test: how many of them it reads."""
+"""By test: how many vec4f of a triangle's record it reads, of 6."""
 
 NO = wp.constant(0)
 UNDECIDED = wp.constant(1)

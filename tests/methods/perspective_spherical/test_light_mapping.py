@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.paper_knobs import answers_of, same
+from helpers.method_trials import assert_same
+from helpers.paper_knobs import answers_of
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
@@ -16,7 +17,7 @@ from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.perspective_spherical.light.mapping import BOUNDS, LightSpace, ray_place
-from shadowbench.methods.perspective_spherical.light.placement import FLOAT32_PAD, FLOAT64_PAD
+from shadowbench.methods.perspective_spherical.light.rays import FLOAT32_PAD, FLOAT64_PAD
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 
 
@@ -171,7 +172,7 @@ def test_float32_coordinates_are_never_wrong(light_map, aimed):
         _, _, exact = answers_of(prepared, 40, 40, {})
         settings = {"precision": "float32", "light_map": light_map, "aimed": aimed, "light_tiles": "100"}
         _, _, got = answers_of(prepared, 40, 40, settings)
-        same(got, exact, (settings, distance))
+        assert_same(got, exact, (settings, distance))
 
 
 def test_float32_world_axes_need_pairs_without_end_where_float64_needs_few():

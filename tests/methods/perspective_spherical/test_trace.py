@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.paper_knobs import answers_of, same
+from helpers.method_trials import assert_same
+from helpers.paper_knobs import answers_of
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
 from shadowbench.methods.perspective_spherical.light.rectangle import make_clamp_kernel
 from shadowbench.methods.perspective_spherical.light.tiles import make_bound_kernel
@@ -33,7 +34,7 @@ def test_staged_kernels_give_the_bits_of_their_twins(triangle_test, monkeypatch)
             patch.setattr(wp.config, "enable_cpu_blocks", True)
             session, _, staged = answers_of(prepared, 21, 18, {**settings, "staging": "shared"})
             assert session.method.built()["staging"] == "shared"
-        same(staged, plain, settings)
+        assert_same(staged, plain, settings)
 
 
 def test_counters_add_up():
