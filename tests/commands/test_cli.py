@@ -142,6 +142,16 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
     assert err == "shadowbench: interrupted; run the same command again to continue\n"
 
 
+def test_an_error_of_the_system_is_one_line(call, monkeypatch, scene, tmp_path):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device", "/somewhere/file")
+
+    monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", full)
+    code, _, err = call("run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "/somewhere/file: No space left on device" in err
+
+
 @pytest.mark.parametrize("kind", ["methods", "scenes", "experiments"])
 def test_lists_as_text_and_as_json(call, kind, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
