@@ -39,7 +39,10 @@ def require_plain(folder: Path) -> None:
     publish one. Folders may be links, such as those to a larger disk.
     """
     for place in (folder, *(folder / name for name in PARTS)):
-        with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(place) as entries:
+        with (
+            contextlib.suppress(OSError),
+            os.scandir(place) as entries,
+        ):  # who reads or writes there says what is wrong
             odd = [one.path for one in entries if not (one.is_file(follow_symlinks=False) or one.is_dir())]
             if odd:
                 raise UserError(

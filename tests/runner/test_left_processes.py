@@ -48,19 +48,11 @@ def test_a_worker_that_ends_or_hangs_takes_what_it_started_along(
 
 def started(out: Path, scene: str, environment: dict[str, str], how: str) -> subprocess.Popen[bytes]:
     """A run whose method has started another process, and hangs."""
-    command = [
-        sys.executable,
-        "-m",
-        "shadowbench.harness.cli",
-        "run",
-        "table1",
-        "--preset",
-        "quick",
-        "--size",
-        "8x8",
-    ]
-    command += ["--no-score", "--out", str(out), "--scene", scene, "--method", "forks", "--timeout", "3600"]
-    command += ["--set", f"forks.how={how}", "--set", "forks.then=hangs"]
+    words = (
+        f"run table1 --preset quick --size 8x8 --no-score --method forks --set forks.how={how} --timeout 3600"
+    )
+    command = [sys.executable, "-m", "shadowbench.harness.cli", *words.split(), "--set", "forks.then=hangs"]
+    command += ["--out", str(out), "--scene", scene]
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     log, end = out / "logs" / "forks.log", time.monotonic() + 900.0
     while not (log.exists() and "started" in log.read_text()):
@@ -72,12 +64,7 @@ def started(out: Path, scene: str, environment: dict[str, str], how: str) -> sub
 
 @pytest.mark.parametrize(
     ("how", "number"),
-    [
-        ("orphan", signal.SIGINT),
-        ("orphan", signal.SIGKILL),
-        ("copy", signal.SIGTERM),
-        ("program", signal.SIGKILL),
-    ],
+    [("orphan", signal.SIGINT), ("copy", signal.SIGTERM), ("program", signal.SIGKILL)],
 )
 def test_a_run_that_is_ended_leaves_none(
     package: Path, scene: str, tmp_path: Path, how: str, number: int

@@ -73,13 +73,9 @@ def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
 def test_files_that_a_killed_run_was_writing_are_removed_and_no_others(tmp_path):
     folder = ResultsFolder(tmp_path)
     (tmp_path / "records").mkdir()
-    others = [
-        ".gitignore",
-        ".notes.original",
-        ".a.json.abcdefgh",
-        "a.json.abcdefgh.partial",
-        ".a.json.abcdefgh.partial.d/",
-    ]
+    others = (
+        ".gitignore .notes.original .a.json.abcdefgh a.json.abcdefgh.partial .a.json.abcdefgh.partial.d/"
+    ).split()
     for name in others:
         (tmp_path / "records" / name).mkdir() if name[-1] == "/" else (tmp_path / "records" / name).touch()
     for place in (tmp_path, tmp_path / "records"):
