@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 import tempfile
 
@@ -16,6 +17,9 @@ from shadowbench.harness.runner.machine.lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
 os.environ[FOLDER] = _turns.name
+
+# A program that is started in the background has this signal ignored, and so would have the runs that tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Source is compiled once for the many Python processes that tests start, whatever this environment says.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

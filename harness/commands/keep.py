@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from ..errors import UserError, say
-from ..results.folder import ResultsFolder
+from ..results.folder import ResultsFolder, require_plain
 from ..results.record import FAILURES, Record
 from ..results.schema import ARCHIVE, read_records, write_archive
 from ..runner.cluster.ledger import NAME as CLUSTER
@@ -53,6 +53,8 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
             raise UserError(f"--out {out}: is not empty; choose another, or give --replace")
         if not (out / "records").is_dir():
             raise UserError(f"--out {out}: is no folder of results, so it is not replaced; choose another")
+    for source in sources:
+        require_plain(source)
     found = [record for source in sources for record in read_records(source)]
     experiments = sorted({record.experiment for record in found})
     if len(experiments) > 1:

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import UserError, say
+from ..errors import UserError, one_line, say
 from ..runner.machine.lock import MACHINE
 
 DEBUG = "SHADOWBENCH_DEBUG"
@@ -163,3 +163,9 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         raise SystemExit(INTERRUPTED) from None
+    except OSError as error:  # a full disk, a folder that may not be written, too many open files
+        if os.environ.get(DEBUG):
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        say(f"shadowbench: {where}{error.strerror or one_line(error)}; --debug shows where it comes from")
+        raise SystemExit(2) from None

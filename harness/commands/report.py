@@ -11,6 +11,7 @@ import typer
 
 from ..errors import UserError, say
 from ..files import write_text
+from ..results.folder import require_plain
 from ..results.schema import folders_with_records
 from ..runner.planning.experiment import PACKAGE
 from .options import Json
@@ -64,6 +65,8 @@ def collected(folder: Path) -> dict[str, Any]:
     from ..report.page import gather, pictures
 
     places = folders_with_records(folder)
+    for place in {folder, *places}:
+        require_plain(place)
     tables = [document.frames(place) for place in places]
     points = [document.named(table) for table in tables]
     data = gather.gather(folder.resolve().name, places, tables, points)

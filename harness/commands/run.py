@@ -13,7 +13,7 @@ from typing import Any
 
 from ..errors import UserError, did_you_mean, say, warn
 from ..frame.devices import find_device
-from ..results.folder import ResultsFolder
+from ..results.folder import ResultsFolder, require_plain
 from ..results.newest import prefer
 from ..results.record import Record
 from ..runner.machine.lock import MACHINE
@@ -133,6 +133,7 @@ def dry(options: Options, as_json: bool = False) -> int:
 def run(options: Options, as_json: bool = False) -> int:
     """Run and draw. Return 0 if every point was measured or skipped with a reason, else 1."""
     MACHINE.share()
+    require_plain(options.out)
     # Methods that run in this process, not in a worker, may go to another folder.
     whole = dataclasses.replace(options, out=options.out.absolute())
     with Silent() if as_json else Bar() as report, contextlib.chdir("."):
@@ -189,7 +190,7 @@ def shown(options: Options, records: list[Record], as_json: bool) -> int:
     if options.experiment.draw is not None:
         with ResultsFolder(options.out).writing():
             prefer(options.out, records)
-        files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
+            files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
     bad = [record for record in records if record.says_nothing]
     for text in warnings_of(records):
         warn(text)

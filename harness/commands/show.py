@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from ..errors import UserError
+from ..results.folder import require_plain
 from ..results.schema import each_record
 from ..runner.planning.experiment import find_experiment
 
@@ -22,6 +23,7 @@ def show(experiment: str, folder: Path | str, quiet: bool = False, out: Path | N
     folder = Path(folder)
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; name a folder that `shadowbench run {experiment}` wrote")
+    require_plain(folder)
     if declared.draw is None:
         raise UserError(
             f"{experiment}: this experiment has no drawing; its records are in {folder / 'records'}"

@@ -182,6 +182,7 @@ def score(
     """
     from ..files import write_atomic
     from ..frame.warp_init import start_warp
+    from ..results.folder import require_plain
 
     start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
@@ -191,6 +192,8 @@ def score(
             f"{folder}: no saved answers in it; name a folder with files answers/*.npz, as `run --save-answers` writes them"
         )
     MACHINE.share_beside("cpu")
+    for place in {path.parent.parent for path in files}:
+        require_plain(place)
     rows = []
     for path in files:
         row = _score_file(path, folder, again, scene_dir)
@@ -237,6 +240,8 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
         frame: RecordFrame | None = None
         if record_path.is_file():
             record = read_record(record_path)
+            if record.key != facts["extra"]["key"]:  # a file of answers may name any
+                raise UserError(f"{record_path}: the record of other answers; remove them, or it")
             row["record"], row["record_path"] = record, record_path
             row["method"] = record.method["name"]
             frame = next((f for f in record.frames if f.frame == facts["frame"]), None)

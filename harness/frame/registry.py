@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # names are listed without importing Warp
 
 GROUP = "shadowbench.methods"
 PACKAGE = __name__.rsplit(".", 3)[0] + ".methods"
+NAME = re.compile(r"[\w-]{1,100}")
 
 
 def method_names() -> list[str]:
@@ -83,6 +84,10 @@ def method_class(name: str) -> type[Method]:
         return importlib.import_module(f"{PACKAGE}.{name}").METHOD
     points = _entry_points()
     if name in points:
+        if not NAME.fullmatch(name):  # files are called by it
+            raise UserError(
+                f"method {name!r}: a name has letters, digits, - and _ alone; correct its package"
+            )
         try:
             with contextlib.chdir("."):  # a package that goes elsewhere does not take this process with it
                 return points[name].load()

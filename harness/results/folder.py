@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import functools
@@ -31,6 +32,24 @@ PARTS = ("answers", "environments", "images", "journal", "logs", "maps", "record
 UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
 
 
+def require_plain(folder: Path) -> None:
+    """Raise :class:`UserError` where a results folder has a link, a pipe or a device in the place of a file.
+
+    It may come from elsewhere: a table drawn through a link would replace a file of another folder, and packing would
+    publish one. Folders may be links, such as those to a larger disk.
+    """
+    for place in (folder, *(folder / name for name in PARTS)):
+        with (
+            contextlib.suppress(OSError),
+            os.scandir(place) as entries,
+        ):  # who reads or writes there says what is wrong
+            odd = [one.path for one in entries if not (one.is_file(follow_symlinks=False) or one.is_dir())]
+            if odd:
+                raise UserError(
+                    f"{min(odd)}: a link, or no file at all; put a file in its place, or remove it"
+                )
+
+
 class ResultsFolder:
     """``records/KEY.json``, ``journal/KEY.jsonl``, ``environments/ID.json``, ``scenes.json`` and so on in ``path``."""
 
@@ -45,6 +64,7 @@ class ResultsFolder:
             raise UserError(f"{taken[0]}: a file where a folder is needed; move it, or choose another --out")
         try:
             self.path.mkdir(parents=True, exist_ok=True)
+            require_plain(self.path)
             (self.path / ".lock").touch()
             file = open_regular(self.path / ".lock", update=True)
         except OSError as error:
@@ -70,10 +90,12 @@ class ResultsFolder:
 
     @contextmanager
     def idle(self) -> Iterator[None]:
-        """Lock an existing folder, so that no run writes to it. Raises :class:`UserError` if one does.
+        """Lock an existing folder, so that no run writes to it. Raises :class:`UserError` if one does, and as
+        :func:`require_plain` does.
 
         A folder without a lock file is not locked, and no lock file is created, because the folder may be read-only.
         """
+        require_plain(self.path)
         with ExitStack() as held:
             try:
                 file = held.enter_context(open_regular(self.path / ".lock"))
@@ -91,7 +113,8 @@ class ResultsFolder:
             yield
         except OSError as error:
             if error.errno in UNWRITABLE:
-                raise self.unwritable(error.strerror or str(error)) from error
+                where = f"{error.filename}: " if error.filename else ""
+                raise self.unwritable(f"{where}{error.strerror or error}") from error
             raise
 
     def unwritable(self, reason: str) -> UserError:

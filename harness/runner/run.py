@@ -36,7 +36,7 @@ from .scene_cache import known_scene, learn_scene
 from .unmade_scenes import forget_unmade, unmade_scene
 from .workers import scratch
 from .workers.handle import WorkerError, WorkerLostError
-from .workers.pool import GRADER, Workers
+from .workers.pool import GRADER, Workers, grader_name
 from .workers.protocol import grade_command, load_command
 
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
@@ -201,7 +201,7 @@ class Run:
                 self._attempt(job, "compiling and warming up", self._prepare)
         waiting = [job for job in jobs if job.record is None and not job.journal.first("finished")]
         count = self.graders
-        names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, count + 1))]
+        names = [grader_name(number) for number in range(1, count + 1)]
         batches = [waiting[:1], *(waiting[i : i + count] for i in range(1, len(waiting), count))]
         with MACHINE.released():
             for batch in batches:

@@ -14,20 +14,7 @@ from shadowbench.harness.commands import program
 from shadowbench.harness.commands.program import spread_values
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = (
-    "advise",
-    "run",
-    "show",
-    "list",
-    "render",
-    "verify",
-    "explain",
-    "score",
-    "report",
-    "compare",
-    "new-method",
-    "view",
-)
+COMMANDS = "advise run show list render verify explain score report compare new-method view".split()
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -142,6 +129,16 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
     assert err == "shadowbench: interrupted; run the same command again to continue\n"
 
 
+def test_an_error_of_the_system_is_one_line(call, monkeypatch, scene, tmp_path):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device", "/somewhere/file")
+
+    monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", full)
+    code, _, err = call("run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "/somewhere/file: No space left on device" in err
+
+
 @pytest.mark.parametrize("kind", ["methods", "scenes", "experiments"])
 def test_lists_as_text_and_as_json(call, kind, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
@@ -157,31 +154,8 @@ def test_lists_as_text_and_as_json(call, kind, monkeypatch):
 
 def test_run_show_and_json(call, scene, tmp_path):
     out_folder = tmp_path / "out"
-    arguments = [
-        "run",
-        "table1",
-        "--scene",
-        scene,
-        "--method",
-        "warp_bvh",
-        "embree",
-        "--set",
-        "embree.threads=1",
-    ]
-    arguments += [
-        "--preset",
-        "quick",
-        "--size",
-        "16x12",
-        "--rounds",
-        "1",
-        "--samples",
-        "2",
-        "--no-score",
-        "--out",
-        out_folder,
-        "--json",
-    ]
+    options = "--method warp_bvh embree --set embree.threads=1 --preset quick --size 16x12 --rounds 1 --samples 2 --no-score"
+    arguments = ["run", "table1", "--scene", scene, *options.split(), "--out", out_folder, "--json"]
     code, out, err = call(*arguments)
     report = json.loads(out)
     assert (code, err) == (0, "")

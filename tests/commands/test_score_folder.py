@@ -7,7 +7,7 @@ import json
 import pytest
 from helpers import rational_brute_force as cases
 from helpers.experiment_records import record_of
-from helpers.right_and_wrong_methods import Right, Wrong
+from helpers.right_and_wrong_methods import Right, Wrong, ball_file
 from shadowbench.harness.commands.verify import score
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.warp_init import start_warp
@@ -76,6 +76,24 @@ def test_score_says_what_it_cannot_score(capsys, folder):
     assert row["status"] == "not scored"
     assert "not a file of raw answers" in row["reason"]
     assert read(folder, "right")["frames"][0]["score"] is None
+
+
+def test_answers_that_name_another_record_do_not_change_it(capsys, folder):
+    other = folder / "other" / "records" / "point-right.json"
+    other.parent.mkdir(parents=True)
+    (folder / "records" / "point-right.json").rename(other)
+    for path in (folder / "answers").glob("point-*.npz"):
+        path.unlink()
+    before = other.read_bytes()
+    prepared = prepare(resolve(ball_file(folder)))
+    moment = prepared.moment(0, 4, 3)
+    answers = cases.exact_answers(prepared, moment, Referee(moment.points, prepared.faces, moment.valid))
+    extra = {"key": "../other/records/point-right"}
+    save_raw(folder / "answers" / "a-0.npz", prepared, moment, answers, prepared.scene.name, extra=extra)
+    assert score(folder, as_json=True) == 1
+    (row,) = json.loads(capsys.readouterr().out)["answers"]
+    assert row["reason"].endswith("the record of other answers; remove them, or it")
+    assert other.read_bytes() == before
 
 
 def test_score_of_a_folder_without_answers(tmp_path):

@@ -27,7 +27,7 @@ BLOCK = 256
 """Threads of a block where a launch does not say, as on a GPU."""
 
 MULTIPROCESSORS = 2
-"""Few: kernels with threads for all of them then take several rounds."""
+"""Few: kernels with threads for all of them then take several rounds. A block takes as long as its threads one by one."""
 
 _BLOCK_INDEX = """    blockIdx.x = (uint)(payload->block_first / WP_TILE_BLOCK_DIM);
     gridDim.x = (uint)((dim->size + WP_TILE_BLOCK_DIM - 1) / WP_TILE_BLOCK_DIM);
@@ -66,7 +66,9 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     wp.get_device("cpu").sm_count = MULTIPROCESSORS
     from shadowbench.harness.frame.method import BaseMethod
     from shadowbench.harness.frame.schedule.runner import PassRunner
+    from shadowbench.methods.common import bounds
 
+    bounds.BLOCKS = 2 * MULTIPROCESSORS
     PassRunner.replays = property(lambda runner: False)  # type: ignore[method-assign, assignment]
     _take_methods_for_gpus(BaseMethod)
     return unseen
@@ -90,7 +92,8 @@ def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) 
             if old in snippet:
                 unseen.discard(old)
             snippet = snippet.replace(old, new)
-        return generate(adj, name, with_shared_memory(without_assembly(snippet)), *more, **named)
+        told = f"#if 0\n{snippet}\n#endif\n"  # by which kernels with a replaced text are found
+        return generate(adj, name, told + with_shared_memory(without_assembly(snippet)), *more, **named)
 
     codegen.codegen_snippet = codegen_snippet
     codegen.cpu_module_header += f'#include "{HEADER}"\n'
@@ -115,18 +118,21 @@ def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) 
 def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
     """A folder of compiled kernels for this version of the emulation, since Warp does not know that they differ.
 
-    With replaced texts it is removed at the end.
+    With replaced texts it is another one, which is removed at the end, and has links to the kernels without these texts.
     """
-    if replaced:
-        replaced_kernels = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
-        atexit.register(replaced_kernels.cleanup)
-        wp.config.kernel_cache_dir = replaced_kernels.name
-        return
     files = sorted(path for path in HEADER.parent.iterdir() if path.suffix in (".h", ".py"))
     version = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
-    folder = Path(wp.config.kernel_cache_dir) / f"emulated-{version}"
-    folder.mkdir(exist_ok=True)
-    wp.config.kernel_cache_dir = str(folder)
+    place = Path(wp.config.kernel_cache_dir) / f"emulated-{version}"
+    place.mkdir(exist_ok=True)
+    if replaced:
+        own = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
+        atexit.register(own.cleanup)
+        for module in place.iterdir():
+            sources = [path.read_text() for path in module.glob("*.cpp")]
+            if sources and not any(old in text for old, _ in replaced for text in sources):
+                (Path(own.name) / module.name).symlink_to(module)
+        place = Path(own.name)
+    wp.config.kernel_cache_dir = str(place)
 
 
 def _asked_by_warp() -> bool:

@@ -62,6 +62,13 @@ class Point:
         return self.cls
 
 
+@pytest.mark.parametrize("name", ["../a", "a.1", "a b", "", "a\n", "a" * 101])
+def test_a_name_that_no_file_can_have_is_refused(monkeypatch, name):
+    monkeypatch.setattr(registry, "_entry_points", lambda: {name: Point(Sample)})
+    with pytest.raises(UserError, match="a name has letters, digits, - and _ alone; correct its package"):
+        registry.method_class(name)
+
+
 def test_settings_reach_build_and_trace(sample):
     text = {"cells": "12", "padded": "TRUE", "reach": "2.5", "order": "far"}
     method = registry.make_method(sample, text)

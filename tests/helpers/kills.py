@@ -1,7 +1,7 @@
 """Runs whose processes are killed at random moments, and resumed until they are finished: what they leave is checked.
 
-A run has two scenes with two methods each, whose answers are scored and saved. Its processes are the run itself
-("parent"), a worker of a method, a grader, the guard between one of them and the run, and, on a cluster, the Dask worker.
+A run has a few scenes and methods, whose answers are scored and saved. Its processes are the run itself ("parent"), a worker
+of a method, a grader, the guard between one of them and the run, and, on a cluster, the Dask worker.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,8 +23,9 @@ import psutil
 from helpers.left_processes import alive, gone, marked_environment
 from helpers.tiny_runs import write_scene
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.results.journal import Journal
 from shadowbench.harness.results.record import Record
-from shadowbench.harness.results.schema import read_records
+from shadowbench.harness.results.schema import read_records, whole_record
 
 ROUNDS, SAMPLES = 6, 2
 METHODS = ("uniform_grid", "warp_bvh")
@@ -56,8 +58,16 @@ class Kills:
 class Killed:
     """Runs in a folder of their own. ``cluster``: on a Dask worker of this machine."""
 
-    def __init__(self, place: Path, seed: int, cluster: bool, found: Kills):
-        self.place, self.cluster, self.found = place, cluster, found
+    def __init__(
+        self,
+        place: Path,
+        seed: int,
+        cluster: bool,
+        found: Kills,
+        scenes: Sequence[str] = SCENES,
+        methods: Sequence[str] = METHODS,
+    ):
+        self.place, self.cluster, self.found, self.methods = place, cluster, found, methods
         self.random = random.Random(seed)
         self.kinds = ("parent", "worker", "grader", "guard", *(["Dask worker"] if cluster else []))
         self.mark, environment = marked_environment()
@@ -69,8 +79,10 @@ class Killed:
             "SHADOWBENCH_SHARDS": str(place / "shards"),
             "SHADOWBENCH_TURNS": str(place / "locks"),
         }
-        self.scenes = [write_scene(place / f"{name}.obj") for name in SCENES]
+        self.scenes = [write_scene(place / f"{name}.obj") for name in scenes]
         self.log = place / "log"
+        self.taken: dict[str, list[float]] = {}
+        """Milliseconds of the rounds that were in the journals when a run was killed, by key."""
         began = time.monotonic()
         process = self._start(place / "untouched")
         if process.wait() != 0:
@@ -81,6 +93,7 @@ class Killed:
     def until_finished(self, name: str, most: int) -> None:
         """Kill processes of a run at random moments, at most so many, and resume it until it is finished; then check it."""
         out, left = self.place / name, most
+        self.taken.clear()
         while True:
             process = self._start(out)
             before = self.found.count
@@ -91,6 +104,7 @@ class Killed:
             for one in gone(self.mark):
                 self.found.findings.append(f"{name}: left running: {' '.join(one.cmdline())[:200]}")
                 one.kill()
+            self._note_rounds(out)
             if code == 0:
                 break
             self.found.resumed += 1
@@ -102,19 +116,21 @@ class Killed:
         self.found.finished += 1
         self.found.findings += [f"{name}: {one}" for one in self.faults(out)]
 
+    def _note_rounds(self, out: Path) -> None:
+        """What a resumed run has to keep: the rounds of unfinished points, but not of those that have failed since."""
+        for path in (out / "journal").glob("*.jsonl"):
+            frames = [one["frames"][0] for _, one in sorted(Journal(path).rounds().items())]
+            self.taken[path.stem] = [ms for frame in frames for ms in frame["total_ms"]]
+        for path in (out / "records").glob("*.json"):
+            record = whole_record(path)
+            if record is not None and record.says_nothing:
+                self.taken.pop(path.stem, None)
+
     def _start(self, out: Path) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", "shadowbench.harness.cli", "run", "table1", "--preset", "quick"]
         command += ["--size", "64x64", "--frames", "1", "--rounds", str(ROUNDS), "--samples", str(SAMPLES)]
-        command += [
-            "--scene",
-            *self.scenes,
-            "--method",
-            *METHODS,
-            "--save-answers",
-            "--retry",
-            "--out",
-            str(out),
-        ]
+        command += ["--scene", *self.scenes, "--method", *self.methods]
+        command += ["--save-answers", "--retry", "--out", str(out)]
         command += ["--cluster", "local", "--device", "cpu"] if self.cluster else ["--device", "cpu"]
         with self.log.open("wb") as log:
             return subprocess.Popen(command, env=self.environment, stdout=log, stderr=log)
@@ -208,6 +224,8 @@ class Killed:
             found.append(f"samples of rounds {frame.round}")
         if Counter(frame.stage_round) != Counter(right.stage_round) or len(frame.started) != ROUNDS:
             found.append(f"samples of passes of rounds {frame.stage_round}, {len(frame.started)} starts")
+        if not set(self.taken.get(record.key, ())) <= set(frame.total_ms):
+            found.append("rounds that were taken before it was killed are lost")
         if frame.score != right.score:
             found.append(f"its score is {frame.score} ({frame.unscored})")
         name = f"{record.key}-{frame.frame}.npz"
@@ -238,5 +256,7 @@ def kill_and_resume(
     number = 0
     while found.count - before < kills:
         number += 1
+        known = len(found.findings)
         runs.until_finished(f"out{number}", kills - (found.count - before))
-        say(f"{found.count - before} kills, {number} runs finished, {len(found.findings)} findings")
+        news = "".join(f"\n  {one}" for one in found.findings[known:])
+        say(f"{found.count - before} kills, {number} runs finished, {len(found.findings)} findings{news}")

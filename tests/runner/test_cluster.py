@@ -32,6 +32,7 @@ from shadowbench.harness.runner.cluster.shard import Outcome, Worker, code_hash,
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
+from shadowbench.harness.runner.workers import scratch
 
 dask = pytest.importorskip("dask", reason="Dask is not installed: the extra `cluster`")
 distributed = pytest.importorskip(
@@ -145,6 +146,10 @@ def test_the_ports_of_local_workers_take_nobody_without_the_key_of_the_run(place
     """Whoever may speak to a scheduler or a worker may have it run code."""
     with connected("local", "cpu") as pool:
         scheduler, (worker,) = pool.client.scheduler.address, pool.workers()
+        for one in pool.info().values():
+            assert Path(one["local_directory"]).is_relative_to(scratch.folder()), (
+                "what Dask leaves goes with the run"
+            )
         ports = listening()
         assert {address.rpartition(":")[2] for address in (scheduler, worker)} < {str(p) for _, p in ports}
         assert {ip for ip, _ in ports} == {"127.0.0.1"}, "no other machine reaches them"
@@ -154,6 +159,15 @@ def test_the_ports_of_local_workers_take_nobody_without_the_key_of_the_run(place
             assert not answers(f"tls://127.0.0.1:{port}", Security.temporary())
             with pytest.raises((OSError, http.client.HTTPException)):
                 urllib.request.urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=5.0)
+
+
+def test_a_worker_that_ends_as_it_starts_is_one_line(place, monkeypatch):
+    def failing(**_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "SpecCluster", failing)
+    with pytest.raises(UserError, match="a worker ended as it started"), connected("local", "cpu"):
+        pass
 
 
 def test_a_word_that_is_no_address_is_refused_at_once(place):

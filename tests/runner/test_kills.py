@@ -14,7 +14,7 @@ pytest.importorskip("embreex", reason="scores are compared")
 
 def test_a_few_kills_leave_every_record_whole_and_nothing_behind(tmp_path: Path) -> None:
     found = Kills()
-    runs = Killed(tmp_path / "runs", 1, cluster=False, found=found)
+    runs = Killed(tmp_path / "runs", 1, False, found, scenes=("first",), methods=("uniform_grid",))
     while found.count < 4:
         runs.until_finished(f"out{found.finished}", 4 - found.count)
     assert not found.findings
@@ -34,9 +34,12 @@ def planted(runs: Killed) -> None:
         return json.dumps({**record, **fields})
 
     faults = {
-        "records [": lambda out: (out / "records" / path.name).unlink(),
+        "no records here": lambda out: (out / "records" / path.name).unlink(),
         "rounds [0, 1, 2, 3, 4, 5, 0]": lambda out: (out / "records" / path.name).write_text(
             changed(rounds=[*record["rounds"], record["rounds"][0]])
+        ),
+        "rounds that were taken before it was killed are lost": lambda out: runs.taken.update(
+            {record["key"]: [-1.0]}
         ),
         "its score is": lambda out: (out / "records" / path.name).write_text(
             changed(frames=[{**frame, "score": None}])
@@ -52,5 +55,6 @@ def planted(runs: Killed) -> None:
         assert runs.faults(out) == []
         plant(out)
         assert any(expected in one for one in runs.faults(out)), expected
+        runs.taken.clear()
         shutil.rmtree(out)
     assert files(whole)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
@@ -46,46 +48,40 @@ def test_a_worker_that_ends_or_hangs_takes_what_it_started_along(
     assert not gone(mark)
 
 
-def started(out: Path, scene: str, environment: dict[str, str], how: str) -> subprocess.Popen[bytes]:
-    """A run whose method has started another process, and hangs."""
-    command = [
-        sys.executable,
-        "-m",
-        "shadowbench.harness.cli",
-        "run",
-        "table1",
-        "--preset",
-        "quick",
-        "--size",
-        "8x8",
-    ]
-    command += ["--no-score", "--out", str(out), "--scene", scene, "--method", "forks", "--timeout", "3600"]
-    command += ["--set", f"forks.how={how}", "--set", "forks.then=hangs"]
+@contextlib.contextmanager
+def started(
+    out: Path, scene: str, environment: dict[str, str], how: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A run whose method has started another process, and hangs; it is ended, since it holds the lock of the machine."""
+    words = (
+        f"run table1 --preset quick --size 8x8 --no-score --method forks --set forks.how={how} --timeout 3600"
+    )
+    command = [sys.executable, "-m", "shadowbench.harness.cli", *words.split(), "--set", "forks.then=hangs"]
+    command += ["--out", str(out), "--scene", scene]
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     log, end = out / "logs" / "forks.log", time.monotonic() + 900.0
-    while not (log.exists() and "started" in log.read_text()):
-        assert process.poll() is None, "the run ended early"
-        assert time.monotonic() < end, "it did not come to the method"
-        time.sleep(0.05)
-    return process
+    try:
+        while not (log.exists() and "started" in log.read_text()):
+            assert process.poll() is None, "the run ended early"
+            assert time.monotonic() < end, "it did not come to the method"
+            time.sleep(0.05)
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 @pytest.mark.parametrize(
     ("how", "number"),
-    [
-        ("orphan", signal.SIGINT),
-        ("orphan", signal.SIGKILL),
-        ("copy", signal.SIGTERM),
-        ("program", signal.SIGKILL),
-    ],
+    [("orphan", signal.SIGINT), ("copy", signal.SIGTERM), ("program", signal.SIGKILL)],
 )
 def test_a_run_that_is_ended_leaves_none(
     package: Path, scene: str, tmp_path: Path, how: str, number: int
 ) -> None:
     mark, environment = marked_environment()
-    process = started(tmp_path / "out", scene, environment, how)
-    process.send_signal(number)
-    assert process.wait(PROMPT_S) == (130 if number == signal.SIGINT else -number)
+    with started(tmp_path / "out", scene, environment, how) as process:
+        process.send_signal(number)
+        assert process.wait(PROMPT_S) == (130 if number == signal.SIGINT else -number)
     assert not gone(mark)
 
 
@@ -94,14 +90,11 @@ def test_a_run_goes_on_though_a_process_that_nobody_can_find_holds_the_pipe(
 ) -> None:
     """The guard is killed, too, and so nobody knows of the one that is in a session of its own."""
     mark, environment = marked_environment()
-    process = started(tmp_path / "out", scene, environment, "orphan")
-    (guard,) = (
-        one
-        for one in psutil.Process(process.pid).children()
-        if "guard" in " ".join(one.cmdline()) and forked(one)
-    )
-    guard.kill()
-    assert process.wait(PROMPT_S) == 1
+    with started(tmp_path / "out", scene, environment, "orphan") as process:
+        children = psutil.Process(process.pid).children()
+        (guard,) = (one for one in children if "guard" in " ".join(one.cmdline()) and forked(one))
+        guard.kill()
+        assert process.wait(PROMPT_S) == 1
     (record,) = read_records(tmp_path / "out")
     assert (record.status, record.reason) == ("failed", "the worker was killed by signal 9: started")
     (left,) = alive(mark)

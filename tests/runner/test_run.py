@@ -28,23 +28,10 @@ def go(chosen):
 def troubled(package, scene, tmp_path_factory):
     """One run of every method of the package: its folder and its records by label."""
     out = tmp_path_factory.mktemp("troubled")
-    names = [
-        "steady",
-        "talker",
-        "raises",
-        "late",
-        "once",
-        "slow_start",
-        "fickle",
-        "hangs",
-        "exits",
-        "rejects",
-        "skips",
-        "grows",
-        "greedy",
-        "hoards",
-        "broken",
-    ]
+    names = (
+        "steady talker raises late once slow_start fickle hangs exits rejects skips grows greedy "
+        "hoards broken"
+    ).split()
     entries = [Entry(name, {}, name) for name in names]
     # A second point of a method whose worker was lost is measured by a new worker.
     entries.append(Entry("hangs", {"ms": "1"}, "hangs again"))

@@ -97,13 +97,14 @@ def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
 
 @pytest.mark.parametrize(
     "module",
-    [
-        "harness.frame.alpha", "harness.frame.effects.mirrors", "harness.frame.effects.shading",
-        "harness.frame.effects.receivers", "harness.frame.frame", "harness.frame.session",
-        "harness.frame.schedule.passes", "harness.frame.schedule.needed", "harness.frame.effects.specialise",
-        "harness.frame.vectors", "harness.scene.prepared", "harness.scene.moment", "harness.runner.measuring.measured_point",
-        "harness.runner.measuring.timing", "harness.runner.measuring.memory", "methods.exact.hit_point",
-    ],
+    (
+        "harness.frame.alpha harness.frame.effects.mirrors harness.frame.effects.shading "
+        "harness.frame.effects.receivers harness.frame.frame harness.frame.session "
+        "harness.frame.schedule.passes harness.frame.schedule.needed "
+        "harness.frame.effects.specialise harness.frame.vectors harness.scene.prepared "
+        "harness.scene.moment harness.runner.measuring.measured_point "
+        "harness.runner.measuring.timing harness.runner.measuring.memory methods.exact.hit_point"
+    ).split(),
 )  # fmt: skip
 def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> None:
     assert stale[module] == set(METHODS)

@@ -14,6 +14,7 @@ import warp as wp
 
 from ...errors import UserError, install
 from ...frame.warp_init import start_warp
+from ..workers import scratch
 
 LOCAL = "local"
 CONNECT_S = 10.0
@@ -179,7 +180,13 @@ def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
         "dashboard": False,
         "dashboard_address": "127.0.0.1:0",
     }
-    options = {**common, "nthreads": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
+    options = {
+        **common,
+        "nthreads": 1,
+        "memory_limit": 0,
+        "silence_logs": logging.CRITICAL,
+        "local_directory": str(scratch.folder()),  # Dask leaves files there
+    }
     specs: dict[Any, Any] = {}
     for number, card in enumerate(cards or [""]):
         env = {**QUIET_WORKERS, **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
@@ -189,18 +196,17 @@ def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
             "options": {**options, "env": env, "resources": resources},
         }
     scheduler = {"cls": distributed.Scheduler, "options": {**common, "port": 0}}
-    cluster = distributed.SpecCluster(
-        scheduler=scheduler,
-        workers=specs,
-        security=security,
-        silence_logs=logging.CRITICAL,
-        shutdown_on_close=False,
-    )
+    about = {"security": security, "silence_logs": logging.CRITICAL, "shutdown_on_close": False}
+    try:
+        cluster = distributed.SpecCluster(scheduler=scheduler, workers=specs, **about)
+    except RuntimeError as error:
+        raise UserError(f"--cluster local: a worker ended as it started ({error}); try again") from error
     try:
         yield cluster
     finally:
         with contextlib.suppress(Exception):
             cluster.close(timeout=10)
+        scratch.remove_abandoned()  # of workers that were killed
 
 
 QUIET_WORKERS = {"DASK_LOGGING__DISTRIBUTED": "critical"}

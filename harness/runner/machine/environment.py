@@ -18,6 +18,7 @@ import warp as wp
 
 from ...files import digest, write_atomic
 from ...frame.devices import cpu_model
+from ...results.folder import read_json
 
 PACKAGES = (
     "warp-lang",
@@ -69,9 +70,9 @@ def environment() -> dict[str, Any]:
 
 
 def keep(folder: Path, facts: dict[str, Any]) -> str:
-    """Write the environment into a results folder, once; return its id."""
+    """Write the environment into a results folder, unless it is there; return its id."""
     path = folder / "environments" / f"{facts['id']}.json"
-    if not path.exists():
+    if read_json(path) != facts:
         write_atomic(path, facts)
     return str(facts["id"])
 

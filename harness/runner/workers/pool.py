@@ -15,8 +15,14 @@ from ..planning.run_options import Job, Options
 from .handle import Remote, WorkerError, WorkerLostError
 from .protocol import LOAD_S, UNWRITABLE, load_command, prepare_command
 
-GRADER = "grading"
-"""The name of the worker that makes scenes and scores answers; no method may have this name. Further ones get a number."""
+
+def grader_name(number: int) -> str:
+    """The names of the workers that score answers, from 1. No method has a dot in its name."""
+    return f"grading.{number}"
+
+
+GRADER = grader_name(1)
+"""The one that also makes the scenes."""
 
 ROOM = 0.2
 """Share of the memory of the device, and of the host, that is kept free by freeing other points."""
@@ -54,7 +60,8 @@ class Workers:
 
     def send(self, worker: Remote, **command: Any) -> None:
         """Send a command. It runs under the machine lock of this process, else under the worker's."""
-        worker.send(**command, share=not MACHINE.held)
+        with self.folder.writing():
+            worker.send(**command, share=not MACHINE.held)
 
     def reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
         """The reply to the command sent last. Raises :class:`~.errors.UserError` if the folder cannot be written."""
@@ -172,4 +179,4 @@ class Workers:
 
 def grades(name: str) -> bool:
     """Whether this is the name of a worker that scores answers."""
-    return name == GRADER or name.startswith(f"{GRADER}-")
+    return "." in name
