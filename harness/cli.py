@@ -19,12 +19,14 @@ from .commands import program
 from .commands.options import (
     AllowMissing,
     Device,
+    Frame,
     FrameRate,
     Json,
     MemoryLimit,
     OneMethod,
     SceneDir,
     Settings,
+    Size,
     complete_experiment,
     complete_scene,
     method_option,
@@ -303,12 +305,8 @@ def render_(
             help="WebP file to write instead: every frame, or of a still scene a turn of its lights.",
         ),
     ] = None,
-    size: Annotated[
-        str, typer.Option("--size", metavar="WxH", help="Image size, such as 512x512.")
-    ] = "512x512",
-    frame: Annotated[
-        int, typer.Option("--frame", metavar="N", help="Frame of an animated scene, from 0.")
-    ] = 0,
+    size: Size = "512x512",
+    frame: Frame = 0,
     frames: Annotated[
         str | None,
         typer.Option(

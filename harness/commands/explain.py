@@ -19,6 +19,7 @@ from .options import (
     Methods,
     SceneDir,
     Settings,
+    Size,
     takes_view,
 )
 from .tables import make_console, make_table, print_legend, print_lines
@@ -39,9 +40,7 @@ def explain(
     ],
     method: Methods = None,
     device: Device = None,
-    size: Annotated[
-        str, typer.Option("--size", metavar="WxH", help="Size of the image that contains the pixel.")
-    ] = "256x256",
+    size: Size = "256x256",
     frame: Frame = 0,
     setting: Settings = None,
     scene_dir: SceneDir = None,

@@ -392,7 +392,7 @@ def checked_page(driver, address, scene):
     driver.find_element("id", "judge").click()
     count, judged = facts(count)
     assert judged["wrong"]["classes"] == {}
-    assert "no pixel is wrong" in text("verdict")
+    assert "no pixel is wrong" in driver.find_element("css selector", ".judged").text
     driver.find_element("id", "size").find_elements("tag name", "option")[0].click()
     count, small = facts(count)
     assert small["size"] == [SIZE[0] // 4, SIZE[1] // 4]

@@ -40,9 +40,10 @@
     busy = false;
   }
   async function shown(side, wish) {
-    const slow = setTimeout(() => say("waiting: kernels are compiled, or another run measures on this machine"), 2000);
+    const slow = setTimeout(() => { $("slow").hidden = false; }, 2000);
     let [found, picture] = await reply(wish);
     clearTimeout(slow);
+    $("slow").hidden = true;
     await drawn(side, wish, found, picture);
     // What ran for the first time has loaded its kernels: it is timed again, unless something has changed meanwhile.
     if (side.cold && !dirty && !playing) {
@@ -110,14 +111,13 @@
     }
     side.part("uncounted").hidden = found.counts || wish.show !== "tests";
     side.part("uncounted").textContent = `${found.method} does not count the tests of a ray${counting ? `; ${counting} do` : ""}.`;
-    if (side !== sides[0] && !found.wrong) return;
-    say("");
-    if (found.wrong) {
-      const wrong = Object.entries(found.wrong.classes).map(([name, count]) => `${count} ${name}`);
-      if (found.wrong.unjudged) wrong.push(`${found.wrong.unjudged} not judged`);
-      say(`${found.method} compared with exact arithmetic: ${wrong.join(", ") || "no pixel is wrong"}, of ${found.wrong.pixels}.`, wrong.length > 0);
-    }
+    const judged = side.part("judged"), wrong = Object.entries(found.wrong?.classes || {}).map(([name, count]) => `${count} ${name}`);
+    if (found.wrong?.unjudged) wrong.push(`${found.wrong.unjudged} not judged`);
+    judged.hidden = !found.wrong;
+    judged.classList.toggle("error", wrong.length > 0);
+    judged.textContent = found.wrong ? `Compared with exact arithmetic: ${wrong.join(", ") || "no pixel is wrong"}, of ${found.wrong.pixels}.` : "";
     if (side !== sides[0]) return;
+    say("");
     last = found;
     $("caption").textContent = `Eye ${place(found.eye)}` + (found.light ? `; light ${place(found.light)}` : "") + (wish.again ? "" : `; changed: ${found.changed.join(", ") || "nothing"}`);
     $("options").textContent = found.options + facts.fov;
