@@ -114,7 +114,8 @@ def test_the_triangles_decide_which_hits_face_a_light(name, device):
             np.testing.assert_array_equal(session.frame.receivers.numpy(), by_harness.frame.receivers.numpy())
         hit = np.unique(wanted["triangle"][wanted["triangle"] >= 0])
         corners = moment.points[prepared.faces[hit]]
-        for light in known:
+        # A frame of unlike sizes is planned anew.
+        for light in (one for one in known_lights(by_triangles) if one.receivers() == "facing"):
             expected = facing(moment, corners, light.rays.index)
             np.testing.assert_array_equal(light.facing.numpy()[hit] != 0, expected)
             if not wp.get_device(device).is_cuda:
