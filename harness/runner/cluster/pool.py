@@ -109,6 +109,7 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
     }
     if cluster == LOCAL:
         settings |= {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+        settings["temporary-directory"] = str(scratch.folder())  # Dask leaves files there
     with contextlib.ExitStack() as open_:
         open_.enter_context(dask.config.set(settings))
         if cluster == LOCAL:
@@ -180,13 +181,7 @@ def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
         "dashboard": False,
         "dashboard_address": "127.0.0.1:0",
     }
-    options = {
-        **common,
-        "nthreads": 1,
-        "memory_limit": 0,
-        "silence_logs": logging.CRITICAL,
-        "local_directory": str(scratch.folder()),  # Dask leaves files there
-    }
+    options = {**common, "nthreads": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
     specs: dict[Any, Any] = {}
     for number, card in enumerate(cards or [""]):
         env = {**QUIET_WORKERS, **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
