@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, numbers, panels
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
@@ -123,7 +123,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def ratios(own: document.DataFrame, column: str) -> document.DataFrame:
     """Scenes across, points down, the least geometric mean first; numbers have the digits that their spread carries."""
-    own = own.assign(text=document.carry(own[column], own[f"{column}_spread"]))
+    own = own.assign(text=numbers.carry(own[column], own[f"{column}_spread"]))
     wide = document.cross_table(own, {"label": "configuration"}, "title", "text")
     points, names = own.groupby("label"), wide["configuration"]
     wide.insert(1, "geometric mean", [document.mean(points.get_group(name), column) for name in names])

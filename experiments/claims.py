@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ..harness.report import claims, compare, style
+from ..harness.report import claims, compare, numbers
 from ..harness.report.claims import Claim, Evidence, Finding, Lacking, Measure, each, judged
 from ..harness.report.compare import geometric
 from ..harness.results.table import stage_ms
@@ -68,7 +68,7 @@ TOTAL, PRIMARY, LIT = (
 @claim("Interactive rates (below 200 ms per frame here) on moderately large models", "1, 5", "figure10")
 def interactive(evidence: Evidence) -> Finding:
     times = evidence.by_scene()["total_ms"]
-    told = each(dict(times), style.number)
+    told = each(dict(times), numbers.carried)
     return judged(times.max() < 200, f"ms per frame, faithful configuration: {told}")
 
 

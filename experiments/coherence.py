@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..harness.errors import UserError
 from ..harness.frame.registry import make_method
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, numbers, panels
 from ..harness.results.record import Record
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.runner.planning.run_options import Options
@@ -106,7 +106,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         whisker="ratio_spread", ticks=short.__getitem__, log_y=False, sharey=True, wide=2,
         below="moved since the frame before, steps of the animation", left="frame time over that without occluders",
     )] if len(kept) else []  # fmt: skip
-    shown = document.carry(kept["ratio"], kept["ratio_spread"])
+    shown = numbers.carry(kept["ratio"], kept["ratio_spread"])
     known = (kept["label"] == NEXT.label) & kept["settled"].notna()
     settled = (100 * kept["settled"]).map(" ({:.0f} %)".format).where(known, "")
     cells = document.cross_table(

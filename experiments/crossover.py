@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..harness.report import document, panels, ranking, style
+from ..harness.report import document, numbers, panels, ranking, style
 from ..harness.runner.planning.experiment import Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
@@ -158,14 +158,14 @@ def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
         for row in winners(own).itertuples():
             value = getattr(row, axis)
             texts = rows.setdefault(value, {AXES[axis]: counted(axis, value)})
-            texts[f"fastest, {kind}"] = f"{row.label}, {document.carried(row.total_ms, row.spread)} ms"
+            texts[f"fastest, {kind}"] = f"{row.label}, {numbers.carried(row.total_ms, row.spread)} ms"
             texts[f"next, {kind}"] = f"{row.next} {factor(row)}" if row.next else "-"
     return pd.DataFrame([rows[value] for value in sorted(rows)])
 
 
 def factor(row: Any) -> str:
     """How many times slower the next is, marked where the spreads do not tell."""
-    return f"{document.NOISY * (not row.told)}x{row.times:.2f}"
+    return f"{numbers.NOISY * (not row.told)}x{row.times:.2f}"
 
 
 def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame, path: Path) -> Path:
@@ -231,7 +231,7 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
                     x, y = columns.index(getattr(cell, pair[0])), rows.index(getattr(cell, pair[1]))
                     axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=tint[cell.label], ec="white",
                                              hatch=None if cell.told else "//"))  # fmt: skip
-                    text = f"{style.number(cell.total_ms)} ms" + (f"\n{factor(cell)}" if cell.next else "")
+                    text = f"{numbers.carried(cell.total_ms)} ms" + (f"\n{factor(cell)}" if cell.next else "")
                     axes.text(x, y, text, ha="center", va="center", size=5.5)
                 for label in winners(field)["label"].unique():
                     axes.fill_between([], [], label=label, color=tint[label])

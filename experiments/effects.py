@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, numbers, panels
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
@@ -96,7 +96,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             facet="title", across=moved["title"].nunique(), whisker="spread", drawn=panels.looks(moved), wide=1.2,
             sharey=True, ticks=kinds.__getitem__, below="what moved since the last frame" + idle, left="ms per frame",
         ))  # fmt: skip
-    shown = document.carry(effects["ratio"], effects["ratio_spread"])
+    shown = numbers.carry(effects["ratio"], effects["ratio_spread"])
     effects = effects.assign(text=shown.where(effects["light_label"] != BASE, effects["ms"] + " ms"))
     text = moved["ms"] + " (" + moved["build_count"].astype(str) + ")"
     moved = moved.assign(text=text.where(moved["pass_count"] > 0, "no launch"))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..harness.errors import UserError
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, numbers, panels
 from ..harness.results.pixel_maps import Counts, map_path, read_map
 from ..harness.runner.planning.experiment import Experiment, Preset
 from ._paper import faithful
@@ -55,7 +55,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         ratio = base["trace_ms"] / own["trace_ms"]
         shares = [(x["trace_iqr_ms"] / x["trace_ms"] / 2).where(x["samples"] > 1) for x in (own, base)]
         table[f"speed_up{ending}"] = ratio - 1
-        table[f"told{ending}"] = document.carry(ratio, ratio * np.hypot(*shares))
+        table[f"told{ending}"] = numbers.carry(ratio, ratio * np.hypot(*shares))
         table[f"most_share{ending}"] = own.get(MOST, np.nan) / base.get(MOST, np.nan)
     done = table.loc[done.index]
     pictures = [

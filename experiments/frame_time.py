@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..harness.report import document, panels, ranking, style
+from ..harness.report import document, numbers, panels, ranking
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from . import _floor, _rivals
 from ._paper import SCENES, faithful
@@ -46,7 +46,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         across = 1 if done["title"].nunique() <= 3 else 2
         below = [panels.WHOLE, "2.0x: twice the time of the fastest exact method"]
         if (done["true_errors"] > 0).any():
-            below.append(f"{style.WRONG} n: n wrong pixels and shadow bits")
+            below.append(f"{numbers.WRONG} n: n wrong pixels and shadow bits")
         files.append(panels.bars(
             folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=1.75, legend=3 * across,
             below="\n".join(below),
@@ -79,8 +79,8 @@ def beside(row: dict[str, Any]) -> str:
     wrong answers."""
     text = f"{row['ms']} ms"
     if row["times"] == row["times"] and row["times"] != 1.0:
-        text += f", {document.carried(row['times'], row['times_spread'])}x"
-    return text if row["error"] == style.OK else f"{text}  {row['error'].removesuffix(' wrong')}"
+        text += f", {numbers.carried(row['times'], row['times_spread'])}x"
+    return text if row["error"] == numbers.OK else f"{text}  {row['error'].removesuffix(' wrong')}"
 
 
 EXPERIMENT = Experiment(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import document, panels
+from ..harness.report import document, numbers, panels
 from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -74,8 +74,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     count, left_out = made["count"].astype(str), paths["frames_left_out"].first()
     places = count.where(left_out == 0, count + " of " + (made["count"] + left_out).astype(str))
     shown = {"places": places.where(made["count"] > 0, paths["status"].first())}
-    shown |= {name: document.carry(made[x], around) for name, x in TIMES.items()}
-    shown["slowest over fastest"] = document.carry(made["ratio"], made["ratio_spread"])
+    shown |= {name: numbers.carry(made[x], around) for name, x in TIMES.items()}
+    shown["slowest over fastest"] = numbers.carry(made["ratio"], made["ratio_spread"])
     shown["frames with wrong answers"] = paths["wrong"].sum().where(made["count"] > 0)
     body = pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()
     about = finding, {"Milliseconds along the path": body}, pictures, quiet, [PAPER_SAYS]

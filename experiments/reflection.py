@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, numbers, panels
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -81,10 +81,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     if len(bounced):
         files.append(picture(bounced, folder / "reflection.svg"))
         shown = bounced.assign(
-            added=document.carry(bounced["added_ms"], bounced["added_spread"], "+"),
-            each=document.carry(bounced["mirrored_ns"], bounced["mirrored_ns_spread"])
+            added=numbers.carry(bounced["added_ms"], bounced["added_spread"], "+"),
+            each=numbers.carry(bounced["mirrored_ns"], bounced["mirrored_ns_spread"])
             + " (x"
-            + document.carry(bounced["loss"], bounced["loss_spread"]).str.strip(document.NOISY)
+            + numbers.carry(bounced["loss"], bounced["loss_spread"]).str.strip(numbers.NOISY)
             + ")",
         )
         tables = {
@@ -106,7 +106,7 @@ def added_table(shown: document.DataFrame, done: document.DataFrame) -> document
     import pandas as pd
 
     base = done[(done["light_label"] == BASE) & done["label"].isin(shown["label"])]
-    base = base.assign(added=document.carry(base["total_ms"], base["spread"]))
+    base = base.assign(added=numbers.carry(base["total_ms"], base["spread"]))
     both = pd.concat([base, shown]).sort_values(["title", "light_label"], key=rank, kind="stable")
     return document.cross_table(both, HEADINGS, "label", "added")
 

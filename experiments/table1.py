@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import document, numbers, panels, ranking
 from ..harness.report import paper_table1 as paper
 from ..harness.results.newest import settings_text
 from ..harness.results.table import PART_COLUMNS
@@ -56,8 +56,8 @@ PARTS = {
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
 ABOUT = (
-    f"{style.OK} no wrong answer; {style.WRONG} n: n wrong pixels and shadow bits over all frames measured; "
-    f"{style.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
+    f"{numbers.OK} no wrong answer; {numbers.WRONG} n: n wrong pixels and shadow bits over all frames measured; "
+    f"{numbers.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
     "structures and work buffers. Where a scene moves, times are means over its frames. What each method built, and why "
     "it declares itself inexact, is in the CSV."
 )
@@ -87,15 +87,11 @@ def read(folder: Path) -> document.DataFrame:
     ]
     for part, name in PART_COLUMNS.items():
         table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
-    table["around"] = table["spread"].map(style.number)
-    table["mb"] = (table["memory_bytes"].astype("float64") / 1e6).map(style.number)
+    table["around"] = table["spread"].map(numbers.carried)
+    table["mb"] = (table["memory_bytes"].astype("float64") / 1e6).map(numbers.carried)
     rate = table["frame_mrays_per_s"]
-    table["rate"], table["best"] = document.carry(rate, rate * table["spread"] / table["total_ms"]), False
-    same = [name for name in compare.SAME if name != "device"]
-    for _, own in document.measured(table).query("error == @style.OK").groupby("title"):
-        first, beside = own["total_ms"].idxmin(), frames[frames["key"].isin(own["key"])]
-        ratios = compare.ratios(beside, beside["key"] == first, same)["ratio"].reindex(own["key"])
-        table.loc[first, "best"] = len(own) > 1 and bool((ratios >= 1).all())
+    table["rate"] = numbers.carry(rate, rate * table["spread"] / table["total_ms"])
+    table["best"] = ranking.best(frames, table)
     table.attrs["older"] = frames.attrs["older"]
     return document.arranged(table, "label", [*usual, *table["label"]])
 

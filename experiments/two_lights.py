@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, numbers, panels
 from ..harness.results.table import samples
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -57,7 +57,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["further_ms"] = (lights_ms - first_ms) / further
     table["further_over_first"] = table["further_ms"] / first_ms
     spread = np.hypot(own["lights_spread"], first["lights_spread"]) / further / first_ms
-    table["each"] = document.carry(table["further_over_first"], spread.reindex(table.index))
+    table["each"] = numbers.carry(table["further_over_first"], spread.reindex(table.index))
     scenes = table["title"].nunique()
     picture = panels.lines(
         folder / "two_lights.svg", table, "lights", "total_ms", facet="title", across=2, whisker="spread",

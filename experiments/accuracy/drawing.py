@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
 from ...harness.judge.verdict import Verdict
-from ...harness.report import compare, document, panels, style
+from ...harness.report import compare, document, numbers, panels, style
 from ...harness.report.flip import reference_path
 from ...harness.report.picture import opened
 from ...harness.results.pixel_maps import read_wrong, wrong_path
@@ -116,11 +116,11 @@ def cost_table(cost: document.DataFrame, hard: document.DataFrame) -> document.D
     if cost.empty:
         return cost
     noise = cost["noise_ms"] / cost["without_ms"]
-    text = document.carry(1.0 + cost["share"], noise).mask(cost["within_noise"], "=").mask(noise.isna(), "?")
+    text = numbers.carry(1.0 + cost["share"], noise).mask(cost["within_noise"], "=").mask(noise.isna(), "?")
     cost = cost.assign(text=text)
     wide = document.cross_table(cost, ["measure"], "scene_title", "text").set_index("measure")
     groups, errors = cost.groupby("measure"), hard.set_index("label")["true_errors"].map("{:,}".format)
-    wrong = groups[["wrong_without", "wrong_with"]].sum().map(document.count)
+    wrong = groups[["wrong_without", "wrong_with"]].sum().map(numbers.count)
     pairs = groups[["without", "with"]].first().apply(lambda labels: labels.map(errors).fillna("-"))
     wide["wrong without (with)"] = wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
     wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
@@ -166,7 +166,7 @@ def draw_costs(cost: document.DataFrame, base: str, path: Path) -> list[Path]:
     table = table.loc[own["scene_title"].unique(), [n for n in own["measure"].unique() if table[n].any()]]
     parts = {"all else": ("rest", "#cccccc"), **{n: (n, style.COLOURS[i]) for i, n in enumerate(table)}}
     total = own.groupby("scene_title", sort=False)["with_ms"].first()
-    rest, text = total - table.sum(axis=1), total.map(style.number) + " ms"
+    rest, text = total - table.sum(axis=1), total.map(numbers.carried) + " ms"
     table = table.assign(total_ms=total, iqr_ms=0.0, scene=total.index, method="", text=text, rest=rest)
     below = f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"
     return [panels.bars(path, table, name="scene", parts=parts, room=1.25, legend=2, below=below)]
@@ -205,7 +205,7 @@ def draw_heat(folder: Path) -> list[Path]:
         return []
     rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
     excused = rows["excused"].map("\n(+{:,.0f})".format).where(rows["excused"] > 0, "")
-    rows["text"] = rows["wrong"].map(document.count) + excused
+    rows["text"] = rows["wrong"].map(numbers.count) + excused
     look = {"norm": LogNorm(1e-4, 1.0), "cmap": matplotlib.colormaps["magma_r"].with_extremes(bad="white")}
     scene, size = rows.iloc[0][["scene", "size"]]
     sheet = panels.facets(path, rows, "label", min(3, rows["label"].nunique()), 1.6, 2.06, legend=0, grid="", dpi=200,

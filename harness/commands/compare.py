@@ -15,7 +15,7 @@ import typer
 
 from ..errors import UserError
 from ..files import plain
-from ..report import style, two_runs
+from ..report import numbers, two_runs
 from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
 from .compared_runs import Run, cores, refuse
 from .options import Json
@@ -155,7 +155,7 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float, mos
     )
     for row in (*found.rows, *found.means):
         table.add_row(
-            row.scene, row.label + " *" * row.changed, row.verdict, style.number(row.a_ms), style.number(row.b_ms),
+            row.scene, row.label + " *" * row.changed, row.verdict, numbers.carried(row.a_ms), numbers.carried(row.b_ms),
             percent(row.gap), interval(row), percent(row.spread, sign=False), wrong(row),
             style={"slower": "red", "faster": "green", WRONG: "red", OPEN: "dim"}.get(row.verdict, ""),
         )  # fmt: skip
@@ -184,10 +184,10 @@ def left_out_notes(left_out: Iterable[tuple[str, str, int, str]], most: int | No
         for why, alike in kinds(reasons).items():
             points: dict[str, list[int]] = {}
             for reason in alike:
-                for point, numbers in reasons[reason].items():
-                    points[point] = sorted([*points.get(point, ()), *numbers])
+                for point, places in reasons[reason].items():
+                    points[point] = sorted([*points.get(point, ()), *places])
             count = sum(map(len, points.values()))
-            names = [f"{point} ({', '.join(map(str, numbers))})" for point, numbers in points.items()]
+            names = [f"{point} ({', '.join(map(str, places))})" for point, places in points.items()]
             yield f"left out: {count} round{'s' * (count > 1)} of {run}, {why}: {some(names, most)}"
 
 

@@ -12,81 +12,130 @@ import typer
 from ..errors import UserError, say
 from ..files import write_text
 from ..results.folder import require_plain
-from ..results.schema import folders_with_records
 from ..runner.planning.experiment import PACKAGE
 from .options import Json
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from ..report.document import Source
+
 DEFAULT = "report.html"
 
-Folder = Annotated[Path, typer.Argument(help="A results folder, or a folder of results folders.")]
+DOCS = Path("build/site")
+"""Where ``make docs`` writes the documentation."""
+
+Folder = Annotated[
+    Path, typer.Argument(help="A results folder, or a folder of results folders, however deep.")
+]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="PATH", help=f"The file to write. Default: {DEFAULT} in the folder."),
 ]
+Site = Annotated[
+    Path | None,
+    typer.Option(
+        "--site",
+        metavar="DIR",
+        help="Write a site instead, for any static host: the page, a page for each experiment, docs.",
+    ),
+]
+Docs = Annotated[
+    Path | None,
+    typer.Option(
+        "--docs",
+        metavar="DIR",
+        help="Write no page, but the numbers and tables of the Markdown files of a checkout anew.",
+    ),
+]
 
 
-def report(folder: Folder, out: Out = None, as_json: Json = False) -> int:
+def report(
+    folder: Folder, out: Out = None, site: Site = None, docs: Docs = None, as_json: Json = False
+) -> int:
     """Write one HTML file to explore results with: tables, curves, pictures, claims and records. It works offline.
 
     Nothing is measured. The page loads nothing from a network.
     """
-    path = out or folder / DEFAULT
+    if docs is not None:
+        return fill_documents(folder, docs, as_json)
+    path = site / "index.html" if site else out or folder / DEFAULT
     if path.is_dir():
         raise UserError(f"--out {path}: is a folder; name a file, such as {path / DEFAULT}")
-    data = collected(folder)
-    from ..report.page.build import page
+    if site and site.is_dir() and any(site.iterdir()) and not path.is_file():
+        raise UserError(f"--site {site}: has other files; name a new folder")
+    from ..report import document
+    from ..report.page import build
+    from ..report.page import site as sites
 
-    html = page(data)
+    sources = document.sources(folder)
+    data = collected(folder, sources)
+    manual = DOCS if (DOCS / "index.html").is_file() else None
     try:
-        write_text(path, html)
+        if site:
+            written = sites.write_site(site, data, {one.name: one.path for one in sources}, manual)
+        else:
+            write_text(path, build.page(data))
+            written = [path]
     except OSError as error:
         raise UserError(
-            f"{path}: cannot write ({error.strerror or error}); free space, correct the permissions or choose another --out"
+            f"{error.filename or path}: cannot write ({error.strerror or error}); free space, correct the permissions or "
+            "choose another place"
         ) from error
+    size = sum(one.stat().st_size for one in written)
     if as_json:
         import json
 
-        print(json.dumps({"file": str(path), "bytes": len(html.encode())}))
-    else:
-        for one in data["folders"]:
-            for line in one["notices"]:
-                if "versions of" in line or "older records" in line:
-                    say(f"{one['name']}: {line}")
-        say(f"written: {path} ({len(html.encode()) / 1e6:.1f} MB)")
+        print(json.dumps({"file": str(path), "files": list(map(str, written)), "bytes": size}))
+        return 0
+    for one in data["folders"]:
+        for line in one["notices"]:
+            if "versions of" in line or "older records" in line:
+                say(f"{one['name']}: {line}")
+    if site and not manual:
+        say(f"without the documentation: {DOCS} is not there; make docs writes it")
+    say(f"written: {path} ({size / 1e6:.1f} MB{f' in {len(written)} pages' if site else ''})")
     return 0
 
 
-def collected(folder: Path) -> dict[str, Any]:
+def fill_documents(folder: Path, root: Path, as_json: bool) -> int:
+    """Draw the parts of Markdown files that are made from records anew; what changed is named."""
+    from ..report import documents
+
+    changed = documents.fill(folder, root, importlib.import_module(f"{PACKAGE}._documents").PARTS)
+    if as_json:
+        import json
+
+        print(json.dumps({"changed": list(map(str, changed))}))
+    else:
+        say(f"written: {', '.join(map(str, changed))}" if changed else "every number is that of the records")
+    return 0
+
+
+def collected(folder: Path, sources: Sequence[Source]) -> dict[str, Any]:
     """Everything that the page shows of a folder."""
-    from ..report import document
     from ..report.page import gather, pictures
 
-    places = folders_with_records(folder)
-    for place in {folder, *places}:
+    for place in {folder, *(one.path for one in sources)}:
         require_plain(place)
-    tables = [document.frames(place) for place in places]
-    points = [document.named(table) for table in tables]
-    data = gather.gather(folder.resolve().name, places, tables, points)
+    title = folder.resolve().name
+    data = gather.gather(title, sources, importlib.import_module(PACKAGE).INTEREST)
     album = pictures.Album()
-    data["gallery"] = pictures.gallery(places, points, album)
-    data["maps"] = pictures.maps(places, points, album)
-    data["figures"] = pictures.figures([*places, *([folder] if folder not in places else [])], album)
+    data["gallery"] = pictures.gallery(sources, album)
+    data["maps"] = pictures.maps(sources, album)
+    data["figures"] = pictures.figures({title: folder} | {one.name: one.path for one in sources}, album)
     data["legend"] = pictures.legend()
     data["left_out"] = album.left_out
-    data["claims"] = claims_of(tables)
+    data["claims"] = claims_of([one.frames for one in sources])
     return data
 
 
 def claims_of(tables: Sequence[DataFrame]) -> list[dict[str, Any]]:
     """The claims, judged from the records; none where nothing there was measured."""
     from ..report import claims
-    from ..report.claims import together
 
     declared: Sequence[claims.Claim] = importlib.import_module(f"{PACKAGE}.claims").CLAIMS
-    found = together(tables)
+    found = claims.together(tables)
     if found.frames.empty:
         return []
     made = claims.judge_all(declared, found)

@@ -14,8 +14,7 @@ from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any
 
-from ..results.schema import folders_with_records
-from . import compare, document, style
+from . import compare, document, numbers
 from .terminal import print_table
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
@@ -77,7 +76,7 @@ class Evidence:
         self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
     ) -> dict[str, float]:
         """Measure of ``one``'s points over ``other``'s, by scene (all, or ``scenes``). Raises :class:`Lacking` if none."""
-        frames, found = self.of(), dict[str, float]()
+        frames, found = compare.slim(self.of(), ("pass.",)), dict[str, float]()
         base, own = matching(frames, **other), matching(frames, **one)
         if base.any() and own.any():
             points, bases = compare.pairs(frames[base | own], base[base | own])
@@ -151,7 +150,7 @@ class Data:
 
 def collect(folder: Path) -> Data:
     """Every record in the folder and the folders in it. Raises :class:`.errors.UserError` where there is none."""
-    return together([document.frames(place) for place in folders_with_records(folder)])
+    return together([source.frames for source in document.sources(folder)])
 
 
 def together(tables: Sequence[document.DataFrame]) -> Data:
@@ -247,8 +246,8 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
         *document.markdown(
             shown.rename(columns={"number": "", "numbers": "measured", "judged_from": "judged from"})
         ),
-        f"\nOf {len(points)} points measured {errors.get(style.WRONG, 0)} have wrong answers and "
-        f"{errors.get(style.UNSCORED, 0)} are unscored.\n",
+        f"\nOf {len(points)} points measured {errors.get(numbers.WRONG, 0)} have wrong answers and "
+        f"{errors.get(numbers.UNSCORED, 0)} are unscored.\n",
     ]
     path.write_text("\n".join(lines), encoding="utf-8")
     if not quiet:

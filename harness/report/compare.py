@@ -18,11 +18,23 @@ from ..results.means import points
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
+LIT_SCENE = ("scene", "scene_title", "scene_sha256", "light_label", "lights")
+"""The columns in which points agree that stand beside one another in a table: of one scene, lit alike."""
 SCENE = ("folder", "run", "scene", "scene_title", "scene_sha256", "device")
 LIGHTS = ("light_label", "lights")
 SIZE = ("width", "height")
 SAME = (*SCENE, *LIGHTS, *SIZE)
 """The columns in which two points must agree to be compared, unless the caller allows others to differ."""
+
+
+BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", "shadow.")
+"""Prefixes of the columns of a tidy table that no ratio of frame times needs, but those of rounds."""
+
+
+def slim(frames: DataFrame, but: Sequence[str] = ("round.",)) -> DataFrame:
+    """A tidy table without its :data:`BULKY` columns ``but`` these: hundreds of columns take most of a comparison's time."""
+    bulky = tuple(name for name in BULKY if name not in but)
+    return frames[[name for name in frames if not name.startswith(bulky)]]
 
 
 def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[DataFrame, DataFrame]:
@@ -57,7 +69,7 @@ def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataF
     """
     import pandas as pd
 
-    one, other = pairs(frames, base, same)
+    one, other = pairs(slim(frames), base, same)
     ratio = one["total_ms"] / other["total_ms"]
     around = ratio * np.hypot(spread(one) / one["total_ms"], spread(other) / other["total_ms"])
     half, other_half = one["between_ms"] / 2, other["between_ms"] / 2

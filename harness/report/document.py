@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
 from ..results.means import points
+from ..results.schema import folders_with_records, place_name
 from ..results.table import TEXTS, samples, stage_ms, tidy
 from ..results.throttled import disturbances
 from ..scene.facts import never_hit
 from ..texts import for_markdown
+from . import compare, numbers, style
 from . import paper_table1 as paper
-from . import style
-from .compare import apart as runs_apart
 from .compare import geometric, pass_spread, spread
 from .terminal import make_console, print_table
 
@@ -28,30 +27,10 @@ COMMON = (
     "frames samples true_errors unscored environment key"
 ).split()
 """Columns that every CSV of an experiment begins with."""
-count = "{:,.0f}".format
+FEW = 3
+"""Number of points up to which each is named."""
 NO_RECORD = "no record"
 """Status of points that a stopped run did not reach."""
-NOISY = "~"
-"""Mark before a number that is shown with fewer digits, because its spread is too large or not known."""
-ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats carries no more, or a single repeat has none."
-
-
-def carried(value: float, spread: float, form: str = "") -> str:
-    """A number to the first digit that its ``spread`` changes (nan: two), three at most; with a sign if ``form`` is "+"."""
-    if value is None or not math.isfinite(value):
-        return "-"
-    size = math.floor(math.log10(abs(value))) if value else -3
-    finest = min(0, max(size - 2, -3))
-    coarsest = max(finest, size - 1 if math.isnan(spread) else math.floor(math.log10(max(spread, 1e-9))))
-    shown = round(value, -coarsest) or 0.0  # no minus before a zero
-    return NOISY * (coarsest > max(finest, size - 2)) + f"{shown:{form * (shown != 0)},.{max(0, -coarsest)}f}"
-
-
-def carry(values: Series, spreads: Series, form: str = "") -> Series:
-    """:func:`carried` of each value with its spread; what is not known is missing."""
-    texts = [carried(*pair, form) for pair in zip(values.astype("float64"), spreads, strict=True)]
-    # As texts also where there are none: pyarrow, where it is installed, joins no column of unknown type to a text.
-    return values.astype(object).where(values.isna(), texts).astype("str")
 
 
 def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, str]]) -> DataFrame:
@@ -59,7 +38,11 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
     repeats = samples(folder)
     for name, which in passes.items():
         ms, around = stage_ms(table, *which), pass_spread(repeats, *which).reindex(table["key"])
-        made = {f"{name}_ms": ms, f"{name}_spread": around, f"{name}_text": carry(ms, around)}
+        made = {
+            f"{name}_ms": ms,
+            f"{name}_spread": around,
+            f"{name}_text": numbers.carry(ms, around, numbers.TIME),
+        }
         table = table.assign(**made)
     return table
 
@@ -78,6 +61,20 @@ def cross_table(
 def frames(folder: Path | str) -> DataFrame:
     """The tidy table of a folder in the order of tables: the paper's scenes, then others; methods as registered."""
     return in_order(tidy(folder))
+
+
+class Source(NamedTuple):
+    """A folder of results in a tree of them: what it is called there, where it is, and its :func:`frames`."""
+
+    name: str
+    path: Path
+    frames: DataFrame
+
+
+def sources(folder: Path) -> list[Source]:
+    """Every results folder in a folder. Raises :class:`.errors.UserError` where there is none."""
+    named = [(place_name(place, folder), place) for place in folders_with_records(folder)]
+    return [Source(name, place, frames(place).assign(folder=name)) for name, place in named]
 
 
 def read(folder: Path | str) -> DataFrame:
@@ -103,9 +100,10 @@ def named(table: DataFrame) -> DataFrame:
     """The points of a tidy table (:func:`.results.means.points`), with their keys as index. Besides:
 
     title        the scene's, with "(stand-in)" where it is one, and with the size of the image where there are several
-    spread, ms   see :func:`.report.compare.spread`; the time of the frame as text, with the digits that it carries
+    spread, ms   see :func:`.report.compare.spread`; the time of the frame as text, with the digits that it carries, marked
+                 where it is a mean over fewer frames than others of the scene
     file         a name for the scene's files: with the size too where there are several
-    error        :func:`check_text`: a tick, how many answers are wrong, or "unscored"
+    error        :func:`.report.numbers.check_text`: a tick, how many answers are wrong, or "unscored"
     light_count  the column ``lights``, as every CSV calls it
     """
     table = points(table)
@@ -114,18 +112,26 @@ def named(table: DataFrame) -> DataFrame:
     several, around = int(sizes.nunique() > 1), spread(table)
     apart = (table["stand_in"] != "") & ~table["scene_title"].str.contains("stand-in")
     title = table["scene_title"] + apart.map({True: " (stand-in)", False: ""})
+    beside = table.groupby(["folder", *compare.LIT_SCENE, *compare.SIZE], sort=False)["frames"].transform(
+        "max"
+    )
+    ms = numbers.of_frames(numbers.carry(table["total_ms"], around, numbers.TIME), table["frames"], beside)
+    rows = table[["true_errors", "check", "excused_share"]].to_dict("records")
     return table.assign(
         title=title + (", " + sizes) * several, file=table["scene"] + ("-" + sizes) * several, spread=around,
-        ms=carry(table["total_ms"], around), light_count=table["lights"],
-        error=[check_text(row) for row in table[["true_errors", "check", "excused_share"]].to_dict("records")],
+        ms=ms, light_count=table["lights"], error=list(map(numbers.check_text, rows)),
     )  # fmt: skip
 
 
-def span(values: Series, spreads: Series | None = None, form: Callable[[float], str] = style.number) -> str:
+def span(
+    values: Series, spreads: Series | None = None, form: Callable[[float], str] = numbers.carried
+) -> str:
     """The range of values, as "1.20 to 3.40"; one where they are alike. With the digits that their ``spreads`` carry."""
     known = values.astype("float64").to_numpy()
     ends = [int(known.argmin()), int(known.argmax())]
-    told = [form(known[i]) if spreads is None else carried(float(known[i]), spreads.iloc[i]) for i in ends]
+    told = [
+        form(known[i]) if spreads is None else numbers.carried(float(known[i]), spreads.iloc[i]) for i in ends
+    ]
     return " to ".join(dict.fromkeys(told))
 
 
@@ -133,7 +139,9 @@ def mean(table: DataFrame, ratio: str) -> str:
     """The geometric mean of a column of ratios, with the digits that their spreads (column RATIO_spread) carry."""
     values, spreads = table[ratio].astype("float64"), table.get(f"{ratio}_spread", table[ratio] * 0.0)
     middle = geometric(values)
-    return carried(middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values))
+    return numbers.carried(
+        middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values)
+    )
 
 
 def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
@@ -216,10 +224,8 @@ def write(
     csv = write_csv(table if rows is None else rows, folder / f"{name}.csv", columns)
     shown = {heading: body for heading, body in tables.items() if len(body)}
     cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
-    about = [ABOUT_NOISE] * any(NOISY in text for text in (finding, *cells))
-    about += filter(
-        None, [*notes, *views(table), *left_out(table), *runs_apart(table), effort(table), errors(table)]
-    )
+    about = numbers.meanings([finding, *cells])
+    about += [*notes, *validity(table), errors(table)]
     lost = not_measured(table, apart)
     measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
     text = [f"# {experiment.title}", "", for_markdown(finding), "", for_markdown(f"{measured_on}."), ""]
@@ -241,6 +247,11 @@ def write(
         for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
             console.print("  " + line.replace(r"\*", "*"))
     return [csv, *pictures, path]
+
+
+def validity(table: DataFrame) -> list[str]:
+    """What a reader must know of the points behind a table before comparing them; a line each."""
+    return [line for line in (*views(table), *left_out(table), *compare.apart(table), effort(table)) if line]
 
 
 def views(table: DataFrame) -> list[str]:
@@ -271,8 +282,10 @@ def effort(table: DataFrame) -> str:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
     counts = zip(names(short), short["rounds"], short["point.rounds"], strict=True)
-    less = listed([f"{name}: {n:.0f} of {of:.0f}" for name, n, of in counts])
-    return f"{told}." + f" The budget was spent before the last round: {less}." * bool(less)
+    less = [f"{name}: {n:.0f} of {of:.0f}" for name, n, of in counts]
+    if len(less) > FEW:
+        return f"{told}. The budget of {len(less)} of {len(table)} points was spent before their last round."
+    return f"{told}." + f" The budget was spent before the last round: {'; '.join(less)}." * bool(less)
 
 
 def with_light(table: DataFrame, column: str) -> Series:
@@ -292,20 +305,10 @@ def listed(texts: Sequence[str], most: int = 6) -> str:
     return "; ".join([*texts[:most], *rest])
 
 
-def check_text(row: Mapping[str, Any]) -> str:
-    """The error that goes with a point's times: a tick, how many answers are wrong, or "unscored"."""
-    wrong = row["true_errors"]
-    if wrong != wrong or wrong is None or str(wrong) == "<NA>":
-        return style.UNSCORED
-    if wrong:
-        return f"{style.WRONG} {wrong:,.0f} wrong"
-    return style.OK if row["check"] == "ok" else f"{style.WRONG} {row['excused_share']:.2%} excused"
-
-
 def errors(table: DataFrame) -> str:
     """The correctness of the answers behind the times, as a sentence."""
     done = measured(table)
-    bad = (names(done) + ": " + done["error"])[done["error"] != style.OK].tolist()
+    bad = (names(done) + ": " + done["error"])[done["error"] != numbers.OK].tolist()
     bad += [text for text in never_hit_notes(table) if "warning" in text]
     return f"Answers: {listed(bad)}." if bad else "Every answer behind these times was found right."
 

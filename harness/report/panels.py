@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..results.table import PART_COLUMNS
-from . import style
+from . import numbers, style
 from .picture import png_bytes
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
             axes.plot([limit], [place], **cut_mark(), label="bar cut off")
         axes.annotate(row["text"], (min(end, limit) if known else 0, place), (3 + 2 * (end > limit), 0),
                       textcoords="offset points", va="center", size=5.5, style="normal" if known else "italic",
-                      color="#B00000" if style.WRONG in row["text"] else "black")  # fmt: skip
+                      color="#B00000" if numbers.WRONG in row["text"] else "black")  # fmt: skip
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(own) - 0.4, -0.6)
 

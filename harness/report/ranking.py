@@ -6,12 +6,13 @@ no answer was wrong.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..files import plain
-from . import compare, document, style
+from . import compare, document, numbers
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -26,6 +27,32 @@ MOST_TOLD = 2
 def exact(table: DataFrame) -> Series:
     """Which points are of a method that calls itself exact, and have no wrong answer; unscored ones do not count."""
     return (table["known_inexact"] == "") & (table["true_errors"].fillna(1) == 0)
+
+
+def best(frames: DataFrame, points: DataFrame) -> Series:
+    """Which points are the fastest of their scene with every answer right, and those that tie with it; by key.
+
+    Compared over the frames that two points have in common, on whatever device. A tie: apart by no more than the spreads.
+    Where two points of a scene may not be compared, or only one is right, none is the best.
+    """
+    right = document.measured(points).query("error == @numbers.OK")
+    scene = right.groupby(["title", "light_label"], sort=False)
+    right = right[scene["key"].transform("size") > 1]
+    if right.empty:
+        return points["key"].isin(())
+    frames, same = (
+        frames[frames["key"].isin(right["key"])],
+        [name for name in compare.SAME if name != "device"],
+    )
+    group = right.groupby(["title", "light_label"], sort=False).ngroup()
+    first = right["total_ms"].groupby(group).idxmin()
+    for _ in range(2):  # the one with the least mean may have been measured over other frames
+        found = compare.ratios(frames, frames["key"].isin(first), same).reindex(right.index)
+        least = found["ratio"].fillna(math.inf).groupby(group)
+        first = first.mask(least.min() < 1.0, least.idxmin())
+    known = found["ratio"].ge(1.0).groupby(group).transform("all")
+    alike = (found["ratio"] - 1.0 <= found["spread"]) | right["key"].isin(first)
+    return points["key"].isin(right["key"][known & alike])
 
 
 def ranked(frames: DataFrame) -> DataFrame:
@@ -66,7 +93,7 @@ def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
         {
             "method": own["label"],
             "ms": own["ms"],
-            "ratio": document.carry(own["times"], own["times_spread"]),
+            "ratio": numbers.carry(own["times"], own["times_spread"]),
             "answers": own["error"],
             "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map(
                 "{:.1f}".format, na_action="ignore"
@@ -122,7 +149,7 @@ def fastest_exact(setting: str, best: list[dict[str, Any]]) -> str:
     after = best[1]
     if alike(best[0], after):
         return f"{first}; {after['label']} with {after['ms']} ms is as fast within the spread of the repeats."
-    times = document.carried(after["times"], after["times_spread"])
+    times = numbers.carried(after["times"], after["times_spread"])
     if times == "-":  # of another run
         return f"{first}; the next, {after['label']}, took {after['ms']} ms in another run."
     return f"{first}; the next, {after['label']}, takes {times} times as long."
@@ -133,7 +160,7 @@ def fastest(first: dict[str, Any], best: list[dict[str, Any]]) -> str:
     if first["exact"]:
         return "No inexact method is faster."
     wrong = first["true_errors"]
-    if first["error"] == style.UNSCORED:
+    if first["error"] == numbers.UNSCORED:
         answers = "its answers were not scored"
     elif wrong:
         answers = f"{wrong:,.0f} of its answers {'is' if wrong == 1 else 'are'} wrong"

@@ -28,8 +28,6 @@ COLUMN_WIDTH = 3.4
 LOST = {"rejected": "x", "timeout": "+", "failed": "1", "skipped": "2"}
 """The mark of a point without a time, by its status."""
 
-OK, WRONG, UNSCORED = "✓", "✗", "unscored"
-
 
 def in_order(methods: Iterable[str]) -> list[str]:
     """The registry's methods, then others by name: the order of rows and columns."""
@@ -48,6 +46,12 @@ def look(method: str) -> dict[str, str]:
     return {"color": colour, "marker": marker}
 
 
+def kind(method: str) -> str:
+    """The kind of structure of a method, as the methods' package says; else its name."""
+    found: str = importlib.import_module(PACKAGE).KINDS.get(method, method)
+    return found
+
+
 def colours(methods: Iterable[str]) -> dict[str, str]:
     """The colour of each method, in their order."""
     return {name: look(name)["color"] for name in in_order(methods)}
@@ -56,15 +60,6 @@ def colours(methods: Iterable[str]) -> dict[str, str]:
 def lightened(colour: str, share: float) -> tuple[float, ...]:
     """An "#rrggbb" colour mixed with white: 0 leaves it, 1 is white."""
     return tuple((1 - share) * int(colour[i : i + 2], 16) / 255 + share for i in (1, 3, 5))
-
-
-def number(value: float | None) -> str:
-    """A measured number with three digits or so, and no exponent: 0.0123, 1.23, 12.3, 123, 1,234."""
-    if value is None or not math.isfinite(value):
-        return "-"
-    size = abs(value)
-    digits = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3
-    return f"{value:,.{digits}f}"
 
 
 def radii(distance: float) -> str:

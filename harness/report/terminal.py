@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..texts import visible, visible_lines
-from .style import WRONG
+from .numbers import WRONG
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -38,7 +38,8 @@ def points(table: DataFrame) -> DataFrame:
     wrong_per_frame             float    ``true_errors`` per frame
     primary_mrays_per_s         float    1e6 primary rays per second of ``trace_ms``
     shadow_mrays_per_s          float    1e6 shadow rays per second of ``shadow_ms``
-    frame_mrays_per_s           float    1e6 rays of both kinds per second of ``total_ms``
+    frame_mrays_per_s           float    1e6 rays of both kinds per second of ``total_ms``; like the others of the rays that
+                                         are traced: NaN where nothing moved, so that none is
     ==========================  =======  ======================================================================
     """
     import pandas as pd
@@ -77,11 +78,16 @@ def points(table: DataFrame) -> DataFrame:
     times = found[rounds].where(groups[rounds].count().eq(found["frames"], axis=0))
     between = (times.max(axis=1) - times.min(axis=1)).fillna(0.0).where(found["frames"] > 0)
     parts = sum(found[f"{column}_ms"] for column in PART_COLUMNS.values())
-    rays = {"primary": found["pixels"], "shadow": found["shadow_rays"]}
+    rays = {
+        "primary": found["pixels"].where(_traces(found, "trace"), 0),
+        "shadow": found["shadow_rays"].where(_traces(found, "shadow"), 0),
+    }
     rays["frame"] = rays["primary"] + rays["shadow"]
     ms = {"primary": found["trace_ms"], "shadow": found["shadow_ms"], "frame": found["total_ms"]}
     rates = {
-        f"{name}_mrays_per_s": rays[name].astype("float64") / ms[name].where(ms[name] != 0) / 1e3
+        f"{name}_mrays_per_s": rays[name].astype("float64").where(rays[name] > 0)
+        / ms[name].where(ms[name] > 0)
+        / 1e3
         for name in ms
     }
     derived = {
@@ -93,9 +99,16 @@ def points(table: DataFrame) -> DataFrame:
     return pd.concat([found, pd.DataFrame(derived)], axis=1).reset_index()
 
 
+def _traces(found: DataFrame, part: str) -> Series:
+    """Whether the frames of a point trace rays in a part: all that are rebuilt, and others that have a pass of the part."""
+    passes = found[[name for name in found if name.startswith(f"pass.{part}.")]]
+    return (found["moved"] == "") | passes.notna().any(axis=1)
+
+
 def _checks(table: DataFrame) -> Series:
     """The check of each point: "failed" if that of a frame did, "" if no frame has one."""
-    groups = table.assign(failed=table["check"] == "failed", known=table["check"]).groupby("key", sort=False)
+    own = table[["key", "check"]]
+    groups = own.assign(failed=own["check"] == "failed", known=own["check"]).groupby("key", sort=False)
     return groups["known"].max().mask(groups["failed"].any(), "failed").rename("check")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import lzma
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -66,15 +67,27 @@ def each_record(folder: Path | str) -> Iterator[Record]:
 
 
 def folders_with_records(folder: Path | str) -> list[Path]:
-    """The folder, or the folders in it, that have records. Raises :class:`UserError` where there is none."""
-    folder = Path(folder)
+    """The folder and the folders in it, however deep, that have records; each once, whatever links lead to it.
+
+    Raises :class:`UserError` where there is none.
+    """
+    folder, seen, places = Path(folder), set[str](), []
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; name a folder of results")
-    places = [path.parent for path in sorted([*folder.glob("records"), *folder.glob("*/records")])]
-    places = [place for place in places if any((place / "records").glob("*.json*"))]
+    for place, names, _ in os.walk(folder, followlinks=True):
+        real = os.path.realpath(place)
+        names[:] = [] if real in seen else sorted(name for name in names if name[0] != ".")
+        if real not in seen and any(Path(place, "records").glob("*.json*")):
+            places.append(Path(place))
+        seen.add(real)
     if not places:
         raise UserError(f"{folder}: no records in it or in its folders; name a folder of results")
     return places
+
+
+def place_name(place: Path, folder: Path) -> str:
+    """What a results folder is called in ``folder``: the way there, links and all, or the own name of ``folder``."""
+    return Path(os.path.abspath(folder)).name if place == folder else place.relative_to(folder).as_posix()
 
 
 def archived(place: Path, seen: set[str]) -> Iterator[Record]:

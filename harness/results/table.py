@@ -24,6 +24,7 @@ from ..judge.verdict import ERRORS
 from ..texts import scalar
 from .newest import newest_as, settings_text
 from .record import Frame, Record
+from .schema import folders_with_records, place_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -57,7 +58,8 @@ TEXTS = (
 
 
 def tidy(folder: Path | str) -> DataFrame:
-    """The results of a folder, one row per point and measured frame; a point without one has one row, with its reason.
+    """The results of a folder, or of the folders in it where it has no records itself, one row per point and measured frame; a point without one has one
+    row, with its reason.
 
     Of several records of one table entry the one asked for last counts (:func:`.results.newest.newest`);
     ``table.attrs["older"]`` is the number of the others. Raises :class:`~.errors.UserError` where there are none.
@@ -66,7 +68,7 @@ def tidy(folder: Path | str) -> DataFrame:
     column              dtype     meaning
     ==================  ========  ==========================================================================
     key                 text      the point: one method with its settings on one scene, size and device
-    folder              text      name of the folder
+    folder              text      name of the folder; in a tree the way to it, which is before each ``key`` too
     run                 text      one value for all points of one run, which are interleaved; times of different
                                   runs must not be compared. Older records have the ``environment`` here
     experiment, preset  text      what was run
@@ -125,9 +127,15 @@ def tidy(folder: Path | str) -> DataFrame:
     point.NAME          object    what the run asked for: samples, rounds, budget_s, ...
     ==================  ========  ==========================================================================
     """
-    name = Path(folder).resolve().name
-    found, older = newest_as(folder, lambda record: list(_rows(record, name)))
-    table = _typed([row for rows in found for row in rows])
+    folder = Path(folder)
+    places, rows, older = folders_with_records(folder), list[dict[str, Any]](), 0
+    for place in places[:1] if places[0] == folder else places:
+        name = place_name(place, folder)
+        before = "" if place == folder else f"{name}/"
+        found, more = newest_as(place, lambda record, name=name: list(_rows(record, name)))
+        rows += ({**row, "key": before + row["key"]} for own in found for row in own)
+        older += more
+    table = _typed(rows)
     table.attrs["older"] = older
     return table
 
@@ -150,7 +158,7 @@ def _typed(rows: list[dict[str, Any]]) -> DataFrame:
         kinds = {name: table[name].astype(kind) if name in table else missing for name in names}
         table = table.assign(**kinds)
     table[TEXTS] = table[TEXTS].fillna("")
-    return table
+    return table.copy()  # in one piece
 
 
 def samples(folder: Path | str) -> DataFrame:

@@ -1,4 +1,4 @@
-"""Made-up results for tests of the page, three folders with pictures, maps and a drawing; and the command for the page."""
+"""Made-up results for tests of the page, five folders with pictures, maps and a drawing; and the command for the page."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ def wrong(record, count):
 
 
 def make_results(root: Path) -> Path:
-    """Three folders: two scenes and three methods, one with wrong answers and one rejected; a light at three distances, one
-    of them with three frames; a table like the paper's. Pictures, maps and a drawing.
+    """Two scenes and three methods, one with wrong answers and one rejected, the same on another machine on a busy day; a
+    light at three distances, one of them with three frames; a table like the paper's; effects of which two have two lights.
+    Pictures, maps and a drawing.
     """
     times = [record_of("frame_time", e, scene, ms=ms * k) for scene, k in (("cloth", 1.0), ("buddha", 3.0))
              for e, ms in ((GRIDS, 0.5), (TREE, 2.0))]  # fmt: skip
@@ -59,10 +60,33 @@ def make_results(root: Path) -> Path:
         for scene, k in (("cloth", 1.0), ("buddha", 3.0))
         for e, ms in ((GRIDS, 0.5), (TREE, 2.0))
     ]
-    for name, records in (("frame_time", times), ("figure11", far), ("table1", table)):
+    lit = [
+        Lighting("one light", count=1),
+        Lighting("two lights", count=2),
+        Lighting("spot, two", count=2, spot=9.0),
+    ]
+    effects = [
+        record_of("effects", GRIDS, "cloth", one, ms=ms) for one, ms in zip(lit, (1.0, 1.5, 9.0), strict=True)
+    ]
+    effects[0]["frames"][0]["passes"][0]["ms"] = [-0.0013, -0.0013]
+    elsewhere = [
+        record_of("frame_time", e, ms=ms, frames=n) for e, ms, n in ((GRIDS, 0.7, 3), (TREE, 2.7, 1))
+    ]
+    for one in elsewhere:
+        one["method"]["device"] = "cpu"
+        one["rounds"], one["environment"] = [{"round": 0, "clock": {"load": 9.0}}], "other"
+    folders = {
+        "frame_time": times,
+        "figure11": far,
+        "table1": table,
+        "effects": effects,
+        "other/frame_time": elsewhere,
+    }
+    for name, records in folders.items():
         write_records(root / name, records)
         (root / name / "environments").mkdir()
-        (root / name / "environments" / "e.json").write_text(json.dumps(FACTS))
+        facts = FACTS if "/" not in name else {**FACTS, "gpus": [{"name": "Another GPU"}]}
+        (root / name / "environments" / f"{records[0]['environment']}.json").write_text(json.dumps(facts))
     folder, key = root / "frame_time", times[4]["key"]
     (folder / "frame_time.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>')
     (folder / "images").mkdir()

@@ -8,7 +8,8 @@ from helpers.experiment_records import record_of
 from helpers.table1_records import write_records
 from shadowbench.experiments import frame_time, table1
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.report.document import carry, effort, names, span
+from shadowbench.harness.report.document import effort, names, span
+from shadowbench.harness.report.numbers import carry
 from shadowbench.harness.runner.planning.experiment import Entry
 
 

@@ -8,7 +8,9 @@ import re
 import pytest
 from helpers.experiment_records import record_of, write_records
 from helpers.page_results import TREE, command, make_results
+from shadowbench.harness.report import document
 from shadowbench.harness.report.page import columns
+from shadowbench.harness.results import tidy
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,67 @@ def test_ratios_are_those_of_compare_and_unlike_points_have_none(page):
     assert data["paper"]["label"].startswith("paper, GTX 280")
     notices = {one["name"]: one["notices"] for one in data["folders"]}
     assert any(line.startswith("Records of 2 versions of") for line in notices["figure11"])
+
+
+def rows_of(packed):
+    lists = {
+        name: values
+        if isinstance(values, list)
+        else [i if i is None else values["d"][i] for i in values["i"]]
+        for name, values in packed["columns"].items()
+    }
+    return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
+
+
+def test_numbers_have_the_digits_and_marks_of_the_tables(page, results):
+    """What Markdown writes, with the same marks; a mean over fewer frames is marked, and a difference below zero is none."""
+    frames = document.frames(results)
+    told = document.named(frames)["ms"].fillna("-")
+    rows = rows_of(data_of(page)["points"])
+    assert {f"{row['folder']}/{row['key']}": row["text.total_ms"] or "-" for row in rows} == dict(told)
+    assert {row["text.total_ms"] for row in rows if row["folder"] == "other/frame_time"} == {
+        "0.707",
+        "2.73 [1/3]",
+    }
+    assert {row["text.build_ms"] for row in rows if row["light_label"] == "one light"} == {"~0"}
+
+
+def test_the_best_is_marked_where_frames_are_unlike(page):
+    """As Table 1 in Markdown: over the frames that both have."""
+    rows = rows_of(data_of(page)["points"])
+    best = [row["label"] for row in rows if row["folder"] == "other/frame_time" and row["best"]]
+    assert best == ["grids"]
+
+
+def test_folders_are_told_apart_however_they_are_reached(results, tmp_path, monkeypatch):
+    """Links do not collapse into what they lead to, a folder is shown once, and a tree is one table and one page."""
+    tree = tmp_path / "tree"
+    (tree / "cards").mkdir(parents=True)
+    (tree / "cards" / "one").symlink_to(results / "frame_time")
+    (tree / "cards" / "two").symlink_to(results / "other" / "frame_time")
+    (tree / "again").symlink_to(tree)
+    assert command(monkeypatch, tree, "--out", tmp_path / "page.html") == 0
+    data = data_of(tmp_path / "page.html")
+    machines = {(row["folder"], row["machine"]) for row in rows_of(data["points"])}
+    assert machines == {("cards/one", "A GPU"), ("cards/two", "Another GPU")}
+    table = tidy(tree)
+    assert set(table["folder"]) == {"cards/one", "cards/two"}
+    assert table["key"].str.startswith("cards/").all()
+
+
+def test_a_site_has_an_address_for_each_experiment(results, tmp_path, monkeypatch):
+    site = tmp_path / "site"
+    for _ in range(2):  # a site may be written again
+        assert command(monkeypatch, results, "--site", site) == 0
+    assert data_of(site / "index.html")["addresses"]
+    own = (site / "frame_time" / "index.html").read_text()
+    assert 'href="../index.html#view=table&amp;t=frame_time"' in own
+    assert 'src="frame_time.svg"' in own
+    assert (site / "frame_time" / "frame_time.svg").is_file()
+    assert "../../index.html#view=table" in (site / "other" / "frame_time" / "index.html").read_text()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "file").write_text("")
+    assert command(monkeypatch, results, "--site", tmp_path / "full") == 2
 
 
 def test_columns_keep_what_is_not_known():

@@ -10,9 +10,12 @@ import pytest
 from helpers import browser
 from helpers.page_results import command, make_results
 
-VIEWS = ("overview", "table", "points", "curves", "pictures", "maps", "claims", "drawings", "records")
+VIEWS = (
+    "overview", "table", "scatter", "curves", "machines", "points", "pictures", "maps", "claims", "drawings",
+)  # fmt: skip
 
 
+SAVED = "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
 pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
 
 
@@ -140,6 +143,76 @@ def test_times_have_their_errors_their_spread_and_their_origin(visit):
         for cell in css(found, "tbody td")
         for text in [cell.text]
     )
+
+
+def test_the_first_screen_has_the_finding_and_the_fastest_of_each_kind(visit):
+    """What was found, as the ranking says it, is above everything else; each kind has a mark, wrong answers are crossed."""
+    found = visit("", 1280, 700)
+    lead, chart = css(found, ".lead")[0], css(found, ".kinds")[0]
+    assert "2.00 times as long" in lead.text
+    assert lead.rect["y"] < chart.rect["y"] < 500
+    marks = {
+        mark.get_attribute("aria-label"): mark.get_attribute("class") for mark in css(found, ".kinds .dot")
+    }
+    assert {name.split(",")[0] for name in marks} == {"grids", "tree", "map & <b>"}
+    assert [name for name, kind in marks.items() if "bad" in kind] == [
+        "map & <b>, Cloth (stand-in): 0.253 ms ✗ 7 wrong"
+    ]
+
+
+def test_lines_separate_all_that_differs(visit):
+    """Two lights and two spots have the same number of lights and are not one line."""
+    found = visit("view=curves&c=effects&x=lights&at=1")
+    assert [text.split()[0] for text in column(found, 3)] == ["1.52"]
+    found = visit("view=curves&c=figure11&x=light_distance")
+    for series in found.execute_script("return document.querySelector('.plot')._plot.data"):
+        assert len(series) == 3
+
+
+def test_errors_stand_against_time_with_the_front(visit):
+    found = visit("view=scatter&s=frame_time&ss=Cloth+(stand-in),+64\N{MULTIPLICATION SIGN}64")
+    on_it = {row.text.split()[0] for row in css(found, ".split tbody tr") if row.text.endswith("on it")}
+    assert on_it == {"map", "grids"}
+    left = {
+        mark.get_attribute("aria-label").split(",")[0]: mark.rect["x"] for mark in css(found, ".plane .dot")
+    }
+    assert left["map & <b>"] < left["grids"] < left["tree"]
+    assert css(found, ".front polyline")
+
+
+def test_machines_stand_side_by_side(visit):
+    found = visit("view=machines")
+    heads = [head.text for head in css(found, ".grid thead th")]
+    assert heads == ["scene", "method", "A GPU", "Another GPU"]
+    assert any("0.505 ✓ 0.707 ✓" in " ".join(row.text.split()) for row in css(found, ".grid tbody tr"))
+
+
+def test_a_table_says_how_sure_it_is_and_its_controls_keep_their_names(visit):
+    """Disturbed rounds, means over fewer frames and bold stand beside a table and in what is saved of it."""
+    found = visit("view=table&t=other/frame_time")
+    text = css(found, "main")[0].text
+    assert "2 of 2 rounds were disturbed, the worst by load 9.0 on 2 cores" in text
+    assert "2.73 [1/3]" in text
+    assert "the mean over 1 of 3 frames" in text
+    assert css(found, "td.is-best")[0].text.startswith("0.707")
+    labels = [label.text.split("\n")[0] for label in css(found, ".controls label > span")]
+    found = visit("view=table&t=other/frame_time&rows=methods")
+    assert [label.text.split("\n")[0] for label in css(found, ".controls label > span")] == labels
+    assert column(found, 1) == ["grids", "tree"]
+    found.execute_script(SAVED)
+    css(found, ".savers button")[1].click()
+    settle(found, "return saved.length === 1")
+    (latex,) = found.execute_script("return saved")
+    assert "\\textbf{0.707 " in latex
+    assert "rounds were disturbed" in latex
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_drawings_follow_the_theme(visit, dark):
+    found = visit("view=drawings", dark=dark)
+    css(found, "details.figure summary")[0].click()
+    settle(found, "return document.querySelector('.drawing img')")
+    assert (css(found, ".drawing.lines img")[0].value_of_css_property("filter") != "none") == dark
 
 
 def test_the_slider_goes_through_distances_and_frames(visit):
@@ -270,9 +343,7 @@ def test_the_keyboard_alone_reaches_everything(visit):
 
 def test_what_is_shown_is_saved_as_csv_and_latex(visit):
     found = visit("view=table&t=table1&table.sort=tree:down")
-    found.execute_script(
-        "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
-    )
+    found.execute_script(SAVED)
     for button in css(found, ".savers button"):
         button.click()
     settle(found, "return saved.length === 2")

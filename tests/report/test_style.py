@@ -6,7 +6,7 @@ import pytest
 from helpers.table1_records import METHODS
 from matplotlib.figure import Figure
 from shadowbench.harness.frame.registry import method_names
-from shadowbench.harness.report import style
+from shadowbench.harness.report import numbers, style
 from shadowbench.methods import LOOKS
 
 
@@ -28,7 +28,7 @@ def test_every_method_has_a_look_of_its_own():
     [(None, "-"), (float("nan"), "-"), (0.01234, "0.012"), (1.234, "1.23"), (1234.5, "1,234")],
 )
 def test_numbers_have_no_exponents(value, text):
-    assert style.number(value) == text
+    assert numbers.carried(value) == text
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_only_the_newest_record_of_an_entry_counts(tmp_path):
 
 
 def test_an_empty_folder_is_refused(tmp_path):
-    with pytest.raises(UserError, match="no records here"):
+    with pytest.raises(UserError, match="no records in it"):
         tidy(tmp_path)
 
 

@@ -11,9 +11,9 @@ from importlib.resources import files
 from typing import Any
 
 SCRIPTS = (
-    "base.js", "data.js", "filters.js", "grid.js", "export.js", "details.js", "chart.js", "slider.js",
-    "view_overview.js", "view_table.js", "view_points.js", "view_curves.js", "view_pictures.js", "view_maps.js",
-    "view_claims.js", "view_records.js", "main.js",
+    "base.js", "data.js", "filters.js", "grid.js", "export.js", "details.js", "chart.js", "marks.js", "slider.js",
+    "view_overview.js", "view_table.js", "view_scatter.js", "view_points.js", "view_curves.js", "view_machines.js",
+    "view_pictures.js", "view_maps.js", "view_claims.js", "main.js",
 )  # fmt: skip
 """In the order in which they run: each uses only what stands before it."""
 

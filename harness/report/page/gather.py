@@ -3,79 +3,91 @@ notices."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...results.folder import read_json
-from .. import compare, document, style
+from ...results.table import PART_COLUMNS
+from ...results.throttled import disturbances
+from ...scene.overrides import Lighting
+from .. import compare, document, numbers, ranking, style
 from .. import paper_table1 as paper
+from ..document import Source
 from .columns import columns, shortened
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 POINT = (
-    "folder experiment preset run scene title stand_in triangles vertices invalid_triangles frame_count "
-    "scene_sha256 source_file source_sha256 method method_title label settings built known_inexact method_sha256 "
-    "device device_name width height pixels light_label light_distance light_turns lights moved status reason "
-    "rounds frames frame_numbers frames_left_out samples total_ms q1_ms q3_ms iqr_ms between_ms spread wall_ms "
-    "build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
-    "memory_bytes peak_rss_bytes compile_s first_frame_s regrown pass_count build_count shadow_rays true_errors "
-    "wrong_per_frame unscored check excused_share pixels_scored reference_errors flip primary_mrays_per_s "
-    "shadow_mrays_per_s frame_mrays_per_s environment started stopped_by key error earlier round_ms passes "
-    "counters"
+    "folder experiment preset run machine scene title stand_in triangles frame_count scene_sha256 "
+    "source_file source_sha256 method kind method_title label settings built known_inexact method_sha256 "
+    "device device_name width height pixels light_label light_distance lights lit moved status reason "
+    "rounds frames frames_left_out samples total_ms q1_ms q3_ms wrong_per_frame memory_bytes shadow_rays "
+    "pixels_scored reference_errors true_errors unscored environment started stopped_by key error best "
+    "earlier passes counters"
 ).split()
-"""Columns of a point on the page."""
+"""Columns of a point on the page, besides :data:`TEXTS`."""
 
-FRAME = (
-    "point frame total_ms q1_ms q3_ms samples build_ms trace_ms light_build_ms shadow_ms true_errors error "
-    "memory_bytes"
-).split()
+FRAME = "point frame total_ms q1_ms q3_ms samples true_errors error memory_bytes".split()
 """Columns of a measured frame on the page; ``point`` is the row of its point."""
 
-BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", "shadow.")
-"""Prefixes of columns that no ratio needs."""
+PARTS = {name: (part, "") for part, name in PART_COLUMNS.items()}
+MB = 1e6
+TEXTS = {
+    **{f"{name}_ms": (f"{name}_ms", f"{name}_spread", numbers.TIME) for name in PARTS},
+    **{name: (name, "", numbers.TIME) for name in "spread q1_ms q3_ms between_ms wall_ms compile_s".split()},
+    **{f"{name}_mrays_per_s": (f"{name}_mrays_per_s", "rate", "") for name in ("primary", "shadow", "frame")},
+    "memory_bytes": ("memory_mb", "", ""), "wrong_per_frame": ("wrong_per_frame", "", numbers.COUNT),
+    "flip": ("flip", "", ""),
+}  # fmt: skip
+"""Numbers that the page shows as :mod:`.report.numbers` writes them, in columns "text.NAME": column, spread, form."""
 
 MOST_BASES = 8
 """Columns of a table up to which each of them can be the base of ratios; else the first one of each method can."""
 
 
-def gather(
-    title: str, places: Sequence[Path], tables: Sequence[DataFrame], points: Sequence[DataFrame]
-) -> dict[str, Any]:
-    """Everything but pictures and claims.
-
-    places  the folders
-    tables  the frames of each (:func:`.report.document.frames`)
-    points  the points of each (:func:`.report.document.named`)
-    """
+def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> dict[str, Any]:
+    """Everything but pictures and claims. ``order``: of experiments, the most interesting first; others follow by name."""
     import pandas as pd
 
+    place = {name: number for number, name in enumerate(order)}
+    interest = [place.get(one.frames["experiment"].iloc[0], len(place)) for one in sources]
+    sources = [
+        one
+        for _, one in sorted(zip(interest, sources, strict=True), key=lambda pair: (pair[0], pair[1].name))
+    ]
     last = newest_versions(
-        pd.concat([t[["method", "method_sha256", "started"]] for t in tables], ignore_index=True)
+        pd.concat([t.frames[["method", "method_sha256", "started"]] for t in sources], ignore_index=True)
     )
+    facts = environments(sources)
     shown, frames, ratios, about = [], [], [], []
     first = 0
-    for place, table, found in zip(places, tables, points, strict=True):
-        own = detailed(found, last)
+    for source in sources:
+        own = detailed(source, last, facts)
         place_of = {key: first + number for number, key in enumerate(own["key"])}
         shown.append(own)
-        frames.append(frames_of(table, place_of))
-        ratios.append(ratios_of(table, own, place_of))
-        about.append(described(place, table, own))
+        frames.append(frames_of(source.frames, place_of))
+        ratios.append(ratios_of(source.frames, own, place_of))
+        about.append(described(source, own))
         first += len(own)
     every = pd.concat(shown, ignore_index=True)
     return {
         "title": title,
         "version": installed(),
+        "finding": ranking.finding(ranking.ranked(sources[0].frames)),
         "folders": about,
-        "points": columns(every.reindex(columns=POINT)),
+        "points": columns(
+            every.reindex(columns=[*POINT, *(name for name in every if name.startswith("text."))])
+        ),
         "frames": columns(pd.concat(frames, ignore_index=True)),
         "ratios": columns(pd.concat(ratios, ignore_index=True)),
-        "environments": environments(places),
+        "environments": facts,
+        "marks": list(numbers.MEANINGS.items()),
         "paper": {
             "label": paper.LABEL,
             "columns": [[title, title, source] for title, source in paper.COLUMNS.items()],
@@ -83,7 +95,6 @@ def gather(
             "footnotes": list(paper.FOOTNOTES),
         },
         "colours": style.colours(every["method"]),
-        "scenes": list(dict.fromkeys(every["title"])),
     }
 
 
@@ -93,24 +104,58 @@ def newest_versions(table: DataFrame) -> dict[str, str]:
     return dict(ordered.groupby("method")["method_sha256"].last())
 
 
-def detailed(own: DataFrame, last: dict[str, str]) -> DataFrame:
-    """The points of a folder with more columns: whether a record is of an earlier version
-    of its method than another in the results, the times of its rounds, the times of its passes, and its counters.
+def detailed(source: Source, last: dict[str, str], facts: dict[str, Any]) -> DataFrame:
+    """The points of a folder with more columns: their machine and kind, what the experiment changed of the lights (``lit``),
+    whether a record is of an earlier version of its method than another in the results, :func:`.ranking.best`, the times of
+    its passes, its counters, and the texts of its numbers.
     """
-    rounds = sorted((c for c in own if c.startswith("round.")), key=lambda c: int(c.split(".")[1]))
-    return own.assign(
+    own = document.named(source.frames)
+    own = document.with_passes(own, source.path, PARTS) if len(document.measured(own)) else own
+    machine = own["environment"].map({name: machine_of(one) for name, one in facts.items()})
+    usual = asdict(Lighting())
+    lit = [
+        ", ".join(
+            f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in one.items()
+            if name not in ("label", "moved") and value != usual.get(name)
+        )
+        for one in known(own, "light.")
+    ]
+    own = own.assign(
         title=own["title"].str.replace(r", \d+x\d+$", "", regex=True),  # the page shows the size beside it
+        machine=machine.fillna(own["device_name"]), kind=own["method"].map(style.kind), lit=lit,
+        best=ranking.best(source.frames, own),
         earlier=[bool(sha) and last.get(name, sha) != sha for name, sha in own[["method", "method_sha256"]].to_numpy()],
-        round_ms=[[ms for ms in row if ms == ms] for row in own[rounds].astype("float64").to_numpy().tolist()],
-        passes=known(own, "pass."),
-        counters=known(own, "counter."),
+        passes=[{n: numbers.carried(ms, 0.0, numbers.TIME) for n, ms in one.items()} for one in known(own, "pass.")],
+        counters=known(own, "counter."), memory_mb=own["memory_bytes"].astype("float64") / MB,
     )  # fmt: skip
+    return with_texts(own)
 
 
-def known(table: DataFrame, beginning: str) -> list[dict[str, float]]:
+def with_texts(table: DataFrame) -> DataFrame:
+    """The rows with their numbers as they are shown: see :data:`TEXTS`."""
+    share = table["spread"] / table["total_ms"]  # a rate is as sure as the time that it is made with
+    made = {"text.total_ms": table["ms"]}
+    for name, (column, spread, form) in TEXTS.items():
+        if column in table:
+            values = table[column].astype("float64")
+            around = (
+                values * share if spread == "rate" else table[spread] if spread in table else values * 0.0
+            )
+            made[f"text.{name}"] = numbers.carry(values, around, form)
+    return table.assign(**made)
+
+
+def machine_of(facts: dict[str, Any]) -> str:
+    """What a machine is called: its GPUs or, where it has none, its processor."""
+    cards = list(dict.fromkeys(card["name"] for card in facts.get("gpus") or []))
+    return " and ".join(cards) or (facts.get("cpu") or {}).get("model") or "unknown machine"
+
+
+def known(table: DataFrame, beginning: str) -> list[dict[str, Any]]:
     """For each row the columns with this beginning that it has a value of."""
     names = [name for name in table if name.startswith(beginning)]
-    values = table[names].astype("float64").to_numpy()
+    values = table[names].astype("object").where(table[names].notna(), math.nan).to_numpy()
     short = [name.removeprefix(beginning) for name in names]
     return [{n: v for n, v in zip(short, row, strict=True) if v == v} for row in values.tolist()]
 
@@ -119,18 +164,21 @@ def frames_of(table: DataFrame, place: dict[str, int]) -> DataFrame:
     """The measured frames of points that have several, with the row of their point."""
     several = table[table.groupby("key")["frame"].transform("count") > 1]
     found = several[several["frame"].notna()]
-    errors = [
-        document.check_text(row)
-        for row in found[["true_errors", "check", "excused_share"]].to_dict("records")
-    ]
-    return found.assign(point=found["key"].map(place), error=errors).reindex(columns=FRAME)
+    rows = found[["true_errors", "check", "excused_share"]].to_dict("records")
+    around = compare.spread(found.assign(between_ms=0.0))
+    found = found.assign(
+        point=found["key"].map(place), error=list(map(numbers.check_text, rows)), spread=around,
+        ms=numbers.carry(found["total_ms"], around, numbers.TIME), memory_mb=found["memory_bytes"].astype("float64") / MB,
+    )  # fmt: skip
+    found = with_texts(found)
+    return found.reindex(columns=[*FRAME, *(name for name in found if name.startswith("text."))])
 
 
 def ratios_of(table: DataFrame, points: DataFrame, place: dict[str, int]) -> DataFrame:
     """Frame time over that of each base, one row per pair that may be compared (:func:`.report.compare.ratios`)."""
     import pandas as pd
 
-    slim = table[[name for name in table if not name.startswith(BULKY) or name == "pass_count"]]
+    slim = compare.slim(table)
     labels = list(dict.fromkeys(points["label"]))
     if len(labels) > MOST_BASES:
         labels = list(points.drop_duplicates("method")["label"])
@@ -138,32 +186,35 @@ def ratios_of(table: DataFrame, points: DataFrame, place: dict[str, int]) -> Dat
     for label in labels if len(set(points["label"])) > 1 else ():
         found = compare.ratios(slim, slim["label"] == label).reset_index()
         found = found[found["ratio"].notna()]
+        ends = {name: numbers.carry(found[name], found[name] * 0.0) for name in ("low", "high")}
+        found = found.assign(text=numbers.carry(found["ratio"], found["spread"]), **ends)
         made.append(found.assign(point=found["key"].map(place), base=label, folder=points["folder"].iloc[0]))
-    wanted = ["folder", "base", "point", "ratio", "low", "high", "frames"]
+    wanted = ["folder", "base", "point", "ratio", "text", "low", "high", "frames"]
     return pd.concat(made)[wanted] if made else pd.DataFrame(columns=wanted)
 
 
-def described(place: Path, table: DataFrame, points: DataFrame) -> dict[str, Any]:
-    """The texts of the page about a folder: its experiment, its finding, notices."""
+def described(source: Source, points: DataFrame) -> dict[str, Any]:
+    """The texts of the page about a folder: its experiment, its finding, and what a reader must know of its numbers."""
     experiments = list(dict.fromkeys(points["experiment"]))
-    title, finding = written(place, experiments)
-    notices = [*compare.apart(points), *document.not_measured(points)[:12]] if len(points) else []
-    notices += document.left_out(points)
-    older = table.attrs.get("older", 0)
-    if older:
-        notices.insert(0, f"{older} older records of the same entries are in the folder and are not shown.")
+    title, finding = written(source.path, experiments)
+    busy, older = disturbances(source.path), source.frames.attrs.get("older", 0)
     versions = points[points["method_sha256"] != ""].groupby("method")["method_sha256"].nunique()
-    for method in versions[versions > 1].index:
-        notices.insert(0, f"Records of {versions[method]} versions of {method} are in this folder.")
-    effort = document.effort(document.measured(points))
+    notices = [
+        f"Records of {n} versions of {method} are in this folder."
+        for method, n in versions[versions > 1].items()
+    ]
+    notices += [f"{older} older records of the same entries are in the folder and are not shown."] * bool(
+        older
+    )
+    notices += document.not_measured(points)[:12]
     return {
-        "name": points["folder"].iloc[0],
+        "name": source.name,
         "experiment": " and ".join(experiments),
         "title": title,
         "finding": finding,
         "where": document.where(points),
-        "effort": effort,
         "answers": document.errors(points),
+        "valid": [f"{busy}."] * bool(busy) + document.validity(points),
         "notices": notices,
     }
 
@@ -180,11 +231,11 @@ def written(place: Path, experiments: Sequence[str]) -> tuple[str, str]:
     return " and ".join(experiments), ""
 
 
-def environments(places: Sequence[Path]) -> dict[str, Any]:
+def environments(sources: Sequence[Source]) -> dict[str, Any]:
     """The facts of each environment, by its name."""
     found = {}
-    for place in places:
-        for path in sorted((place / "environments").glob("*.json")):
+    for source in sources:
+        for path in sorted((source.path / "environments").glob("*.json")):
             facts = read_json(path)
             if facts is not None:
                 found[path.stem] = shortened(facts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,8 @@ from ...errors import warn
 from ...files import open_regular, read_regular
 from ...judge.verdict import ERRORS, MEANINGS, Verdict
 from ...results.pixel_maps import OFFSET, map_path, wrong_path
+from .. import document
+from ..document import Source
 from ..flip import answered_path, reference_path
 from ..picture import UNREADABLE
 
@@ -59,14 +61,14 @@ class Album:
             return None
 
 
-def figures(places: Sequence[Path], album: Album) -> list[dict[str, Any]]:
-    """The drawings of each folder, SVG before PNG."""
+def figures(places: Mapping[str, Path], album: Album) -> list[dict[str, Any]]:
+    """The drawings of each folder, by its name, SVG before PNG."""
     found = []
-    for place in places:
+    for folder, place in places.items():
         for path in sorted(place.glob("*.svg")) + sorted(place.glob("*.png")):
             uri = album.file(path)
             if uri:
-                found.append({"folder": place.name, "name": path.name, "uri": uri})
+                found.append({"folder": folder, "name": path.name, "uri": uri})
     return found
 
 
@@ -102,36 +104,34 @@ def compact(image: Image.Image, palette: Image.Image | None = None) -> bytes:
     return stream.getvalue()
 
 
-def gallery(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> list[dict[str, Any]]:
-    """Scenes with pictures: of each the reference, what points answered where that looks otherwise, and wrong pixels.
-
-    ``points``: those of each folder (:func:`.report.document.named`).
-    """
+def gallery(sources: Sequence[Source], album: Album) -> list[dict[str, Any]]:
+    """Scenes with pictures: of each the reference, what points answered where that looks otherwise, and wrong pixels."""
     made = []
-    for place, table in zip(places, points, strict=True):
+    for name, place, frames in sources:
         if not (place / "images").is_dir():
             continue
+        table = document.named(frames)
         used: set[Path] = set()
         for (scene, _, _), own in table.groupby(["scene", "width", "height"], sort=False):
             for frame in sorted({int(f) for numbers in own["frame_numbers"] for f in numbers}):
-                entry = compared(place, scene, frame, own, album, used)
+                entry = compared(name, place, scene, frame, own, album, used)
                 if entry:
                     made.append(entry)
         for path in sorted((place / "images").glob("*.png")):
             whole = None if path in used or path.stem.endswith(("-reference", "-answered")) else opened(path)
             if whole is None:
                 continue
-            uri = album.add(compact(whole), ".webp", f"{place.name}/images/{path.name}")
+            uri = album.add(compact(whole), ".webp", f"{name}/images/{path.name}")
             rows = table[[path.stem == s or path.stem.startswith(f"{s}-") for s in table["scene"]]]
             title = rows["title"].iloc[0] if len(rows) else path.stem
             if uri:
-                made.append({"folder": place.name, "title": title, "frame": None, "pictures": [
+                made.append({"folder": name, "title": title, "frame": None, "pictures": [
                     {"label": "with shadows", "uri": uri, "point": None}]})  # fmt: skip
     return made
 
 
 def compared(
-    place: Path, scene: str, frame: int, own: DataFrame, album: Album, used: set[Path]
+    name: str, place: Path, scene: str, frame: int, own: DataFrame, album: Album, used: set[Path]
 ) -> dict[str, Any] | None:
     """The reference's picture of a frame, and those of points whose wrong pixels were mapped; None where there is none."""
     path = reference_path(place, scene, frame)
@@ -143,7 +143,7 @@ def compared(
             if wrong_path(place, row["key"], frame).is_file()]  # fmt: skip
     answered = {row["key"]: opened(answered_path(place, row["key"], frame)) for row in rows}
     palette = shared_palette([right, *(image for image in answered.values() if image is not None)])
-    uri = album.add(compact(right, palette), ".webp", f"{place.name}/images/{path.name}")
+    uri = album.add(compact(right, palette), ".webp", f"{name}/images/{path.name}")
     if uri is None:
         return None
     pictures = [{"label": "reference (exact)", "uri": uri, "classes": None, "wrong": 0}]
@@ -161,14 +161,17 @@ def compared(
             "wrong": None if wrong != wrong else int(wrong),
         })  # fmt: skip
     width, height = right.size
-    return {"folder": place.name, "title": own["title"].iloc[0], "frame": frame, "width": width, "height": height,
+    return {"folder": name, "title": own["title"].iloc[0], "frame": frame, "width": width, "height": height,
             "pictures": pictures}  # fmt: skip
 
 
-def maps(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> list[dict[str, Any]]:
+def maps(sources: Sequence[Source], album: Album) -> list[dict[str, Any]]:
     """Maps of tests per pixel: of each folder and scene those that were saved."""
     made = []
-    for place, table in zip(places, points, strict=True):
+    for name, place, frames in sources:
+        if not (place / "maps").is_dir():
+            continue
+        table = document.named(frames)
         for (title, _, _), own in table.groupby(["title", "width", "height"], sort=False):
             found = []
             for row in own[["key", "label", "frame_numbers"]].to_dict("records"):
@@ -180,7 +183,7 @@ def maps(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> l
                             {"label": row["label"], "frame": int(frame), "uri": uri, "key": row["key"]}
                         )
             if found:
-                made.append({"folder": place.name, "title": title, "width": int(own["width"].iloc[0]),
+                made.append({"folder": name, "title": title, "width": int(own["width"].iloc[0]),
                              "height": int(own["height"].iloc[0]), "maps": found})  # fmt: skip
     return made
 

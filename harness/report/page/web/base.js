@@ -17,23 +17,16 @@ function el(name, attributes = {}, ...children) {
   return node;
 }
 
-/** A measured number with three digits or so, and no exponent: as the tables of the project print it. */
-function number(value) {
-  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  const size = Math.abs(value);
-  if (size > 0 && size < 0.01) return size < 1e-5 ? value.toExponential(1) : String(+value.toPrecision(2));
-  const digits = size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
-  return value.toLocaleString("en-US", { minimumFractionDigits: digits, maximumFractionDigits: digits });
-}
-const whole = (value) => (value === null || value === undefined ? "–" : Math.round(value).toLocaleString("en-US"));
-const percent = (value) => (value === null || !Number.isFinite(value) ? "–" : `${(100 * value).toFixed(1)} %`);
-const ratioText = (value) => (value === null || value === undefined ? "–" : `${value >= 10 ? value.toFixed(1) : value.toFixed(2)}×`);
+/** A whole number, such as a count. Measured numbers come as texts, with the digits that they carry. */
+const whole = (value) => (value === null || value === undefined ? "–" : value.toLocaleString("en-US", { maximumFractionDigits: Number.isInteger(value) ? 0 : 1 }));
+/** A value on an axis: 0.001, 20, 1e5. */
+const onAxis = (v) => (v !== 0 && (Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3) ? v.toExponential(0).replace("e+", "e") : `${+v.toPrecision(4)}`);
 const unique = (values) => [...new Set(values)];
 const known = (value) => value !== null && value !== undefined && value !== "";
 
 // The state: what the address says after "#". Lists are joined by "~", which no name has.
 const state = {};
-const LISTS = ["exp", "scene", "method", "device"];
+const LISTS = ["exp", "scene", "method", "machine", "device"];
 
 function readAddress() {
   for (const key of Object.keys(state)) delete state[key];

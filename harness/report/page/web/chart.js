@@ -33,7 +33,7 @@ function lineChart(host, series, axes) {
   });
   const ink = css("--ink-2"), faint = css("--line");
   const logX = axes.logX && xs[0] > 0;
-  const ticks = (u, values) => values.map((v) => (v === null ? "" : v !== 0 && (Math.abs(v) >= 1e4 || Math.abs(v) < 1e-3) ? v.toExponential(0).replace("e+", "e") : `${+v.toPrecision(4)}`));
+  const ticks = (u, values) => values.map((v) => (v === null ? "" : onAxis(v)));
   const side = (log) => ({ stroke: ink, font: "12px system-ui, sans-serif", grid: { stroke: faint, width: 1 }, ticks: { stroke: faint, width: 1 }, values: ticks,
     ...(log ? { splits: (u, axis, low, high) => logTicks(low, high), filter: (u, found) => found } : {}) });
   let nearest = null;

@@ -59,6 +59,7 @@ const FILTERS = {
   exp: { title: "Experiment", of: (p) => p.folder },
   scene: { title: "Scene", of: (p) => p.title },
   method: { title: "Method", of: (p) => p.method },
+  machine: { title: "Machine", of: (p) => p.machine },
   device: { title: "Device", of: (p) => p.device_name || p.device },
 };
 
@@ -70,24 +71,33 @@ function shown(but = []) {
     && words.every((word) => `${p.folder} ${p.where} ${p.name} ${p.method} ${p.settings} ${p.device_name} ${p.key}`.toLowerCase().includes(word)));
 }
 
-// What can be shown of a point: how it is called, its value, its unit, and how it is written.
+// What can be shown of a point: how it is called, its unit. How it is written comes with the data.
 const MEASURES = {
-  total_ms: { title: "whole frame", unit: "ms", text: number, spread: (p) => p.spread },
-  build_ms: { title: "build", unit: "ms", text: number, spread: (p) => p.build_iqr_ms / 2 },
-  trace_ms: { title: "trace", unit: "ms", text: number, spread: (p) => p.trace_iqr_ms / 2 },
-  light_build_ms: { title: "light build", unit: "ms", text: number, spread: (p) => p.light_build_iqr_ms / 2 },
-  shadow_ms: { title: "shadow", unit: "ms", text: number, spread: (p) => p.shadow_iqr_ms / 2 },
-  frame_mrays_per_s: { title: "rays", unit: "Mrays/s", text: number },
-  memory_bytes: { title: "memory", unit: "MB", text: number, of: (p) => (p.memory_bytes === null ? null : p.memory_bytes / 1e6) },
-  wrong_per_frame: { title: "wrong answers", unit: "a frame", text: number },
-  flip: { title: "FLIP", unit: "", text: number },
+  total_ms: { title: "whole frame", unit: "ms" },
+  build_ms: { title: "build", unit: "ms" },
+  trace_ms: { title: "trace", unit: "ms" },
+  light_build_ms: { title: "light build", unit: "ms" },
+  shadow_ms: { title: "shadow", unit: "ms" },
+  frame_mrays_per_s: { title: "rays", unit: "Mrays/s" },
+  memory_bytes: { title: "memory", unit: "MB", scale: 1e-6 },
+  wrong_per_frame: { title: "wrong answers", unit: "a frame" },
+  flip: { title: "FLIP", unit: "" },
 };
-const valueOf = (point, measure) => {
-  const found = MEASURES[measure];
-  if (measure.startsWith("counter:")) return point.counters[measure.slice(8)] ?? null;
-  return found?.of ? found.of(point) : point[measure] ?? null;
+const counter = (measure) => (measure.startsWith("counter:") ? measure.slice(8) : "");
+const valueOf = (row, measure) => {
+  const value = counter(measure) ? row.counters[counter(measure)] : row[measure];
+  return value === null || value === undefined ? null : value * (MEASURES[measure]?.scale || 1);
 };
+/** A number of a point or of one of its frames, as every table writes it. */
+const textOf = (row, measure) => (counter(measure) ? whole(row.counters[counter(measure)]) : row[`text.${measure}`] ?? "–");
 const measureTitle = (measure) => (measure.startsWith("counter:") ? measure.slice(8) : `${MEASURES[measure].title}${MEASURES[measure].unit ? `, ${MEASURES[measure].unit}` : ""}`);
+
+/** What must be known of the numbers of folders before they are compared: beside every table and drawing of them. */
+function validity(names) {
+  const several = names.length > 1;
+  return unique(names).flatMap((name) => folderOf(name).valid.map((line) => (several ? `${name}: ${line}` : line)));
+}
+const marksIn = (texts) => DATA.marks.filter(([pattern]) => texts.some((text) => new RegExp(pattern).test(text))).map(([, meaning]) => meaning);
 
 /** What a tooltip says of a point: its time with its spread, its answers, where it is from. */
 function pointLines(p, frame = null) {
@@ -95,12 +105,12 @@ function pointLines(p, frame = null) {
   const lines = [`${p.name} · ${p.where}`];
   if (!p.done) return [...lines, `${p.status}: ${p.reason || "no reason given"}`];
   const which = frame ? `frame ${frame.frame}` : p.frames > 1 ? `mean of ${p.frames} frames` : "median";
-  lines.push([`whole frame, ${which}`, `${number(t.total_ms)} ms`]);
-  if (t.samples > 1) lines.push(["quartiles", `${number(t.q1_ms)} to ${number(t.q3_ms)} ms`]);
-  if (!frame && p.rounds > 1) lines.push(["range between rounds", `${number(p.between_ms)} ms`]);
+  lines.push([`whole frame, ${which}`, `${textOf(t, "total_ms")} ms`]);
+  if (t.samples > 1) lines.push(["quartiles", `${textOf(t, "q1_ms")} to ${textOf(t, "q3_ms")} ms`]);
+  if (!frame && p.rounds > 1) lines.push(["range between rounds", `${textOf(p, "between_ms")} ms`]);
   lines.push(["samples", `${whole(t.samples)}${frame ? "" : ` in ${p.rounds} round${p.rounds === 1 ? "" : "s"}`}`]);
   lines.push(["answers", t.error + (t.error === "unscored" && p.unscored ? `: ${p.unscored}` : "")]);
-  lines.push(["size, device", `${p.size}, ${p.device_name || p.device}`]);
+  lines.push(["size, device", `${p.size}, ${p.device_name || p.device}`], ["folder", p.folder]);
   if (isStandIn(p)) lines.push(["stand-in for", p.stand_in.replace(/^procedural stand-in for /i, "")]);
   if (p.earlier) lines.push("Of an earlier version of the method.");
   if (p.known_inexact) lines.push(`Declares itself inexact: ${p.known_inexact}`);

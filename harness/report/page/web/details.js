@@ -15,20 +15,20 @@ function openDetails(p) {
       p.known_inexact && el("p.warning", {}, `Declares itself inexact: ${p.known_inexact}`),
       !p.done && el("p.warning", {}, `${p.status}: ${p.reason || "no reason given"}`),
       p.done && el("section", {}, el("h3", {}, "Time"), facts([
-        ["whole frame", `${number(p.total_ms)} ms (quartiles ${number(p.q1_ms)} to ${number(p.q3_ms)})`],
-        ["rounds", p.rounds > 1 ? `${p.rounds}, range between them ${number(p.between_ms)} ms` : String(p.rounds)],
+        ["whole frame", `${textOf(p, "total_ms")} ms (quartiles ${textOf(p, "q1_ms")} to ${textOf(p, "q3_ms")})`],
+        ["rounds", p.rounds > 1 ? `${p.rounds}, range between them ${textOf(p, "between_ms")} ms` : String(p.rounds)],
         ["samples a frame", whole(p.samples)], ["frames", `${p.frames}${p.frames_left_out ? `, ${p.frames_left_out} left out` : ""}`],
-        ["on the host's clock", `${number(p.wall_ms)} ms`], ["rays", `${number(p.frame_mrays_per_s)} Mrays/s`],
-        ["compiled in", known(p.compile_s) ? `${number(p.compile_s)} s` : ""], ["stopped by", p.stopped_by]]),
-      p.round_ms.length > 1 && roundStrip(p), stageBars(p)),
+        ["on the host's clock", `${textOf(p, "wall_ms")} ms`], ["rays", `${textOf(p, "frame_mrays_per_s")} Mrays/s`],
+        ["compiled in", known(p["text.compile_s"]) ? `${textOf(p, "compile_s")} s` : ""], ["stopped by", p.stopped_by]]),
+      stageBars(p)),
       p.done && el("section", {}, el("h3", {}, "Answers"), facts([
         ["verdict", p.error], ["unscored", p.unscored], ["pixels judged", whole(p.pixels_scored)],
-        ["excused", percent(p.excused_share)], ["reference overruled", whole(p.reference_errors)], ["FLIP", known(p.flip) ? number(p.flip) : ""],
-        ["shadow rays", whole(p.shadow_rays)], ["memory", `${number(valueOf(p, "memory_bytes"))} MB`]])),
+        ["reference overruled", whole(p.reference_errors)], ["FLIP", p["text.flip"]],
+        ["shadow rays", whole(p.shadow_rays)], ["memory", `${textOf(p, "memory_bytes")} MB`]])),
       frames.length > 1 && el("section", {}, el("h3", {}, "Frames"), smallTable(["frame", "ms", "quartiles", "answers"],
-        frames.map((f) => [f.frame, number(f.total_ms), `${number(f.q1_ms)}–${number(f.q3_ms)}`, f.error]))),
+        frames.map((f) => [f.frame, textOf(f, "total_ms"), `${textOf(f, "q1_ms")}–${textOf(f, "q3_ms")}`, f.error]))),
       Object.keys(p.counters).length > 0 && el("details", {}, el("summary", {}, "Work counters"), smallTable(["counter", "value"],
-        Object.entries(p.counters).map(([name, value]) => [name, number(value)]))),
+        Object.entries(p.counters).map(([name, value]) => [name, whole(value)]))),
       el("section", {}, el("h3", {}, "Record"), facts([
         ["key", el("code", {}, p.key)], ["folder, experiment", `${p.folder}, ${p.experiment} (${p.preset || "no preset"})`], ["run", p.run],
         ["method", `${p.method_title} (${p.method})`], ["settings", p.settings], ["built", p.built],
@@ -47,23 +47,11 @@ function smallTable(titles, rows) {
     el("tbody", {}, rows.map((row) => el("tr", {}, row.map((text, i) => el(i ? "td.num" : "th", i ? {} : { scope: "row" }, String(text))))))));
 }
 
-/** The rounds' own medians as dots on one line. */
-function roundStrip(p) {
-  const low = Math.min(...p.round_ms), high = Math.max(...p.round_ms);
-  const place = (ms) => (high > low ? 4 + 92 * (ms - low) / (high - low) : 50);
-  return el("div.strip", { role: "img", "aria-label": `Medians of ${p.round_ms.length} rounds, ${number(low)} to ${number(high)} ms` },
-    el("div.line", {}, p.round_ms.map((ms, i) => {
-      const dot = withTip(el("i"), () => [`round ${i + 1}`, ["median", `${number(ms)} ms`]]);
-      dot.style.left = `${place(ms)}%`;
-      return dot;
-    })), el("div.ends", {}, el("span", {}, `${number(low)} ms`), el("span", {}, `${number(high)} ms`)));
-}
-
 /** The passes of the frame as bars, part by part. */
 function stageBars(p) {
-  const steps = Object.entries(p.passes).map(([name, ms]) => {
+  const steps = Object.entries(p.passes).map(([name, text]) => {
     const [part, ...rest] = name.split(".");
-    return { part, name: rest.join("."), ms };
+    return { part, name: rest.join("."), text, ms: parseFloat(text.replace(/[~,]/g, "")) };
   });
   if (!steps.length) return null;
   const order = ["build", "trace", "light build", "shadow"];
@@ -72,7 +60,7 @@ function stageBars(p) {
   return el("div.stages", {}, el("h4", {}, "Passes, ms"), steps.map((step) => {
     const bar = el("i", { class: `part-${step.part.replaceAll(" ", "-")}` });
     bar.style.width = `${Math.max(0, 100 * step.ms / most)}%`;
-    return el("div.stage", {}, el("span", {}, `${step.part}: ${step.name}`), el("span.bar", {}, bar), el("b", {}, number(step.ms)));
+    return el("div.stage", {}, el("span", {}, `${step.part}: ${step.name}`), el("span.bar", {}, bar), el("b", {}, step.text));
   }));
 }
 

@@ -23,7 +23,7 @@ const LATEX = { "\\": "\\textbackslash{}", "&": "\\&", "%": "\\%", $: "\\$", "#"
   "✓": "$\\checkmark$", "✗": "$\\times$", "×": "$\\times$", "–": "--", "·": "$\\cdot$", "±": "$\\pm$", "†": "\\dag{}", "ä": "\\\"a", "ö": "\\\"o", "ü": "\\\"u" };
 const latexText = (value) => String(value ?? "").replace(/[\\&%$#_{}~^✓✗×–·±†äöü]/g, (sign) => LATEX[sign]);
 
-function asLatex(columns, rows, caption) {
+function asLatex(columns, rows, caption, notes) {
   const line = (values) => `${values.join(" & ")} \\\\`;
   const groups = columns.some((one) => one.group);
   const head = [];
@@ -38,14 +38,14 @@ function asLatex(columns, rows, caption) {
     "% Needs \\usepackage{booktabs} and \\usepackage{amssymb}.",
     "\\begin{table}", "\\centering", `\\caption{${latexText(caption)}}`,
     `\\begin{tabular}{${columns.map((one) => (one.numeric ? "r" : "l")).join("")}}`, "\\toprule", ...head, "\\midrule",
-    ...rows.map((row) => line(columns.map((one) => latexText(one.text(row))))),
-    "\\bottomrule", "\\end{tabular}", "\\end{table}", ""].join("\n");
+    ...rows.map((row) => line(columns.map((one) => (one.bold?.(row) ? `\\textbf{${latexText(one.text(row))}}` : latexText(one.text(row)))))),
+    "\\bottomrule", "\\end{tabular}", ...notes.map((note) => `\\par\\footnotesize ${latexText(note)}`), "\\end{table}", ""].join("\n");
 }
 
-/** Two buttons that save what a table shows, in the order in which it is sorted. `csv`: the columns of that file, if others. */
-function savers(columns, rows, name, caption, csv = null) {
+/** Two buttons that save what a table shows, as it is sorted. `csv`: the columns of that file, if others; `notes`: below LaTeX. */
+function savers(columns, rows, name, caption, { csv = null, notes = [] } = {}) {
   const used = columns.filter((one) => !one.screen);
   return el("div.savers", { role: "group", "aria-label": "Download what is shown" },
     el("button.small", { type: "button", "data-focus": `csv:${name}`, onclick: () => save(`${name}.csv`, "text/csv", asCsv(csv || used, rows)) }, "CSV"),
-    el("button.small", { type: "button", "data-focus": `tex:${name}`, onclick: () => save(`${name}.tex`, "application/x-tex", asLatex(used, rows, caption)) }, "LaTeX"));
+    el("button.small", { type: "button", "data-focus": `tex:${name}`, onclick: () => save(`${name}.tex`, "application/x-tex", asLatex(used, rows, caption, notes)) }, "LaTeX"));
 }

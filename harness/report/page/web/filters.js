@@ -1,11 +1,14 @@
 // The filters above every view: experiment, scene, method, device, a search, and the scale of times.
 
+const clear = () => change({ q: "", ...Object.fromEntries(LISTS.map((key) => [key, []])) });
+
 function drawFilters() {
   const host = $("#filters");
   const open = host.querySelector("details[open]")?.dataset.key;
   const focused = document.activeElement?.dataset?.focus;
   const caret = document.activeElement?.selectionStart;
-  const picks = Object.entries(FILTERS).map(([key, { title, of }]) => {
+  const several = ([key, { of }]) => state[key].length || unique(points.map(of)).length > 1;
+  const picks = Object.entries(FILTERS).filter(several).map(([key, { title, of }]) => {
     const counts = new Map(unique(points.map(of)).map((value) => [value, 0]));
     for (const p of shown([key])) counts.set(of(p), counts.get(of(p)) + 1);
     const chosen = state[key];
@@ -27,7 +30,7 @@ function drawFilters() {
     el("div.segmented", { role: "group", "aria-label": "Scale of times" }, ["log", "linear"].map((one) => el("button", {
       type: "button", "aria-pressed": String((state.scale || "log") === one), "data-focus": `scale:${one}`,
       onclick: () => change({ scale: one === "log" ? "" : one }) }, one))),
-    el("button.small", { type: "button", disabled: !any, "data-focus": "clear", onclick: () => change({ exp: [], scene: [], method: [], device: [], q: "" }) }, "Clear filters"),
+    el("button.small", { type: "button", disabled: !any, "data-focus": "clear", onclick: clear }, "Clear filters"),
   );
   if (focused) {
     const again = [...host.querySelectorAll("[data-focus]")].find((node) => node.dataset.focus === focused);

@@ -22,9 +22,10 @@ function ordered(columns, rows, name) {
 /**
  * columns  [{key, title, text(row), value(row) to sort by, numeric, node(row), tip(row), group, className(row)}]
  * rows     what the columns are given
- * options  caption, name (of the sort in the address), open(row, column): Enter or a click, rowHeader: key of the first column
+ * options  caption, name (of the sort in the address), open(row, column): Enter or a click, notes below, `valid`: what must be
+ *          known of the numbers
  */
-function grid(columns, rows, { caption, name, open, note }) {
+function grid(columns, rows, { caption, name, open, notes = [], valid = [] }) {
   const [sortKey, sortWay] = sorting(name);
   rows = ordered(columns, rows, name);
   const whole = rows.length;
@@ -58,7 +59,7 @@ function grid(columns, rows, { caption, name, open, note }) {
   table.addEventListener("click", (event) => event.target.closest("td, tbody th")?._open?.());
   return el("div", {},
     el("div.scroll", { role: "region", "aria-label": caption || "Table" }, table),
-    note && el("p.note", {}, note),
+    validNote(valid), notes.length > 0 && el("p.note", {}, notes.join(" ")),
     !all && el("p.note", {}, `The first ${FIRST_ROWS} of ${whole} rows. `, el("button.small", { type: "button", onclick: () => change({ [`${name}.all`]: "1" }) }, `Show all ${whole}`)));
 }
 

@@ -1,17 +1,19 @@
 // The views, and what draws them again when the address changes.
 
 const VIEWS = {
-  overview: ["Overview", viewOverview], table: ["Tables", viewTable], points: ["Points", viewPoints], curves: ["Curves", viewCurves],
-  pictures: ["Pictures", viewPictures], maps: ["Heat maps", viewMaps], claims: ["Claims", viewClaims], drawings: ["Drawings", viewDrawings], records: ["Records", viewRecords],
+  overview: ["Overview", viewOverview], table: ["Tables", viewTable], scatter: ["Errors and time", viewScatter], curves: ["Curves", viewCurves], machines: ["Machines", viewMachines],
+  points: ["Points", viewPoints], pictures: ["Pictures", viewPictures], maps: ["Heat maps", viewMaps], claims: ["Claims", viewClaims], drawings: ["Drawings", viewDrawings],
 };
 
 function draw() {
   const view = VIEWS[state.view] ? state.view : "overview";
   hideTip();
-  $("#nav").replaceChildren(...Object.entries(VIEWS).map(([key, [title]]) => el("li", {}, el("a", {
+  const views = Object.entries(VIEWS).filter(([key]) => key !== "machines" || repeated().length || key === view);
+  $("#nav").replaceChildren(...views.map(([key, [title]]) => el("li", {}, el("a", {
     href: address({ view: key }), "aria-current": key === view ? "page" : null }, title))));
-  $("#nav [aria-current]").scrollIntoView({ block: "nearest", inline: "nearest" });
   drawFilters();
+  $("#nav [aria-current]").scrollIntoView({ block: "nearest", inline: "nearest" });
+  for (const [href, title] of DATA.links || []) $("#nav").append(el("li", {}, el("a", { href }, title)));
   const main = $("#main");
   const focused = document.activeElement?.closest?.("main [data-focus]")?.dataset.focus;
   const scrolled = [...main.querySelectorAll(".scroll")].map((one) => one.scrollLeft);

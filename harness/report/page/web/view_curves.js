@@ -1,15 +1,20 @@
 // Time against what was varied: the light's distance (Figure 11), the frames of an animation, triangles, pixels, lights.
 // A slider goes through the places; beside the curves stand all methods at the place that it shows.
 
+/** What the experiment changed of the lights, but what an axis is about. */
+const litBut = (p, name) => p.lit.split(", ").filter((one) => !one.startsWith(`${name} `)).join(", ");
+// What two points of one line have in common: all but what the axis is about.
 const AXES = {
-  light_distance: { title: "distance of the light, scene radii", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${short(x)} ${x === 1 ? "radius" : "radii"}` },
-  lights: { title: "lights", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${x} light${x === 1 ? "" : "s"}` },
+  light_distance: { title: "distance of the light, scene radii", log: true, apart: (p) => [p.name, p.title, litBut(p, "distance"), p.size], text: (x) => `${short(x)} ${x === 1 ? "radius" : "radii"}` },
+  lights: { title: "lights", log: true, apart: (p) => [p.name, p.title, litBut(p, "count"), p.size], text: (x) => `${x} light${x === 1 ? "" : "s"}` },
   frame: { title: "frame", log: false, apart: (p) => [p.name, p.where, p.size], text: (x) => `frame ${x}` },
   // Scenes of one kind, such as balls-10k and balls-1m: others differ in more than their number of triangles.
   triangles: { title: "triangles", log: true, apart: (p) => [p.name, p.scene.split("-")[0], p.light_label, p.size], text: (x) => `${whole(x)} triangles` },
   pixels: { title: "pixels", log: true, apart: (p) => [p.name, p.where], text: (x) => `${whole(x)} pixels` },
 };
 const short = (x) => (x >= 1e4 ? x.toExponential(0).replace("e+", "e") : String(x));
+/** What else may tell two points apart: points that differ in it are never on one line. */
+const also = (p) => [p.moved && `moved: ${p.moved}`, p.experiment, p.preset, p.device_name].filter(known);
 let chart = null;
 
 /** The lines of a folder along an axis: those with two places or more. */
@@ -20,25 +25,37 @@ function curves(own, axis, measure) {
     for (const frame of frames) {
       const x = frame ? frame.frame : p[axis];
       if (!known(x)) continue;
-      const key = AXES[axis].apart(p).join("\n");
+      const key = [...AXES[axis].apart(p), ...also(p)].join("\n");
       if (!lines.has(key)) lines.set(key, { key, p, apart: AXES[axis].apart(p), points: [] });
-      const y = frame ? (measure === "memory_bytes" ? frame.memory_bytes / 1e6 : frame[measure] ?? null) : valueOf(p, measure);
+      const y = valueOf(frame || p, measure), text = textOf(frame || p, measure);
       const t = frame || p;
       const quartiles = measure === "total_ms" && t.samples > 1;
-      lines.get(key).points.push({ x, y, p, frame, low: quartiles ? t.q1_ms : null, high: quartiles ? t.q3_ms : null, bad: (t.error || "").startsWith("✗"), error: t.error,
-        lines: () => [...pointLines(p, frame), [AXES[axis].title, AXES[axis].text(x)], measure === "total_ms" ? null : [measureTitle(measure), number(y)]], open: () => openDetails(p) });
+      lines.get(key).points.push({ x, y, text, p, frame, low: quartiles ? t.q1_ms : null, high: quartiles ? t.q3_ms : null, bad: (t.error || "").startsWith("✗"), error: t.error,
+        lines: () => [...pointLines(p, frame), [AXES[axis].title, AXES[axis].text(x)], measure === "total_ms" ? null : [measureTitle(measure), text]], open: () => openDetails(p) });
     }
   }
-  return [...lines.values()].filter((line) => unique(line.points.map((p) => p.x)).length > 1);
+  return [...lines.values()].flatMap(apartAt).filter((line) => unique(line.points.map((p) => p.x)).length > 1);
+}
+
+/** A line with two points at one place is as many lines as it has scenes and lightings: nothing is averaged. */
+function apartAt(line) {
+  if (unique(line.points.map((p) => p.x)).length === line.points.length) return [line];
+  const own = new Map();
+  for (const point of line.points) {
+    const { where } = point.p;
+    if (!own.has(where)) own.set(where, { ...line, key: `${line.key}\n${where}`, p: point.p, apart: [...line.apart, where], points: [] });
+    own.get(where).points.push(point);
+  }
+  return [...own.values()];
 }
 
 function viewCurves(host) {
-  const choices = unique(shown(["exp"]).map((p) => p.folder)).filter((name) => !state.exp.length || state.exp.includes(name)).map((name) => {
+  const choices = foldersShown().map((name) => {
     const own = shown(["exp"]).filter((p) => p.folder === name);
     return { name, own, axes: Object.keys(AXES).filter((axis) => curves(own, axis, "total_ms").length) };
   }).filter((one) => one.axes.length);
   if (!choices.length) { host.append(nothing("Nothing was varied in these results: no distance of the light, no frames, triangles, pixels or lights.")); return; }
-  const chosen = choices.find((one) => one.name === state.c) || choices.find((one) => one.name === "figure11") || choices[0];
+  const chosen = choices.find((one) => one.name === state.c) || choices[0];
   // Unless one is asked for, what was varied most.
   const places_ = (one) => Math.max(...curves(chosen.own, one, "total_ms").map((line) => line.points.length));
   const axis = chosen.axes.includes(state.x) ? state.x : chosen.axes.reduce((a, b) => (places_(b) > places_(a) ? b : a));
@@ -56,7 +73,7 @@ function viewCurves(host) {
   const log = (state.scale || "log") === "log";
 
   host.append(el("div.controls", {},
-    select("Experiment", choices.map((one) => [one.name, `${one.name} · ${folderOf(one.name).title}`]), chosen.name, (c) => change({ c, x: "", y: "", cs: "", at: "" }), { "data-focus": "c" }),
+    folderChoice(choices.map((one) => one.name), chosen.name, (c) => change({ c, x: "", y: "", cs: "", at: "" })),
     select("Along", chosen.axes.map((one) => [one, AXES[one].title]), axis, (x) => change({ x, cs: "", at: "", y: "" }), { "data-focus": "x" }),
     select("Show", measures, measure, (y) => change({ y }), { "data-focus": "y" }),
     panels.length > 1 && select("Of", panels, panel, (cs) => change({ cs, at: "" }), { "data-focus": "cs" })));
@@ -72,8 +89,8 @@ function viewCurves(host) {
   const columns = [
     { key: "name", title: "method", text: (r) => r.name, node: (r) => el("span.key", {}, lineSwatch(tints.get(r.line.key)), r.name), tip: (r) => r.point && r.point.lines() },
     { key: "bar", title: "", fixed: true, screen: true, text: () => "", node: (r) => r.bar },
-    { key: "y", title: measureTitle(measure), numeric: "up", value: (r) => r.point?.y ?? null, text: (r) => (r.point && r.point.y !== null ? `${number(r.point.y)} ${r.point.error}` : "–"), csv: (r) => r.point?.y,
-      node: (r) => (r.point && r.point.y !== null ? el("span.cell", {}, el("span", {}, number(r.point.y)), mark({ bad: r.point.bad, error: r.point.error })) : "–"), tip: (r) => r.point && r.point.lines() },
+    { key: "y", title: measureTitle(measure), numeric: "up", value: (r) => r.point?.y ?? null, text: (r) => (r.point && r.point.y !== null ? `${r.point.text} ${r.point.error}` : "–"), csv: (r) => r.point?.y,
+      node: (r) => (r.point && r.point.y !== null ? el("span.cell", {}, el("span", {}, r.point.text), mark({ bad: r.point.bad, error: r.point.error })) : "–"), tip: (r) => r.point && r.point.lines() },
   ];
   function show(i) {
     const x = places[i];
@@ -93,9 +110,9 @@ function viewCurves(host) {
       }
     }
     const lost = chosen.own.filter((p) => !p.done && axis !== "frame" && p[axis] === x && AXES[axis].apart(p).slice(1).filter(known).join(", ") === panel);
-    list.replaceChildren(grid(columns, rows, { caption: `${measureTitle(measure)} at ${AXES[axis].text(x)}`, name: "place", open: (r) => r.point?.open() }),
+    list.replaceChildren(grid(columns, rows, { caption: `${measureTitle(measure)} at ${AXES[axis].text(x)}`, name: "place", open: (r) => r.point?.open(), valid: folderOf(chosen.name).valid, notes: marksIn(rows.map((r) => r.point?.text || "")) }),
       ...lost.map((p) => el("p.note", {}, `${p.name}: ${p.status}: ${p.reason}`)));
-    $(".aside", block).replaceChildren(savers(columns, ordered(columns, rows, "place"), `${chosen.name}-${axis}-${short(x)}`, `${measureTitle(measure)} at ${AXES[axis].text(x)}, ${panel}`));
+    $(".aside", block).replaceChildren(savers(columns, ordered(columns, rows, "place"), `${chosen.name}-${axis}-${short(x)}`, `${measureTitle(measure)} at ${AXES[axis].text(x)}, ${panel}`, { notes: folderOf(chosen.name).valid }));
     state.at = String(i);
     chart?.mark(x);
   }
@@ -106,12 +123,14 @@ function viewCurves(host) {
   figuresOf(chosen.name, host);
 }
 
-/** A colour for each line: its method's where each method has one line, else the same set in turn; then dashes. */
+/** A colour for each line, its method's; dashes tell apart what one method has several lines of. */
 function lineLooks(lines) {
-  const palette = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#882255", "#8C564B"];
-  const methods = unique(lines.map((line) => line.p.method));
-  const alone = methods.length === lines.length;
-  return new Map(lines.map((line, i) => [line.key, { colour: alone ? colourOf(line.p.method) : seen(palette[i % palette.length]), dash: DASHES[Math.floor(i / palette.length) % DASHES.length] }]));
+  const before = new Map();
+  return new Map(lines.map((line) => {
+    const n = before.get(line.p.method) || 0;
+    before.set(line.p.method, n + 1);
+    return [line.key, { colour: colourOf(line.p.method), dash: DASHES[n % DASHES.length], hollow: n > 0 }];
+  }));
 }
 
 function lineSwatch({ colour, dash }) {

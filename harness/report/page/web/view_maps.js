@@ -41,7 +41,7 @@ async function viewMaps(host) {
   const marks = [0, 0.25, 0.5, 0.75, 1].map((part) => whole(log ? Math.expm1(part * Math.log1p(most)) : part * most));
   const columns = [
     { key: "title", title: "point", text: (i) => title(entry.maps[i]) },
-    ...[["mean", "mean"], ["p99", "99th percentile"], ["most", "most"]].map(([field, text]) => ({ key: field, title: text, numeric: "down", value: (i) => stats[i][field], text: (i) => (field === "mean" ? number(stats[i].mean) : whole(stats[i][field])), csv: (i) => stats[i][field] }))];
+    ...[["mean", "mean"], ["p99", "99th percentile"], ["most", "most"]].map(([field, text]) => ({ key: field, title: text, numeric: "down", value: (i) => stats[i][field], text: (i) => whole(stats[i][field]), csv: (i) => stats[i][field] }))];
   const rows = entry.maps.map((_, i) => i);
   block.append(el("div.split", {}, twoPictures(draw_(left), draw_(right), [title(left), title(right)], "mcut", read),
     el("div", {}, el("div.scale", {}, key, el("div.ends", {}, marks.map((text) => el("span", {}, text)))),

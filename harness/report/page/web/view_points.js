@@ -1,4 +1,4 @@
-// Every point in one table, with its time as a bar on one axis.
+// Every point in one table, with its time as a bar on one axis; on request with everything that its record names.
 
 function viewPoints(host) {
   const rows = shown();
@@ -7,44 +7,44 @@ function viewPoints(host) {
   const times = rows.filter((p) => p.done && p.total_ms > 0).map((p) => p.total_ms);
   const low = log ? Math.min(...times) / 1.15 : 0, high = Math.max(...times) * (log ? 1.15 : 1.02);
   const place = (ms) => Math.max(0, Math.min(100, 100 * (log ? Math.log(Math.max(ms, low) / low) / Math.log(high / low) : ms / high)));
-  const ms = (key) => ({ key, title: `${MEASURES[key].title}, ms`, numeric: "up", value: (p) => p[key], text: (p) => number(p[key]), csv: (p) => p[key],
-    tip: (p) => [`${MEASURES[key].title}: ${number(p[key])} ms`, ["half its interquartile range", `${number(MEASURES[key].spread(p))} ms`]] });
+  const measured = (key, title, numeric = "up") => ({ key, title, numeric, value: (p) => valueOf(p, key), text: (p) => textOf(p, key), csv: (p) => valueOf(p, key) });
+  const counted = (key) => ({ key, title: key, numeric: "up", value: (p) => p[key], text: (p) => whole(p[key]), csv: (p) => p[key] });
+  const plain = (key, title, text = (p) => p[key] || "–") => ({ key, title, text });
+  const hash = (key, title) => ({ ...plain(key, title), node: (p) => el("code", {}, (p[key] || "–").slice(0, 12)), tip: (p) => [title, p[key] || "not known"] });
+  const commit = (p) => DATA.environments[p.environment]?.git?.commit || "–";
   const all = Boolean(state["points.wide"]);
   const columns = [
     { key: "where", title: "scene", text: (p) => p.where, tip: (p) => [p.where, ["triangles", whole(p.triangles)], isStandIn(p) ? ["stand-in", p.stand_in] : ["source", p.source_file || "procedural"]] },
     { key: "name", title: "method", text: (p) => p.name + (p.earlier ? " †" : ""), node: (p) => el("span.key", {}, swatch(p.method), p.name, p.earlier && el("em.old", {}, "†")), tip: (p) => [p.method_title, ["settings", p.settings], ["version", (p.method_sha256 || "").slice(0, 12)]] },
-    { key: "folder", title: "experiment", text: (p) => p.folder },
+    plain("folder", "experiment"),
     { key: "bar", title: `ms, ${log ? "log" : "linear"}`, fixed: true, screen: true, text: () => "", node: (p) => timeBar(p, place), tip: (p) => pointLines(p) },
-    { key: "total_ms", title: "frame, ms", numeric: "up", value: (p) => (p.done ? p.total_ms : null), text: (p) => (p.done ? `${number(p.total_ms)} ${p.error}` : p.status), csv: (p) => p.total_ms,
-      node: (p) => (p.done ? el("span.cell", {}, el("span", {}, number(p.total_ms)), mark(p)) : el("i", {}, p.status)), tip: (p) => pointLines(p) },
-    { key: "spread", title: "± ms", numeric: "up", value: (p) => p.spread, text: (p) => number(p.spread), csv: (p) => p.spread },
+    { key: "total_ms", title: "frame, ms", numeric: "up", value: (p) => (p.done ? p.total_ms : null), text: (p) => (p.done ? `${textOf(p, "total_ms")} ${p.error}` : p.status), csv: (p) => p.total_ms,
+      node: (p) => (p.done ? el("span.cell", {}, el("span", {}, textOf(p, "total_ms")), mark(p)) : el("i", {}, p.status)), tip: (p) => pointLines(p), bold: (p) => p.best, className: (p) => (p.best ? "is-best" : "") },
+    measured("spread", "± ms"),
     { key: "true_errors", title: "wrong", numeric: "down", value: (p) => p.true_errors, text: (p) => (p.true_errors === null ? (p.done ? "unscored" : "–") : whole(p.true_errors)), csv: (p) => p.true_errors, className: (p) => (p.bad ? "is-wrong" : "") },
-    ...(all ? ["build_ms", "trace_ms", "light_build_ms", "shadow_ms"].map(ms) : []),
-    { key: "frame_mrays_per_s", title: "Mrays/s", numeric: "down", value: (p) => p.frame_mrays_per_s, text: (p) => number(p.frame_mrays_per_s), csv: (p) => p.frame_mrays_per_s },
-    { key: "memory", title: "MB", numeric: "up", value: (p) => p.memory_bytes, text: (p) => number(valueOf(p, "memory_bytes")), csv: (p) => valueOf(p, "memory_bytes") },
-    { key: "size", title: "size", text: (p) => p.size, value: (p) => p.pixels },
+    ...(all ? ["build_ms", "trace_ms", "light_build_ms", "shadow_ms"].map((key) => measured(key, measureTitle(key))) : []),
+    measured("frame_mrays_per_s", "Mrays/s", "down"),
+    measured("memory_bytes", "MB"),
+    { ...plain("size", "size"), value: (p) => p.pixels },
     { key: "device", title: "device", text: (p) => p.device_name || p.device, className: () => "nowrap" },
     ...(all ? [
-      { key: "lights", title: "lights", numeric: "up", value: (p) => p.lights, text: (p) => whole(p.lights) },
-      { key: "frames", title: "frames", numeric: "up", value: (p) => p.frames, text: (p) => whole(p.frames) },
-      { key: "rounds", title: "rounds", numeric: "up", value: (p) => p.rounds, text: (p) => whole(p.rounds) },
-      { key: "samples", title: "samples", numeric: "up", value: (p) => p.samples, text: (p) => whole(p.samples) },
-      { key: "triangles", title: "triangles", numeric: "up", value: (p) => p.triangles, text: (p) => whole(p.triangles), csv: (p) => p.triangles },
-      { key: "settings", title: "settings", text: (p) => p.settings },
-      { key: "version", title: "method's source", text: (p) => (p.method_sha256 || "").slice(0, 12) },
-      { key: "environment", title: "environment", text: (p) => p.environment },
-      { key: "key", title: "record", text: (p) => p.key }] : []),
+      ...["lights", "frames", "rounds", "samples", "triangles"].map(counted), plain("settings", "settings"),
+      plain("stand", "scene is", (p) => (isStandIn(p) ? "a stand-in" : p.source_file ? "a file" : "procedural")), hash("scene_sha256", "scene's arrays"),
+      plain("version", "version", (p) => (p.earlier ? "earlier" : "current")), hash("method_sha256", "method's source"),
+      { ...plain("started", "measured, UTC", (p) => (p.started ? new Date(1000 * p.started).toISOString().slice(0, 16).replace("T", " ") : "–")), value: (p) => p.started },
+      hash("run", "run"), hash("environment", "environment"), { ...plain("commit", "commit", commit), node: (p) => el("code", {}, commit(p).slice(0, 10)) }, hash("key", "record")] : []),
   ];
-  host.append(section(`${whole(rows.length)} points`, el("div.aside", {}, toggle("all columns", all, (on) => change({ "points.wide": on ? "1" : "" }), { "data-focus": "wide" }), savers(columns, ordered(columns, rows, "points"), "points", `Points of ${DATA.title}`)),
-    grid(columns, rows, { caption: "Points: one method with its settings on one scene, size, light and device", name: "points", open: openDetails,
-      note: "± : half the interquartile range of repeats or half the range between rounds, whichever is larger. † of an earlier version of the method than other records here. Enter or a click on a row shows everything that its record has." })));
+  const valid = validity(rows.map((p) => p.folder));
+  const notes = ["± : half the interquartile range of repeats or half the range between rounds, whichever is larger. † of an earlier version of the method than other records here. Bold: the fastest of its scene without a wrong answer. Enter or a click on a row shows everything that its record has.", ...marksIn(rows.map((p) => textOf(p, "total_ms")))];
+  host.append(section(`${whole(rows.length)} points`, el("div.aside", {}, toggle("all columns", all, (on) => change({ "points.wide": on ? "1" : "" }), { "data-focus": "wide" }), savers(columns, ordered(columns, rows, "points"), "points", `Points of ${DATA.title}`, { notes: valid })),
+    grid(columns, rows, { caption: "Points: one method with its settings on one scene, size, light and device", name: "points", open: openDetails, valid, notes })));
 }
 
 const swatch = (method) => { const node = el("i.swatch", { "aria-hidden": "true" }); node.style.background = colourOf(method); return node; };
 
-/** The time as a bar, its quartiles as a whisker, wrong answers in red. */
+/** The time as a bar, its quartiles as a whisker, hatched where answers are wrong. */
 function timeBar(p, place) {
-  const box = el("span.time", { role: "img", "aria-label": p.done ? `${number(p.total_ms)} ms` : p.status });
+  const box = el("span.time", { role: "img", "aria-label": p.done ? `${textOf(p, "total_ms")} ms` : p.status });
   if (!p.done) return box;
   const bar = el(`i.fill${p.bad ? ".bad" : ""}`), whisker = el("i.whisker");
   bar.style.width = `${place(p.total_ms)}%`;
