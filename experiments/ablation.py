@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, numbers, panels
+from ..harness.report import compare, document, numbers, panels, sentences
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
@@ -114,10 +114,20 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         if len(own):
             draw_dots = partial(panels.dots, order=ORDER, whisker=f"{ratio}_spread", below=below)
             pictures.append(draw_dots(folder / f"{name}.svg", own, "label", ratio, "title"))
-    told = document.ranked(done[done["label"].isin([BASE, BEST])], "ratio_to_tree", "label")
-    alone = document.ranked(done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label")
-    finding = f"Frame time over that of {TREE}: {told or 'not measured in one run'}; over that of {BASE}, "
-    finding += f"with one change: {alone or 'not measured'}."
+    both = done[done["label"].isin([BASE, BEST])]
+    finding = sentences.ends(
+        both,
+        "ratio_to_tree",
+        "label",
+        f"Over {TREE}, {{}} takes {{}} times as long",
+        " and {} {}",
+        f"{TREE} was not measured",
+    )
+    finding += f"{sentences.over(both)}. " + sentences.ends(
+        done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label",
+        f"Of single changes to {BASE}, the one that helps the most is {{}}: {{}} times as long", "; {} costs the most: {}",
+        f"No change to {BASE} was measured",
+    ) + "."  # fmt: skip
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
@@ -126,7 +136,7 @@ def ratios(own: document.DataFrame, column: str) -> document.DataFrame:
     own = own.assign(text=numbers.carry(own[column], own[f"{column}_spread"]))
     wide = document.cross_table(own, {"label": "configuration"}, "title", "text")
     points, names = own.groupby("label"), wide["configuration"]
-    wide.insert(1, "geometric mean", [document.mean(points.get_group(name), column) for name in names])
+    wide.insert(1, "geometric mean", [sentences.mean(points.get_group(name), column) for name in names])
     return wide.loc[names.map(points[column].agg(compare.geometric)).sort_values(kind="stable").index]
 
 

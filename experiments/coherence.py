@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..harness.errors import UserError
 from ..harness.frame.registry import make_method
-from ..harness.report import compare, document, numbers, panels
+from ..harness.report import compare, document, numbers, panels, sentences
 from ..harness.results.record import Record
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.runner.planning.run_options import Options
@@ -114,9 +114,13 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         {"title": "scene", "label": "setting"}, "light_label", "text",
     )  # fmt: skip
     after = kept[(kept["label"] == NEXT.label)]
-    each = (document.ranked(after[after["light_label"] == step], "ratio", "light_label") for step in STEPS)
-    told = ", ".join(filter(None, each)) or "not measured"
-    finding = f"Frame time with last occluders over that without, geometric mean and range of scenes: {told}."
+    steps = {step: own for step in STEPS if len(own := after[after["light_label"] == step])}
+    told = [f"{sentences.mean(own, 'ratio')} times as long ({step})" for step, own in steps.items()]
+    told = told if len(told) < 2 else [told[0], told[-1]]  # from rest to the longest step
+    finding = (
+        f"With the last frame's occluders a frame takes {sentences.listed(told)}{sentences.over(after)}."
+    )
+    finding = finding if told else "The last frame's occluders were not measured."
     tables = {"Frame time over that without occluders": cells}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, [ABOUT])
 

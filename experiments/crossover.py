@@ -8,6 +8,7 @@ of them moving. The sweeps cross in one setting; two maps take two quantities at
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -93,7 +94,9 @@ def winners(table: document.DataFrame) -> document.DataFrame:
     second = ranked[place == 1].set_index(axes).reindex(first.index)[["label", "total_ms", "spread"]]
     # A spread that is not known (one sample) tells nothing: NaN compares false.
     told = second["total_ms"] - first["total_ms"] > (first["spread"] ** 2 + second["spread"] ** 2) ** 0.5
-    more = {"next": second["label"].fillna(""), "times": second["total_ms"] / first["total_ms"]}
+    times = second["total_ms"] / first["total_ms"]
+    shares = (first["spread"] / first["total_ms"]) ** 2 + (second["spread"] / second["total_ms"]) ** 2
+    more = {"next": second["label"].fillna(""), "times": times, "times_spread": times * shares**0.5}
     return first.assign(**more, told=told | second["label"].isna()).reset_index(drop=True)
 
 
@@ -135,18 +138,23 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, files, quiet, notes)
 
 
-ABOUT = "~ before a factor: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
+ABOUT = (
+    "A tie: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
+)
 
 
 def finding(done: document.DataFrame) -> str:
     """In how many settings each structure is the fastest, of the exact ones and of all."""
     if done.empty:
         return "Nothing was measured."
-    told = []
-    for kind, own in ((EXACT, done[done["exact"]]), (EVERY, done)):
-        counts = winners(own)["label"].value_counts()
-        told.append(f"{kind}: " + ", ".join(f"{label} in {n}" for label, n in counts.items()))
-    return f"Fastest of {len(winners(done))} settings, {'; '.join(told)}."
+    best, every = winners(done[done["exact"]]), winners(done)
+    if best.empty:
+        return f"No method is known to have answered exactly in any of {len(every)} settings."
+    tied = best[~best["told"].astype(bool)]
+    told = ranking.most_wins(Counter([*best["label"], *tied["next"]]), len(best), "setting")
+    wrong = Counter(every.loc[~every["exact"], "label"])
+    beaten = [f"{label}, which is not exact, is faster in {n}" for label, n in wrong.most_common()]
+    return f"{told} {'; '.join(beaten)}{'.' * bool(beaten)}".strip()
 
 
 def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
@@ -158,14 +166,16 @@ def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
         for row in winners(own).itertuples():
             value = getattr(row, axis)
             texts = rows.setdefault(value, {AXES[axis]: counted(axis, value)})
-            texts[f"fastest, {kind}"] = f"{row.label}, {numbers.carried(row.total_ms, row.spread)} ms"
-            texts[f"next, {kind}"] = f"{row.next} {factor(row)}" if row.next else "-"
+            texts[f"fastest, {kind}"] = (
+                f"{row.label}, {numbers.carried(row.total_ms, row.spread, numbers.TIME)} ms"
+            )
+            texts[f"next, {kind}"] = f"{row.next}, {beside(row)}" if row.next else "-"
     return pd.DataFrame([rows[value] for value in sorted(rows)])
 
 
-def factor(row: Any) -> str:
-    """How many times slower the next is, marked where the spreads do not tell."""
-    return f"{numbers.NOISY * (not row.told)}x{row.times:.2f}"
+def beside(row: Any) -> str:
+    """How many times longer the next takes; a tie where the spreads do not tell."""
+    return "" if not row.next else numbers.carried(row.times, row.times_spread) + "x" if row.told else "a tie"
 
 
 def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame, path: Path) -> Path:
@@ -209,9 +219,9 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
     """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the next
     is.
 
-    Left: exact methods only; right: all. Hatched: the gap is within the spreads of the two.
+    Left: exact methods only; right: all. A square of two colours is a tie: the gap is within the spreads of the two.
     """
-    from matplotlib.patches import Rectangle
+    from matplotlib.patches import Polygon, Rectangle
 
     looks = panels.looks(done)
     # Labels of one method have one colour: the later ones are lighter.
@@ -229,11 +239,14 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
                 columns, rows = (sorted(field[axis].unique()) for axis in pair)
                 for cell in winners(field).itertuples():
                     x, y = columns.index(getattr(cell, pair[0])), rows.index(getattr(cell, pair[1]))
-                    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=tint[cell.label], ec="white",
-                                             hatch=None if cell.told else "//"))  # fmt: skip
-                    text = f"{numbers.carried(cell.total_ms)} ms" + (f"\n{factor(cell)}" if cell.next else "")
+                    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=tint[cell.label], ec="white"))
+                    if not cell.told:
+                        corners = [(x - 0.48, y - 0.48), (x + 0.48, y - 0.48), (x + 0.48, y + 0.48)]
+                        axes.add_patch(Polygon(corners, fc=tint[cell.next], ec="none"))
+                    text = f"{numbers.carried(cell.total_ms, cell.spread, numbers.TIME)} ms\n{beside(cell)}"
                     axes.text(x, y, text, ha="center", va="center", size=5.5)
-                for label in winners(field)["label"].unique():
+                found = winners(field)
+                for label in dict.fromkeys([*found["label"], *found["next"][~found["told"].astype(bool)]]):
                     axes.fill_between([], [], label=label, color=tint[label])
                 axes.set_xticks(range(len(columns)), [counted(pair[0], value) for value in columns])
                 axes.set_yticks(range(len(rows)), [counted(pair[1], value) for value in rows])
@@ -243,8 +256,8 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
                 axes.set_title(f"fastest, {kind}", loc="left")
                 axes.set_xlabel(AXES[pair[0]])
                 axes.set_ylabel(AXES[pair[1]])
-        figure.supxlabel("in a square: its time, and how many times longer the next one takes (hatched: within the spread)",
-                         fontsize=7)  # fmt: skip
+        about = "in a square: its time, and how many times longer the next one takes; two colours: a tie within the spread"
+        figure.supxlabel(about, fontsize=7)
     return path
 
 

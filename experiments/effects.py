@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, numbers, panels
+from ..harness.report import compare, document, numbers, panels, sentences
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
@@ -107,8 +107,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         "A frame by what alone moved, ms": document.cross_table(moved, ["title", "label"], "moved", "text"),
     }
     tables = {name: table.rename(columns=rows) for name, table in tables.items()}
-    finding = f"{heading}, geometric mean and range of methods and scenes: "
-    finding += f"{document.ranked(alone, 'ratio', 'light_label') or 'not measured'}."
+    finding = sentences.ends(
+        alone, "ratio", "light_label", f"Over a frame of {BASE}, one with {{}} takes the least, {{}} times as long",
+        ", and one with {} the most, {} (geometric means over methods and scenes)", f"No effect was measured beside {BASE}",
+    ) + "."  # fmt: skip
     notes = [*compare.in_sequence(document.frames(folder)), ABOUT]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 

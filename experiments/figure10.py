@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document, numbers, panels, style
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Experiment, Preset
 from ._paper import SCENES, faithful
@@ -76,10 +76,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T
     made.insert(0, "stage", list(parts))
     made["variation"] = variation.map("{:.0%}".format).array
-    span = document.span(widest["rearrangement_ms"], widest["rearrangement_spread"])
     finding = (
-        f"Rearrangement takes {span} ms over {len(widest)} scenes, a coefficient of variation of "
-        f"{variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
+        f"Rearrangement takes {numbers.carried(widest['rearrangement_ms'].mean())} ms, the mean over {len(widest)} scenes; "
+        f"its coefficient of variation is {variation['rearrangement_ms']:.0%} (the paper: the same for all models)."
     )
     if len(grown):
         means = grown.apply(compare.geometric)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document, panels, sentences, style
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -101,8 +101,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         far = exact[(exact["light_distance"] >= 1.0) & (exact["r"] == exact["r"].min())]
         ends = far.dropna(subset="traversal_ms").groupby(PANEL, sort=False)["traversal_ms"]
         grown = (ends.last() / ends.first())[ends.count() > 1].rename("ratio").reset_index()
-        told = document.ranked(grown.assign(what=grown["title"] + " " + grown["rectangle"]), "ratio", "what")
-        finding = f"Shadow traversal, farthest light over a light at one radius ({PRECISE}: work): {told}."
+        told = [
+            f"{ratio} times as long {what}" for what, ratio in sentences.means(grown, "ratio", "rectangle")
+        ]
+        finding = f"From the farthest light, shadow traversal takes {sentences.listed(told)} as from one radius ({PRECISE})."
+        finding = finding if told else "Shadow traversal was not measured at two distances."
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
     notes = finding, tables, pictures, quiet, [PAPER_SAYS]
     return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, panels
+from ..harness.report import compare, document, panels, sentences
 from ..harness.report.picture import opened, stand_in_text
 from ..harness.results.folder import image_name
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
@@ -60,10 +60,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     spots = done[(done["spot"] != "") & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
-        share = document.span(spots["shadow_ray_share"], form="{:.0%}".format)
-        told = document.ranked(spots, "over_plain", "light")
-        finding = f"Spots leave {share} of the hit points a shadow ray; light grid and shadow rays over those with the "
-        finding += f"light everywhere: {told} (the paper has no times)."
+        shares = spots.groupby("light")["shadow_ray_share"].mean().map("{:.0%}".format)
+        told = [f"a {light} leaves {shares[light]} of the hit points a shadow ray and takes {ratio} of the time"
+                for light, ratio in sentences.means(spots, "over_plain", "light")]  # fmt: skip
+        finding = f"For light grid and shadow rays, {sentences.listed(told)} of a light everywhere (the paper has no times)."
     pictures = [path for path in drawn if path]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 

@@ -28,8 +28,8 @@ METHODS = (
 RATIO = ["times_fastest_exact", "low", "high"]
 """Time over that of the fastest exact method of the scene, and its range between rounds."""
 COLUMNS = [*document.COMMON, *RATIO, "memory_bytes", "built", "in_each_frame"]
-CUT = 4.0
-"""A bar longer than this many times the median of its panel is cut off."""
+CUT = 5.0
+"""A bar longer than this many times the shortest of its panel is cut off: rivals that are near each other are told apart."""
 FLOOR = "Floor: bytes over bandwidth or ray-triangle tests over rate, and launches; stage by stage in frame_time-stages.csv."
 
 
@@ -48,7 +48,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         if (done["true_errors"] > 0).any():
             below.append(f"{numbers.WRONG} n: n wrong pixels and shadow bits")
         files.append(panels.bars(
-            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=1.75, legend=3 * across,
+            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=1.9, legend=3 * across,
             below="\n".join(below),
         ))  # fmt: skip
     floor = over_floor(done, stages)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import document, numbers, panels
+from ..harness.report import document, numbers, panels, sentences
 from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -69,8 +69,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
         left="ms per frame, everything rebuilt", sharex=True,
     )] if made["count"].any() else []  # fmt: skip
-    told = document.ranked(made.reset_index(), "ratio", "label") or "not measured"
-    finding = f"Slowest place of the light over the fastest, geometric mean and range of the scenes: {told}."
+    finding = sentences.ends(
+        made.reset_index(), "ratio", "label",
+        "Where the light stands matters the least for {}, whose slowest place takes {} times as long as its fastest",
+        ", and the most for {}: {}", "No place of the light was measured",
+    ) + f"{sentences.over(made.reset_index())}."  # fmt: skip
     count, left_out = made["count"].astype(str), paths["frames_left_out"].first()
     places = count.where(left_out == 0, count + " of " + (made["count"] + left_out).astype(str))
     shown = {"places": places.where(made["count"] > 0, paths["status"].first())}

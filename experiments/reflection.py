@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.report import compare, document, numbers, panels
+from ..harness.report import compare, document, numbers, panels, sentences
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -124,8 +124,8 @@ def finding(bounced: document.DataFrame) -> str:
         times = best_ratio(own)
         if len(times):
             told.append(
-                f"On {device} the fastest grid takes {document.mean(times, 'ratio')} times as long for a mirrored ray as "
-                f"the fastest tree ({document.span(times['ratio'], times['ratio_spread'])} by scene and number of bounces)."
+                f"On {device} the fastest grid takes {sentences.mean(times, 'ratio')} times as long for a mirrored ray as "
+                "the fastest tree (geometric mean over scenes and numbers of bounces)."
             )
     return " ".join(told) or "No grid and tree were measured with mirrors."
 

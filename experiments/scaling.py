@@ -88,10 +88,21 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables = {
         "Frame time and its exponent": document.cross_table(rows, {"label": "method"}, "sweep", "growth")
     }
-    ours = rows[(rows["label"] == OURS) & rows["sweep"].isin(SWEEPS[:2])]
-    told = "; ".join(ours["growth"] + " (" + ours["sweep"] + ")") or "not measured"
-    finding = f"The frame time of {OURS}: {told}."
+    told = [
+        from_to(own, str(sweep)) for sweep, own in done[done["label"] == OURS].groupby("sweep", sort=False)
+    ]
+    finding = (
+        f"A frame of {OURS} takes {'; '.join(told[:2])}."
+        if told
+        else f"{OURS} was not measured along a sweep."
+    )
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
+
+
+def from_to(own: document.DataFrame, sweep: str) -> str:
+    """The first and the last time along a sweep, in words."""
+    first, last = (f"{own['ms'].iloc[i]} ms with {short(own['x'].iloc[i])}" for i in (0, -1))
+    return f"{first} {sweep} and {last}"
 
 
 def grown(own: document.DataFrame) -> str:

@@ -6,6 +6,7 @@ methods below on this machine. The quick preset is for a CPU: its image size is 
 
 from __future__ import annotations
 
+from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -53,8 +54,8 @@ PARTS = {
     "scene": "title", "method": "row", **{name: name for name in PART_COLUMNS}, "whole": "ms", "±": "around",
     "answers": "error", "Mrays/s": "rate", "MB": "mb",
 }  # fmt: skip
-CUT = 3.0
-"""A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
+CUT = 8.0
+"""A bar more than this many times longer than the shortest of its scene is cut off; its number stands beside it."""
 ABOUT = (
     f"{numbers.OK} no wrong answer; {numbers.WRONG} n: n wrong pixels and shadow bits over all frames measured; "
     f"{numbers.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
@@ -124,11 +125,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def finding(done: document.DataFrame) -> str:
     """The number of scenes on which each method is the fastest."""
-    best, scenes = done[done["best"]].groupby("row", sort=False), done["title"].nunique()
-    spans = {row: document.span(own["total_ms"], own["spread"]) for row, own in best}
-    told = ", ".join(f"{row} on {len(own)} ({spans[row]} ms)" for row, own in best)
-    told = told or "none, as no two were measured over the same frames in one run"
-    return f"Of {scenes} scene{'s' * (scenes != 1)} the fastest frame with every answer right: {told}."
+    best = Counter(done.loc[done["best"], "row"])
+    if not best:
+        return "No two frames with every answer right were measured over the same frames in one run."
+    return ranking.most_wins(best, done["title"].nunique())
 
 
 def frame_table(by_scene: document.DataFrame) -> document.DataFrame:

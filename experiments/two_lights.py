@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, numbers, panels
+from ..harness.report import compare, document, numbers, panels, sentences
 from ..harness.results.table import samples
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -67,8 +67,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     done, rows = document.measured(table), {"title": "scene", "label": "method"}
     two = done[done["lights"] == 2]
     title = next(iter(two["title"]), "any scene")
-    told = document.ranked(two[two["title"] == title], "frames_per_s", "label") or "not measured"
-    finding = f"Frames per second with two lights on {title}: {told} ({PAPER})."
+    finding = sentences.ends(
+        two[two["title"] == title], "frames_per_s", "label", f"With two lights on {title}, {{}} has {{}} frames a second",
+        " and {} {}", "Two lights were not measured",
+    ) + f" ({PAPER})."  # fmt: skip
     tables = {
         "Milliseconds, by number of lights": document.cross_table(done, rows, "lights", "ms"),
         "Each light after the first over the first, by number of lights":

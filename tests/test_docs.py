@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 from helpers import brute_force
 from helpers.import_graph import modules
+from shadowbench.experiments._documents import PARTS
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.report import documents
 from shadowbench.harness.results import samples, tidy
 from shadowbench.harness.runner.planning.experiment import experiment_names
 
@@ -72,6 +74,38 @@ def test_the_pages_of_methods_and_experiments_name_all_of_them():
     assert [name for name in method_names() if f"| `{name}` |" not in methods] == []
     experiments = (ROOT / "docs" / "experiments.md").read_text()
     assert [name for name in experiment_names() if f"| `{name}` |" not in experiments] == []
+
+
+def test_every_drawn_number_is_that_of_the_records():
+    """README and docs have the numbers that the kept records give, and no other measured number without saying so."""
+    results = documents.Results(ROOT / "results")
+    for path in documents.documents(ROOT):
+        text = path.read_text()
+        assert documents.drawn(text, results, PARTS, path) == text, (
+            f"{path}: shadowbench report results --docs ."
+        )
+
+
+MEASURED = re.compile(r"\d (ms|times (as long|as fast|the time|that of)|frames per second)\b")
+EARLIER = "are trials of earlier versions"
+
+
+@pytest.mark.parametrize(
+    "path", sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]), ids=lambda path: path.name
+)
+def test_a_measured_number_is_drawn_or_says_that_it_is_of_an_earlier_version(path):
+    text = documents.PART.sub("", path.read_text())
+    found = [line for line in text.splitlines() if MEASURED.search(line)]
+    assert found == [] or EARLIER in text
+
+
+def test_the_table_of_the_readme_has_six_columns_at_most():
+    (part,) = [
+        p["text"]
+        for p in documents.PART.finditer((ROOT / "README.md").read_text())
+        if p["name"].startswith("kinds")
+    ]
+    assert {line.count(" | ") for line in part.strip().splitlines()} == {5}
 
 
 def test_the_readme_fits_on_three_screens():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
 from ...harness.judge.verdict import Verdict
-from ...harness.report import compare, document, numbers, panels, style
+from ...harness.report import compare, document, numbers, panels, pareto, sentences, style
 from ...harness.report.flip import reference_path
 from ...harness.report.picture import opened
 from ...harness.results.pixel_maps import read_wrong, wrong_path
@@ -41,12 +41,11 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
-SIDES = {"wrong answers per frame": "wrong_per_frame", "ms per frame": "total_ms"}
 RIGHT = (Verdict.OK, Verdict.TIE)
 ABOUT = "Of large frames the part where most is wrong in any panel; numbers count the whole frame."
 HEAT = (
-    "distance of the light from the middle, in scene radii\nIn a cell: answers that differ from the exact one on {}, "
-    "{}x{}, scene not recentred: wrong (+ excused, within rounding of an edge)"
+    "distance of the light from the middle, in scene radii\nIn a cell: wrong answers, and its colour their share, on {}, "
+    "{}x{}, scene not recentred; in brackets those that are excused, within rounding of an edge"
 )
 SAMPLED = "Of {} points a sample of the many answers that differ was judged; every other one counts as wrong, in no class."
 LARGEST = 320
@@ -82,9 +81,8 @@ def frontier(table: document.DataFrame) -> document.Series:
     """Whether no other point of the scene, on its usual device, is better in time and error; missing if one is unknown."""
     found = (table["wrong_per_frame"] < 0).astype("boolean").where(table.index.isin(usable(table).index))
     for _, own in usable(table).groupby("title", sort=False):
-        here = own[own["device"] == own["device"].mode()[0]].sort_values(["total_ms", "wrong_per_frame"])
-        time, wrong = here["total_ms"], here["wrong_per_frame"]
-        found[here.index] = (wrong == wrong.cummin()) & (time == time.groupby(wrong).transform("min"))
+        here = own[own["device"] == own["device"].mode()[0]]
+        found[here.index] = pareto.front(here)
     return found
 
 
@@ -134,26 +132,23 @@ def finding(table: document.DataFrame, cost: document.DataFrame) -> str:
         return "No point has both a time and a score."
     never = known.groupby("label")["wrong_per_frame"].max() == 0
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
-    first = ", ".join(f"{name} ({n} scenes)" for name, n in right["name"].value_counts().items())
+    wins = right["name"].value_counts().items()
+    first = sentences.listed([f"{name} on {n} of {right['title'].nunique()}" for name, n in wins])
     clear = cost[~cost["within_noise"].astype(bool)]
-    told = document.ranked(clear.assign(ratio=1.0 + clear["share"]), "ratio", "measure") or "-"
-    return (
-        f"{never.sum()} of {len(never)} points are never wrong on these scenes, the fastest of them {first or '-'}; frame "
-        f"time with a safety measure over that without, where it exceeds the noise: {told}."
-    )
+    told = f"{never.sum()} of {len(never)} points are never wrong on these scenes, the fastest of them {first or '-'}."
+    costly = list(clear.assign(ratio=1.0 + clear["share"]).groupby("measure", sort=False))
+    if not costly:
+        return f"{told} No safety measure costs more than the noise."
+    name, most = max(costly, key=lambda pair: compare.geometric(pair[1]["ratio"]))
+    times = sentences.mean(most, "ratio")
+    return f"{told} The safety measure that costs the most is {name}: {times} times the frame without."
 
 
 def draw_frontier(table: document.DataFrame, path: Path) -> list[Path]:
-    """Wrong answers of every point beside its time: one row per point, one marker per scene."""
-    import pandas as pd
-
+    """Wrong answers of every point against its time, a panel a scene, with the front; points of the usual device."""
     known = usable(table)
-    if known.empty:
-        return []
-    known = document.arranged(known, "family", known["family"].unique())
-    rows = pd.concat([known.assign(side=side, x=known[column]) for side, column in SIDES.items()])
-    return [panels.dots(path, rows, "name", "x", "title", facet="side", marked="on_frontier", upright=0.0, band=0.24,
-                 legend=3, below="black edge: no other point of the scene is both faster and less wrong")]  # fmt: skip
+    known = known[known["on_frontier"].notna() & ~known["name"].str.contains(", on the ")]
+    return [pareto.draw(path, known.astype({"on_frontier": bool}))] if len(known) else []
 
 
 def draw_costs(cost: document.DataFrame, base: str, path: Path) -> list[Path]:
@@ -194,7 +189,7 @@ def draw_where(folder: Path, table: document.DataFrame, shown: Sequence[str]) ->
 
 
 def draw_heat(folder: Path) -> list[Path]:
-    """One panel per method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
+    """One panel per method: the share of answers that are wrong, from white (none) to dark (all); excused ones as text."""
     import matplotlib
     import pandas as pd
     from matplotlib.colors import LogNorm
@@ -203,7 +198,7 @@ def draw_heat(folder: Path) -> list[Path]:
     rows = pd.read_csv(folder / NAME).query("status == 'ok'") if (folder / NAME).exists() else pd.DataFrame()
     if rows.empty:
         return []
-    rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
+    rows["share"] = rows["wrong"] / rows["pixels"]
     excused = rows["excused"].map("\n(+{:,.0f})".format).where(rows["excused"] > 0, "")
     rows["text"] = rows["wrong"].map(numbers.count) + excused
     look = {"norm": LogNorm(1e-4, 1.0), "cmap": matplotlib.colormaps["magma_r"].with_extremes(bad="white")}
@@ -222,7 +217,8 @@ def draw_heat(folder: Path) -> list[Path]:
             axes.set_xticks(range(share.shape[1]), map(style.radii, share.columns))
             axes.set_yticks(range(share.shape[0]), map(style.radii, share.index))
         bar = axes.figure.colorbar(image, ax=[axes for axes, *_ in shown], shrink=0.9, pad=0.01)
-        bar.set_label("differing answers / pixels (white: none)", fontsize=6.5)
+        bar.ax.yaxis.set_major_formatter(lambda at, _: f"{at:g}")
+        bar.set_label("wrong answers / pixels (white: none)", fontsize=6.5)
     return [path]
 
 

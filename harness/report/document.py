@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
@@ -15,7 +15,7 @@ from ..scene.facts import never_hit
 from ..texts import for_markdown
 from . import compare, numbers, style
 from . import paper_table1 as paper
-from .compare import geometric, pass_spread, spread
+from .compare import pass_spread, spread
 from .terminal import make_console, print_table
 
 if TYPE_CHECKING:  # experiments annotate with document.DataFrame: pandas takes a second to import
@@ -121,40 +121,6 @@ def named(table: DataFrame) -> DataFrame:
         title=title + (", " + sizes) * several, file=table["scene"] + ("-" + sizes) * several, spread=around,
         ms=ms, light_count=table["lights"], error=list(map(numbers.check_text, rows)),
     )  # fmt: skip
-
-
-def span(
-    values: Series, spreads: Series | None = None, form: Callable[[float], str] = numbers.carried
-) -> str:
-    """The range of values, as "1.20 to 3.40"; one where they are alike. With the digits that their ``spreads`` carry."""
-    known = values.astype("float64").to_numpy()
-    ends = [int(known.argmin()), int(known.argmax())]
-    told = [
-        form(known[i]) if spreads is None else numbers.carried(float(known[i]), spreads.iloc[i]) for i in ends
-    ]
-    return " to ".join(dict.fromkeys(told))
-
-
-def mean(table: DataFrame, ratio: str) -> str:
-    """The geometric mean of a column of ratios, with the digits that their spreads (column RATIO_spread) carry."""
-    values, spreads = table[ratio].astype("float64"), table.get(f"{ratio}_spread", table[ratio] * 0.0)
-    middle = geometric(values)
-    return numbers.carried(
-        middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values)
-    )
-
-
-def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
-    """:func:`mean` and range of ratios for each value of ``by``, least first; of more than ``most`` least and greatest."""
-    own = table[table[ratio].notna()].groupby(by, sort=False)
-    order = own[ratio].agg(geometric).sort_values().index
-    if len(order) > most:
-        order = order[own.size()[order] == own.size().max()][[0, -1]]
-    told = []
-    for name, part in ((name, own.get_group(name)) for name in order):
-        ends = span(part[ratio], part.get(f"{ratio}_spread"))
-        told.append(f"{name} {mean(part, ratio)}" + f" ({ends})" * (part[ratio].nunique() > 1))
-    return (" ... " if len(own) > most else ", ").join(told)
 
 
 def write_csv(table: DataFrame, path: Path, columns: Sequence[str]) -> Path:

@@ -163,13 +163,13 @@ def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, legend: int = 3,
 ) -> Path:  # fmt: skip
-    """Panels of :func:`stacked` bars, cut off at ``cut`` medians of the panel; the axis is ``room`` times the longest."""
+    """Panels of :func:`stacked` bars, cut off at ``cut`` times the shortest; the axis is ``room`` times the longest."""
     sizes = table[facet].value_counts() if facet else [len(table)]
     across, high = min(across, len(sizes)), (0.13 if facet else 0.24) * max(sizes) + 0.3
     size = across, high, 0.35 + 0.65 * across
     with facets(path, table, facet, *size, grid="x", legend=legend, below=below) as shown:
         for i, (axes, title, own) in enumerate(shown):
-            limit, longest = cut * own["total_ms"].median(), own["total_ms"].max()
+            limit, longest = cut * own["total_ms"].min(), own["total_ms"].max()
             stacked(axes, own, parts, limit)
             beside = i % across > 0 and list(own[name]) == list(shown[i - 1][2][name])
             axes.set_yticks(range(len(own)), [""] * len(own) if beside else own[name])

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..files import plain
-from . import compare, document, numbers
+from . import compare, document, numbers, style
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -159,37 +159,70 @@ def fastest(first: dict[str, Any], best: list[dict[str, Any]]) -> str:
     """The sentence on the fastest method of all."""
     if first["exact"]:
         return "No inexact method is faster."
-    wrong = first["true_errors"]
-    if first["error"] == numbers.UNSCORED:
-        answers = "its answers were not scored"
-    elif wrong:
-        answers = f"{wrong:,.0f} of its answers {'is' if wrong == 1 else 'are'} wrong"
-    else:
-        answers = "none of its answers is wrong here, which it does not promise elsewhere"
     near = " (the difference is within the spread of the repeats)" * bool(best and alike(first, best[0]))
-    return f"The fastest of all is {first['label']} with {first['ms']} ms{near}: {answers}."
+    return f"The fastest of all is {first['label']} with {first['ms']} ms{near}: {wrong(first)}."
 
 
 def finding(table: DataFrame) -> str:
-    """What a report says first: :func:`sentences` on each scene; of many scenes how often each method is the fastest."""
+    """What a report says first: :func:`sentences` on each scene; of many scenes who wins, and what comes closest."""
     if table.empty:
         return "Nothing was measured."
     parts = [own.to_dict("records") for _, own in settings(table)]
     if len(parts) <= MOST_TOLD:
         return " ".join(sentence for _, own in settings(table) for sentence in sentences(own))
-    exact_ones = [[row for row in rows if row["exact"]] for rows in parts]
-    told = wins("exact method", exact_ones)
-    if all(rows[0]["exact"] for rows in parts):
-        return f"{told} No inexact method is faster on any of them."
-    return f"{told} {wins('method of all', parts)}"
+    return " ".join(filter(None, (winners(parts), nearest(table, parts), wrong_ones(table))))
 
 
-def wins(which: str, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
-    """How often each method is the fastest, as a sentence. ``scenes``: the points of each, fastest first."""
-    tally = Counter(rows[0]["label"] for rows in scenes if rows)
+def winners(scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
+    """Which methods answer everything right the fastest, as a sentence. ``scenes``: the points of each, fastest first."""
+    right = [[row for row in rows if row["exact"]] for rows in scenes]
+    tally = Counter(row["label"] for rows in right for row in rows if row is rows[0] or alike(rows[0], row))
     if not tally:
-        return f"The fastest {which} is not known on any of {len(scenes)} scenes."
-    close = sum(len(rows) > 1 and alike(rows[0], rows[1]) for rows in scenes)
-    ties = f"; on {close} of them the next is as fast within the spread of the repeats" if close else ""
-    told = " and ".join(f"{label} on {n}" for label, n in tally.most_common())
-    return f"Of {len(scenes)} scenes the fastest {which} is {told}{ties}."
+        return f"No method is known to have answered exactly on any of {len(scenes)} scenes."
+    return most_wins(tally, len(scenes))
+
+
+def most_wins(tally: Counter[str], count: int, what: str = "scene") -> str:
+    """On how many of ``count`` scenes each is the fastest, as a sentence; a tie counts for each."""
+    (first, most), *others = tally.most_common()
+    on = f"all {count} {what}s" if most == count > 1 else f"{most} of {count} {what}{'s' * (count > 1)}"
+    beside = [f"{label} {'is as fast ' * (most == count)}on {n}" for label, n in others]
+    ties = " (ties count for each)" * (tally.total() > count > most)
+    return f"With every answer right, {first} is the fastest on {on}{'; ' * bool(beside)}{', '.join(beside)}{ties}."
+
+
+def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
+    """The exact method that comes closest to the fastest of a scene and is of another kind, as a sentence."""
+    kinds = {
+        rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]
+    }
+    others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
+    return told(others, "The nearest exact one of another kind is {} on {}: {} times as long.")
+
+
+def wrong_ones(table: DataFrame) -> str:
+    """The fastest method that is not exact, over the fastest that is, as a sentence."""
+    return told(
+        table[~table["exact"]],
+        "Of those that are not exact, {} on {} comes closest: {} times as long, and {}.",
+    )
+
+
+def told(table: DataFrame, form: str) -> str:
+    """The form with label, scene, ratio and wrong answers of the point that takes the least over the fastest exact."""
+    if not len(known := table[table["times"].notna()]):
+        return ""
+    row = known.loc[known["times"].idxmin()]
+    return form.format(
+        row["label"], row["setting"], numbers.carried(row["times"], row["times_spread"]), wrong(row)
+    )
+
+
+def wrong(row: Mapping[str, Any]) -> str:
+    """How many answers of a point are wrong, in words."""
+    if row["error"] == numbers.UNSCORED:
+        return "its answers were not scored"
+    count = int(row["true_errors"])
+    if not count:
+        return "none of its answers is wrong here, which it does not promise elsewhere"
+    return f"{count:,} of its answers {'is' if count == 1 else 'are'} wrong"

@@ -58,8 +58,8 @@ TEXTS = (
 
 
 def tidy(folder: Path | str) -> DataFrame:
-    """The results of a folder, or of the folders in it where it has no records itself, one row per point and measured frame; a point without one has one
-    row, with its reason.
+    """The results of a folder, or of the folders in it where it has no records itself: one row per point and measured frame;
+    a point without one has one row, with its reason.
 
     Of several records of one table entry the one asked for last counts (:func:`.results.newest.newest`);
     ``table.attrs["older"]`` is the number of the others. Raises :class:`~.errors.UserError` where there are none.

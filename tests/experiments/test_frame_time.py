@@ -60,7 +60,7 @@ def test_a_ratio_is_over_the_frames_that_both_have(tmp_path):
     peer["frames"][0]["total_ms"] = [5.0, 5.0]
     text, rows = drawn(tmp_path, [ours, peer])
     assert rows["cloth", "mesh rebuilt"]["times_fastest_exact"] == "5"
-    assert "| mesh rebuilt | 5.00 | 5.00 |" in text
+    assert "| mesh rebuilt | 5.00 [1/3] | 5.00 |" in text
 
 
 def test_a_floor_is_the_larger_of_moving_and_testing_and_the_launches():

@@ -76,10 +76,17 @@ def test_of_many_scenes_it_says_how_often_each_wins(tmp_path):
     records = [made("a", 1.0 + 2.0 * (scene == "fairy"), scene=scene) for scene in scenes]
     records += [made("b", 2.0, scene=scene) for scene in scenes]
     assert said(tmp_path / "exact", *records) == (
-        "Of 3 scenes the fastest exact method is a on 2 and b on 1. No inexact method is faster on any of them."
+        "With every answer right, a is the fastest on 2 of 3 scenes; b on 1."
     )
     text = said(tmp_path / "wrong", *records, made("c", 0.5, 9, "cloth"))
-    assert text.endswith("Of 3 scenes the fastest method of all is b on 1 and a on 1 and c on 1.")
+    assert text.endswith(
+        "c on Cloth (stand-in) comes closest: 0.500 times as long, and 9 of its answers are wrong."
+    )
+    other = made("d", 1.5, scene="cloth")
+    other["method"]["name"] = "uniform_grid"
+    assert said(tmp_path / "kinds", *records, other).endswith(
+        "The nearest exact one of another kind is d on Cloth (stand-in): 1.50 times as long."
+    )
 
 
 def test_lights_and_scenes_are_never_ranked_together(tmp_path):

@@ -1,0 +1,179 @@
+"""What the documents of the project say in numbers, drawn from the kept results: ``shadowbench report results --docs .``"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+from ..harness.report import compare, document, numbers, ranking, sentences, style
+from ..harness.report import paper_table1 as paper
+from ..harness.report.documents import Results
+from ..harness.report.page.gather import machine_of, written
+from ..harness.results.folder import read_environment
+from . import _rivals, effects
+
+KINDS = ("grids of rays", "trees", "rasterised buffers", "the paper's grids")
+"""The kinds that a table of the fastest shows; the others are slower everywhere."""
+FLOAT32 = "BVH2 rebuilt, float32"
+EXACT = "BVH2 rebuilt"
+PAPER, FAITHFUL, WARP = "the paper's grids", "paper-faithful", "LBVH rebuilt in a graph"
+
+
+def finding(results: Results, folder: str) -> list[str]:
+    """The sentence of an experiment that ranks methods."""
+    return [ranking.finding(results.ranked(folder))]
+
+
+def kinds(results: Results, folder: str) -> list[str]:
+    """The fastest exact method of each kind on each scene, ms; one with wrong answers where it is faster than that."""
+    import pandas as pd
+
+    table = results.ranked(folder).assign(kind=lambda own: own["method"].map(style.kind))
+    best = ranking.best(document.frames(results.folder / folder), table)
+    rows = []
+    for title, own in table.groupby("title", sort=False):
+        cells = {kind: fastest(own[own["kind"] == kind].assign(best=best)) for kind in KINDS}
+        printed = paper.ROWS[own["scene"].iloc[0]].cells[-1].removesuffix(" ms")
+        rows.append({"scene": str(title), **cells, f"*paper, {paper.GPU}*": f"*{printed}*"})
+    return document.markdown(pd.DataFrame(rows))
+
+
+def fastest(own: document.DataFrame) -> str:
+    """A cell of :func:`kinds`."""
+    right = own[own["exact"]].sort_values("total_ms").head(1)
+    wrong = own[~own["exact"] & (own["total_ms"] < right["total_ms"].min())].head(1)
+    texts = [f"**{row['ms']}**" if row["best"] else row["ms"] for row in right.to_dict("records")]
+    texts += [f"{row['ms']} with {row['true_errors']:,} wrong" for row in wrong.to_dict("records")]
+    return "; ".join(texts) or "-"
+
+
+def ratio(results: Results, folder: str, label: str, base: str) -> document.DataFrame:
+    """Frame time of one label over that of another, with its spread, by scene."""
+    frames, points = document.frames(results.folder / folder), results.points(folder)
+    found = compare.ratios(frames, frames["label"] == base).rename(columns={"spread": "ratio_spread"})
+    return points[points["label"] == label].join(found[["ratio", "ratio_spread"]])
+
+
+def beside(results: Results, folder: str) -> list[str]:
+    """How the rivals stand to each other, in sentences; means are geometric, over the scenes."""
+
+    def over(label: str, base: str) -> str:
+        return sentences.mean(ratio(results, folder, label, base), "ratio")
+
+    points = results.points(folder)
+    wrong = points.loc[points["label"] == FLOAT32, "true_errors"]
+    return [
+        f"- Exactness costs a rebuilt tree {over(EXACT, FLOAT32)} times the time of its float32 version, which answers "
+        f"{numbers.count(wrong.sum())} pixels and shadow bits wrongly in the frames of the {len(wrong)} scenes.",
+        f"- The paper's own grids, tuned, take {over(PAPER, EXACT)} times the time of that tree, and {over(PAPER, WARP)} of "
+        "that of the `Bvh` of NVIDIA Warp rebuilt within a graph. As the paper describes them they take "
+        f"{over(FAITHFUL, PAPER)} times as long as tuned.",
+        f"- `hybrid` takes {over(_rivals.HYBRID.label, _rivals.OURS.label)} times the time of `ray_grids`: on these scenes "
+        "it chooses the same grids.",
+        "- Means are geometric, over the scenes.",
+    ]
+
+
+def exactness(results: Results, folder: str) -> list[str]:
+    """Scene by scene what exact answers cost a rebuilt tree, and how many answers are wrong without."""
+    import pandas as pd
+
+    both, points = ratio(results, folder, EXACT, FLOAT32), results.points(folder)
+    loose = points[points["label"] == FLOAT32].set_index("title")
+    rows = [{"scene": row["title"], "float32, ms": loose.loc[row["title"], "ms"], "wrong answers":
+             numbers.count(loose.loc[row["title"], "true_errors"]), "exact, ms": row["ms"], "exact over float32":
+             numbers.carried(row["ratio"], row["ratio_spread"])} for row in both.to_dict("records")]  # fmt: skip
+    return document.markdown(pd.DataFrame(rows))
+
+
+def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
+    """What each effect costs, and a frame by what alone moved, of the methods that have most of them."""
+    import pandas as pd
+
+    table = document.measured(effects.read(results.folder / folder))
+    table = document.arranged(table[table["scene"].isin(scenes)], "scene", scenes)
+    over = numbers.carry(table["ratio"], table["ratio_spread"])
+    moved = table["moved"] != ""
+    text = over.where(~moved & (table["light_label"] != effects.BASE), table["ms"] + " ms")
+    table = table.assign(
+        text=text, effect=table["light_label"].where(~moved, "only moved: " + table["moved"])
+    )
+    most = table.groupby("label")["effect"].nunique()
+    table = table[table["label"].map(most) == most.max()]
+    rows = {"title": "scene", "effect": "effect"}
+    return document.markdown(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
+
+
+def findings(results: Results, prefix: str, *folders: str) -> list[str]:
+    """What experiments found, as their reports say it, each with its machine. ``prefix``: the way to the results."""
+    lines = []
+    for folder in folders:
+        points = results.points(folder)
+        name = points["experiment"].iloc[0]
+        title, told = written(results.folder / folder, [name])
+        lines.append(f"- [{title}]({prefix}/{folder}/{name}.md): {told} ({machine(results, folder)}.)")
+    return lines
+
+
+def machine(results: Results, folder: str) -> str:
+    """What measured a folder."""
+    names = results.points(folder)["environment"].unique()
+    facts = [read_environment(results.folder / folder, name) or {} for name in names]
+    return sentences.listed(list(dict.fromkeys(map(machine_of, facts))))
+
+
+def claims(results: Results, *machines: str) -> list[str]:
+    """The paper's claims, each with its verdict on every machine."""
+    import pandas as pd
+
+    tables = {
+        name: pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False) for name in machines
+    }
+    first = next(iter(tables.values()))
+    made = first[["number", "claim", "section"]].assign(**{
+        f"on {name}": "**" + own["verdict"] + "**" for name, own in tables.items()
+    })  # fmt: skip
+    return document.markdown(made.rename(columns={"number": "", "section": "in the paper"}))
+
+
+def verdicts(results: Results, name: str) -> list[str]:
+    """How many claims hold."""
+    import pandas as pd
+
+    told = pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False)["verdict"].value_counts()
+    return [
+        f"{told.get('holds', 0)} hold, {told.get('does not hold', 0)} do not, {told.get(OPEN, 0)} cannot be told."
+    ]
+
+
+OPEN = "can't tell"
+
+
+def folders(results: Results, name: str) -> list[str]:
+    """The folders of a machine: what was measured, when, and with which version of the first of its methods."""
+    import pandas as pd
+
+    rows = []
+    for folder in results.names(name):
+        points = results.points(folder)
+        title, _ = written(results.folder / folder, [points["experiment"].iloc[0]])
+        rows.append(
+            {"folder": f"`{folder.removeprefix(f'{name}/')}`", "experiment": title, **measured(points)}
+        )
+    return document.markdown(pd.DataFrame(rows))
+
+
+def measured(points: document.DataFrame) -> dict[str, Any]:
+    """Number of points, when they were measured, and the version of ``ray_grids``, or of the first method, by its hash."""
+    days = points["started"].dropna()
+    day = [datetime.fromtimestamp(s, tz=UTC).strftime("%Y-%m-%d") for s in (days.min(), days.max())]
+    ours = points[points["method"] == _rivals.OURS.method]
+    own = ours if len(ours) else points
+    hashes = [f"`{sha[:8]}`" for sha in own.sort_values("started")["method_sha256"].unique() if sha]
+    return {"points": str(len(points)), "measured": " to ".join(dict.fromkeys(day)),
+            "version": f"{own['method'].iloc[0]} {' and '.join(hashes) or 'not known'}"}  # fmt: skip
+
+
+PARTS = {
+    part.__name__: part for part in (finding, kinds, beside, exactness, findings, claims, verdicts, folders)
+}
