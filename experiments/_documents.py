@@ -132,8 +132,12 @@ def claims(results: Results, *machines: str) -> list[str]:
     first = next(iter(tables.values()))
     made = first[["number", "claim", "section"]].assign(**{
         f"on {name}": "**" + own["verdict"] + "**" for name, own in tables.items()
-    })  # fmt: skip
-    return document.markdown(made.rename(columns={"number": "", "section": "in the paper"}))
+    }, judged=first["judged_from"])  # fmt: skip
+    return document.markdown(
+        made.rename(
+            columns={"number": "", "section": "in the paper", "judged": f"judged from, on {machines[0]}"}
+        )
+    )
 
 
 def verdicts(results: Results, name: str) -> list[str]:

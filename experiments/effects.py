@@ -12,14 +12,14 @@ from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
 
 METHODS = (
-    Entry(METHOD, {}, "perspective + spherical"),
+    Entry(METHOD, {}, "the paper's grids"),
     Entry(METHOD, {"clamp": "scene"}, "the same, clamped to the scene"),
-    Entry("ray_grids"),
-    Entry("bvh2"),
-    Entry("uniform_grid"),
-    Entry("warp_bvh"),
-    Entry("warp_bvh", {"update": "bvh_rebuild"}, "BVH rebuilt in place, exact"),
-    Entry("embree"),
+    Entry("ray_grids", {}, "ray grids"),
+    Entry("bvh2", {}, "BVH2 rebuilt"),
+    Entry("uniform_grid", {}, "uniform grid"),
+    Entry("warp_bvh", {}, "mesh rebuilt"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
+    Entry("embree", {}, "Embree"),
 )
 
 BASE = "one light"

@@ -101,9 +101,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         far = exact[(exact["light_distance"] >= 1.0) & (exact["r"] == exact["r"].min())]
         ends = far.dropna(subset="traversal_ms").groupby(PANEL, sort=False)["traversal_ms"]
         grown = (ends.last() / ends.first())[ends.count() > 1].rename("ratio").reset_index()
-        told = [
-            f"{ratio} times as long {what}" for what, ratio in sentences.means(grown, "ratio", "rectangle")
-        ]
+        grown = grown.assign(what=grown["title"] + ", " + grown["rectangle"])
+        told = [f"{ratio} times as long ({what})" for what, ratio in sentences.means(grown, "ratio", "what")]
         finding = f"From the farthest light, shadow traversal takes {sentences.listed(told)} as from one radius ({PRECISE})."
         finding = finding if told else "Shadow traversal was not measured at two distances."
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]

@@ -15,7 +15,11 @@ from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, SCENES
 
-METHODS = (Entry(METHOD, {}, "perspective + spherical"), Entry("ray_grids"), Entry("warp_bvh"))
+METHODS = (
+    Entry(METHOD, {}, "the paper's grids"),
+    Entry("ray_grids", {}, "ray grids"),
+    Entry("warp_bvh", {}, "mesh rebuilt"),
+)
 ANIMATED = ("fairy", "bunny_dragon", "cloth")
 STATIC = tuple(scene for scene in SCENES if scene not in ANIMATED)
 

@@ -21,20 +21,20 @@ from .figure9 import gallery
 REAL = ("bunny",) if find_spec("pxr") else ()
 """A small real scene that needs no download, where USD files can be read."""
 
-QUICK_ROWS = ("perspective + spherical, tuned", "ray grids", "bvh2", "uniform grid", "Warp mesh", "Embree")
+QUICK_ROWS = ("the paper's grids", "ray grids", "BVH2 rebuilt", "uniform grid", "mesh rebuilt", "Embree")
 
 METHODS = (
     faithful("paper-faithful"),
-    Entry(METHOD, {}, "perspective + spherical, tuned"),
+    Entry(METHOD, {}, "the paper's grids"),
     Entry("ray_grids", {}, "ray grids"),
     Entry("hybrid", {}, "hybrid"),
     Entry("visibility_buffer", {}, "visibility buffer"),
-    Entry("bvh2", {}, "bvh2"),
-    Entry("bvh2", {"precision": "float32"}, "bvh2, float32"),
+    Entry("bvh2", {}, "BVH2 rebuilt"),
+    Entry("bvh2", {"precision": "float32"}, "BVH2 rebuilt, float32"),
     Entry("uniform_grid", {}, "uniform grid"),
-    Entry("warp_bvh", {}, "Warp mesh"),
-    Entry("warp_bvh", {"origin": "plain"}, "Warp mesh, plain origins"),
-    Entry("warp_bvh", {"update": "bvh_rebuild"}, "Warp BVH, exact"),
+    Entry("warp_bvh", {}, "mesh rebuilt"),
+    Entry("warp_bvh", {"origin": "plain"}, "mesh rebuilt, plain"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
     Entry("embree", {}, "Embree"),
     Entry("embree", {"quality": "low"}, "Embree, fast build"),
 )

@@ -18,11 +18,11 @@ from ._paper import METHOD, faithful
 
 GRIDS = (
     faithful("paper-faithful"),
-    Entry(METHOD, {}, "perspective + spherical, best"),
-    Entry("ray_grids"),
-    Entry("warp_bvh"),
+    Entry(METHOD, {}, "the paper's grids"),
+    Entry("ray_grids", {}, "ray grids"),
+    Entry("warp_bvh", {}, "mesh rebuilt"),
 )
-WITH_EMBREE = (*GRIDS, Entry("embree"))
+WITH_EMBREE = (*GRIDS, Entry("embree", {}, "Embree"))
 
 
 def lights(*counts: int) -> tuple[Lighting, ...]:

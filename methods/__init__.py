@@ -26,3 +26,17 @@ KINDS = {
     **dict.fromkeys(("uniform_grid", "two_level_grid", "coherent_grid"), "grids of triangles"),
 }
 """The kind of structure of each method, for tables that show the best of each kind; others are a kind of their own."""
+
+FORMER_LABELS = {
+    **dict.fromkeys(
+        [f"perspective + spherical{end}" for end in ("", ", tuned", ", best")], "the paper's grids"
+    ),
+    **dict.fromkeys(("bvh2", "BVH2 (rebuilt in the graph)"), "BVH2 rebuilt"),
+    "bvh2, float32": "BVH2 rebuilt, float32",
+    **dict.fromkeys(("Warp mesh", "BVH (Warp)"), "mesh rebuilt"),
+    "Warp mesh, plain origins": "mesh rebuilt, plain",
+    **dict.fromkeys(("Warp BVH, exact", "BVH rebuilt in place, exact"), "LBVH rebuilt in a graph"),
+    "Ray grids (streamed)": "ray grids",
+    "Uniform grid": "uniform grid",
+}
+"""What records call a method with its settings that has one name in all tables now."""

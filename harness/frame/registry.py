@@ -18,6 +18,7 @@ import math
 import re
 import sys
 import typing
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,6 +101,17 @@ def method_class(name: str) -> type[Method]:
     if present != name:
         raise UserError(f"method {name!r} is now called {present}; use that name")
     raise UserError(f"no method {name!r}{did_you_mean(name, method_names())}")
+
+
+def label_of(method: Mapping[str, Any]) -> str:
+    """What tables call the method of a record with its settings: the present name of a former label, which is kept there.
+
+    A title is a name of the method without settings only.
+    """
+    label: str = method.get("label") or method.get("title") or method["name"]
+    if label == method.get("title") and method.get("settings"):
+        return label
+    return str(importlib.import_module(PACKAGE).FORMER_LABELS.get(label, label))
 
 
 @functools.cache

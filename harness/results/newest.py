@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..files import write_atomic
+from ..frame.registry import label_of
 from .record import Record
 from .schema import each_record
 
@@ -25,10 +26,9 @@ def entry_of(record: Record) -> tuple[Any, ...]:
     """The properties that two records of one table entry have in common: scene, lights, method, settings, device and
     size."""
     scene, method, point = record.scene, record.method, record.point
-    label = method.get("label") or method.get("title") or method["name"]
     return (
         *(scene["name"], scene.get("title"), (scene.get("lighting") or {}).get("label", "")),
-        *(method["name"], label, method["device"], settings_text(method.get("settings"))),
+        *(method["name"], label_of(method), method["device"], settings_text(method.get("settings"))),
         *(point["width"], point["height"]),
     )
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frame.registry import label_of
 from ..frame.schedule.passes import BUILD_PARTS, PARTS
 from ..judge.counts import Score, total
 from ..judge.verdict import ERRORS
@@ -262,7 +263,7 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "frame_count": scene.get("frame_count"),
         "method": method["name"],
         "method_title": method.get("title") or method["name"],
-        "label": method.get("label") or method.get("title") or method["name"],
+        "label": label_of(method),
         "settings": settings_text(method.get("settings")),
         "built": settings_text(method.get("built")),
         "known_inexact": method.get("known_inexact"),

@@ -95,8 +95,11 @@ def test_text_and_pictures(tmp_path):
     files = {file.name for file in show("crossover", tmp_path, quiet=True)}
     assert files == {"crossover.csv", "crossover.svg", "crossover-maps.svg", "crossover.md"}
     text = (tmp_path / "crossover.md").read_text()
-    assert "Fastest of 4 settings, exact: ours in 2, tree in 2; all, exact or not: loose in 4." in text
-    assert "| 1k | ours, 4.04 ms | tree x2.00 | loose, 4.04 ms | ours ~x1.00 |" in text
+    assert (
+        "With every answer right, ours is the fastest on 2 of 4 settings; tree on 2. loose, which is not exact"
+        in text
+    )
+    assert "| 1k | ours, 4.04 ms | tree, 2.00x | loose, 4.04 ms | ours, a tie |" in text
     assert "## Fastest over triangles (pixels: 128², lights: 1)" in text
     assert "Over lights: not measured." in text
     drawn = (tmp_path / "crossover-maps.svg").read_text()

@@ -66,7 +66,7 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
         )
     show("figure6", tmp_path, quiet=True)
     text = (tmp_path / "figure6.md").read_text()
-    assert "Spots leave 25% to 40% of the hit points a shadow ray" in text
+    assert "leaves 25% of the hit points a shadow ray and takes" in text
     with Image.open(tmp_path / "figure6-fairy.png") as image:
         red = (np.asarray(image.convert("RGB")).astype(int) - (200, 30, 30) == 0).all(axis=2)
     across = [0, *red.any(axis=0).astype(int), 0]
@@ -167,7 +167,10 @@ def test_figure11_keeps_scenes_apart(tmp_path):
     show("figure11", tmp_path, quiet=True)
     finding = (tmp_path / "figure11.md").read_text().split("\n\n")[1]
     # The second scene grows faster: neither its own numbers nor those of the first are mixed with the other's.
-    for told in ("Cloth (stand-in) unclamped 2.00", "Fairy (stand-in) unclamped 8.00"):
+    for told in (
+        "2.00 times as long (Cloth (stand-in), unclamped)",
+        "8.00 times as long (Fairy (stand-in), unclamped)",
+    ):
         assert told in finding
     drawn = (tmp_path / "figure11.svg").read_text()
     assert all(f"{scene} (stand-in), unclamped, aimed" in drawn for scene in ("Cloth", "Fairy"))

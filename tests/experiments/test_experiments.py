@@ -11,6 +11,7 @@ from shadowbench.experiments.ablation import CULLED, TREE
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.registry import label_of
 from shadowbench.harness.runner.planning.experiment import experiment_names, find_experiment, find_preset
 from shadowbench.harness.runner.planning.planned_point import check_entries
 from shadowbench.harness.runner.progress import Silent
@@ -26,6 +27,22 @@ OWN = ("figure2", "figure6", "figure9", "figure10", "figure11", "two_lights", "m
 def test_every_experiment_of_the_paper_is_there_and_helpers_are_not():
     assert set(OWN) | {"table1", "claims"} <= set(experiment_names())
     assert not [name for name in experiment_names() if name.startswith("_")]
+
+
+SHARED = "frame_time table1 two_lights effects moving crossover scaling reflection advise".split()
+
+
+def test_a_method_with_its_settings_has_one_name_in_all_tables():
+    """Also where records have a former one."""
+    presets = [preset for name in SHARED for preset in find_experiment(name).presets.values()]
+    entries = {(e.method, str(e.settings)): set() for preset in presets for e in preset.methods}
+    for preset in presets:
+        for e in preset.methods:
+            entries[e.method, str(e.settings)].add(e.label)
+    assert {key: labels for key, labels in entries.items() if len(labels) > 1} == {}
+    known = {"name": "warp_bvh", "title": "BVH (Warp)", "label": "BVH (Warp)"}
+    assert label_of(known) == label_of({**known, "label": "Warp mesh"}) == "mesh rebuilt"
+    assert label_of({**known, "settings": {"update": "refit"}}) == "BVH (Warp)"
 
 
 @pytest.mark.parametrize("name", OWN)

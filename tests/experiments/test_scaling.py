@@ -140,7 +140,7 @@ def test_text_and_picture(tmp_path):
     ours = "0.791 ms at 1k to 7.91 ms at 100k, exponent 0.50 ± 0.00"
     assert f"| ray grids | {ours} |" in text
     assert "exponent 1.00 ± 0.00 |" in text
-    assert f"The frame time of ray grids: {ours} (triangles); " in text
+    assert "A frame of ray grids takes 0.791 ms with 1k triangles and 7.91 ms with 100k; " in text
     drawn = (tmp_path / "scaling.svg").read_text()
     for word in ("triangles", "pixels", "lights", "100k"):
         assert f">{word}<" in drawn, word

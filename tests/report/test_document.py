@@ -8,7 +8,8 @@ from helpers.experiment_records import record_of
 from helpers.table1_records import write_records
 from shadowbench.experiments import frame_time, table1
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.report.document import effort, names, span
+from shadowbench.harness.report import numbers, sentences
+from shadowbench.harness.report.document import effort, names
 from shadowbench.harness.report.numbers import carry
 from shadowbench.harness.runner.planning.experiment import Entry
 
@@ -71,10 +72,26 @@ def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch):
     assert said in (tmp_path / "table1.md").read_text()
 
 
-def test_a_range_has_the_digits_that_the_spreads_of_its_ends_carry():
-    values, spreads = pd.Series([2.345, 0.1234, 1.0]), pd.Series([0.3, 0.0, 0.0])
-    assert span(values) == "0.123 to 2.35"
-    assert span(values, spreads) == "0.123 to ~2.3"
+def test_a_finding_names_the_least_and_the_greatest_and_lists_no_range():
+    """With the digits that the spread of a mean carries; a name that fewer scenes have is left out."""
+    rows = [("a", 2.345, 0.3), ("a", 2.345, 0.3), ("b", 0.5, 0.0), ("b", 0.5, 0.0), ("c", 9.0, 0.0)]
+    table = pd.DataFrame(rows, columns=["label", "ratio", "ratio_spread"])
+    told = sentences.ends(table, "ratio", "label", "{} takes {} times as long", ", {} {}", "nothing")
+    assert told == "b takes 0.500 times as long, a ~2.3"
+    assert sentences.ends(table[:2], "ratio", "label", "{} {}", ", {} {}", "nothing") == "a ~2.3"
+    assert sentences.ends(table[:0], "ratio", "label", "{} {}", ", {} {}", "nothing") == "nothing"
+    assert sentences.listed(["a", "b", "c"]) == "a, b and c"
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "form", "text"),
+    [
+        (-0.0013, 0.0, "ms", "~0"), (0.0, 0.0, "ms", "0.000"), (265.4, 40.0, "", "~270"), (0.3865, 0.0, "", "0.386"),
+        (3.0, 0.0, "count", "3"), (0.5, 0.0, "count", "0.500"), (-0.5, 0.01, "+", "-0.50"),
+    ],
+)  # fmt: skip
+def test_a_number_has_the_digits_and_the_mark_of_its_spread(value, spread, form, text):
+    assert numbers.carried(value, spread, form) == text
 
 
 def test_points_that_nothing_names_are_named_where_pyarrow_holds_the_texts():

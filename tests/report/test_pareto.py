@@ -1,0 +1,45 @@
+"""Errors against time: the front, and names that do not touch."""
+
+from __future__ import annotations
+
+import itertools
+
+import pandas as pd
+from shadowbench.harness.report import pareto
+
+ROWS = [
+    ("a", 1.0, 900.0),
+    ("b", 1.02, 800.0),
+    ("c", 1.04, 700.0),
+    ("d", 2.0, 0.0),
+    ("e", 3.0, 0.0),
+    ("f", 1.5, 800.0),
+]
+
+
+def table():
+    own = pd.DataFrame(ROWS, columns=["name", "total_ms", "wrong_per_frame"])
+    return own.assign(method="ray_grids", title="a scene", on_frontier=pareto.front(own))
+
+
+def test_nothing_on_the_front_is_beaten_in_both():
+    own = table()
+    assert set(own.loc[own["on_frontier"], "name"]) == {"a", "b", "c", "d"}
+    assert (
+        pareto.front(own.sample(frac=1.0, random_state=1)).sort_index().tolist()
+        == own["on_frontier"].tolist()
+    )
+
+
+def test_names_of_near_points_do_not_touch(tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(
+        pareto, "names_apart", lambda axes, points: shown.append((axes, points, apart(axes, points)))
+    )
+    apart = pareto.names_apart
+    path = pareto.draw(tmp_path / "a.svg", table())
+    ((axes, points, _),) = shown
+    assert [name for *_, name in points] == ["a", "b", "c", "d"]
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    assert "stair" in path.read_text()
