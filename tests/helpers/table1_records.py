@@ -17,7 +17,7 @@ SCENES = {
 }
 METHODS = {
     "perspective_spherical": ("Perspective and light grids", (40.0, 20.0, 25.0, 30.0)),
-    "uniform_grid": ("Uniform grid", (50.0, 60.0, 0.0, 55.0)),
+    "uniform_grid": ("Grid, uniform", (50.0, 60.0, 0.0, 55.0)),
     "warp_bvh": ("Warp Mesh, rebuilt", (70.0, 15.0, 0.0, 20.0)),
     "embree": ("Embree, 2 threads", (30.0, 4.0, 0.0, 5.0)),
 }

@@ -86,8 +86,8 @@ def test_a_finding_names_the_least_and_the_greatest_and_lists_no_range():
 @pytest.mark.parametrize(
     ("value", "spread", "form", "text"),
     [
-        (-0.0013, 0.0, "ms", "~0"), (0.0, 0.0, "ms", "0.000"), (265.4, 40.0, "", "~270"), (0.3865, 0.0, "", "0.386"),
-        (3.0, 0.0, "count", "3"), (0.5, 0.0, "count", "0.500"), (-0.5, 0.01, "+", "-0.50"),
+        (-0.0013, 0.0, "ms", "~0"), (0.0, 0.0, "ms", "0.000"), (265.4, 40.0, "", "~270"), (0.3865, 0.0, "", "0.387"),
+        (3.0, 0.0, "count", "3"), (0.5, 0.0, "count", "0.500"), (-0.5, 0.01, "+", "~-0.50"),
     ],
 )  # fmt: skip
 def test_a_number_has_the_digits_and_the_mark_of_its_spread(value, spread, form, text):
