@@ -29,7 +29,7 @@ def kinds(results: Results, folder: str) -> list[str]:
     import pandas as pd
 
     table = results.ranked(folder).assign(kind=lambda own: own["method"].map(style.kind))
-    best = ranking.best(document.frames(results.folder / folder), table)
+    best = ranking.best(results.frames(folder), table)
     rows = []
     for title, own in table.groupby("title", sort=False):
         cells = {kind: fastest(own[own["kind"] == kind].assign(best=best)) for kind in KINDS}
@@ -49,7 +49,7 @@ def fastest(own: document.DataFrame) -> str:
 
 def ratio(results: Results, folder: str, label: str, base: str) -> document.DataFrame:
     """Frame time of one label over that of another, with its spread, by scene."""
-    frames, points = document.frames(results.folder / folder), results.points(folder)
+    frames, points = results.frames(folder), results.points(folder)
     found = compare.ratios(frames, frames["label"] == base).rename(columns={"spread": "ratio_spread"})
     return points[points["label"] == label].join(found[["ratio", "ratio_spread"]])
 

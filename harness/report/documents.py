@@ -33,10 +33,9 @@ class Results:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.points = cache(lambda name: document.read(folder / name))
-        self.ranked: Callable[[str], DataFrame] = cache(
-            lambda name: ranking.ranked(document.frames(folder / name).assign(folder=name))
-        )
+        self.frames: Callable[[str], DataFrame] = cache(lambda name: document.frames(folder / name))
+        self.points: Callable[[str], DataFrame] = cache(lambda name: document.named(self.frames(name)))
+        self.ranked: Callable[[str], DataFrame] = cache(lambda name: ranking.ranked(self.frames(name)))
 
     def names(self, below: str = "") -> list[str]:
         """The results folders, as :func:`.results.schema.place_name` calls them."""

@@ -33,7 +33,8 @@ FRAME: Parts = {part: (f"{column}_ms", style.PART_SHARE[part]) for part, column 
 @contextmanager
 def sheet(
     path: Path, size: tuple[float, float], down: int = 1, across: int = 1, *, legend: int = 2, grid: str = "both",
-    dpi: int = 150, colours: int = 0, inks: Sequence[str] = (), below: str = "", left: str = "", **shared: Any,
+    dpi: int = 150, colours: int = 0, inks: Sequence[str] = (), below: str = "", left: str = "",
+    late: Callable[[], None] | None = None, **shared: Any,
 ) -> Iterator[tuple[Any, Any]]:  # fmt: skip
     """Yield a figure of ``size`` inches and its axes [down, across]; on leaving, add texts and legend and write ``path``.
 
@@ -41,6 +42,7 @@ def sheet(
     grid     "x", "y", "both" or "" for none
     colours, inks   of a PNG: how many colours it keeps, for a quarter of its bytes (0: all); or greys and these colours
     below, left     texts beside the panels
+    late     called once the places of the panels are known, for what depends on them
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -60,6 +62,9 @@ def sheet(
         if named:
             place = {"loc": "outside upper center", "ncols": legend, "frameon": False}
             figure.legend(named.values(), named.keys(), **place)
+        if late:
+            figure.draw_without_rendering()
+            late()
         # Without a date: the same records give the same bytes.
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     if colours or inks:

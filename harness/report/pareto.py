@@ -30,9 +30,14 @@ def draw(
 
     name, on_front  columns: what a point is called; true where it lies on the front
     """
-    across = min(2, table[facet].nunique())
+    across, named = min(2, table[facet].nunique()), list[tuple[Any, list[tuple[float, float, str]]]]()
+
+    def late() -> None:
+        for axes, points in named:
+            names_apart(axes, points)
+
     with panels.facets(path, table, facet, across, 2.3, across, legend=4, below=f"ms a frame\n{BELOW}",
-                       left="wrong answers a frame") as shown:  # fmt: skip
+                       left="wrong answers a frame", late=late) as shown:  # fmt: skip
         for axes, title, own in shown:
             for method, points in own.groupby("method", sort=False):
                 look = {**style.look(str(method)), "ls": "none", "ms": 3.2}
@@ -47,10 +52,8 @@ def draw(
                       c="0.3", lw=0.8, ls="--", zorder=1)  # fmt: skip
             axes.yaxis.set_major_formatter(lambda at, _: style.radii(at))
             axes.minorticks_off()
-            names_apart(
-                axes,
-                [(row["total_ms"], row["wrong_per_frame"], row[name]) for row in best.to_dict("records")],
-            )
+            rows = best[["total_ms", "wrong_per_frame", name]].itertuples(index=False, name=None)
+            named.append((axes, list(rows)))
     return path
 
 
@@ -63,6 +66,7 @@ def names_apart(axes: Any, points: Sequence[tuple[float, float, str]]) -> None:
         at = scale * axes.transData.transform((x, y))[1]
         before = max(at, before + step)
         side = 1 if across < 0.5 else -1
-        axes.annotate(text, (x, y), (6 * side, before - at + 5.0), textcoords="offset points", size=SIZE,
+        label = axes.annotate(text, (x, y), (6 * side, before - at + 5.0), textcoords="offset points", size=SIZE,
                       ha="left" if side > 0 else "right", va="center",
                       arrowprops={"arrowstyle": "-", "lw": 0.4, "color": "0.5", "shrinkA": 0, "shrinkB": 1})  # fmt: skip
+        label.set_in_layout(False)

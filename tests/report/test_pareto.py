@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pandas as pd
+from matplotlib.text import Text
 from shadowbench.harness.report import pareto
 
 ROWS = [
@@ -39,6 +40,6 @@ def test_names_of_near_points_do_not_touch(tmp_path, monkeypatch):
     path = pareto.draw(tmp_path / "a.svg", table())
     ((axes, points),) = shown
     assert [name for *_, name in points] == ["a", "b", "c", "d"]
-    boxes = [text.get_window_extent() for text in axes.texts]
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
     assert "stair" in path.read_text()
