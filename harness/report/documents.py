@@ -42,8 +42,8 @@ class Results:
         return [place_name(place, self.folder) for place in folders_with_records(self.folder / below)]
 
 
-Parts = Mapping[str, Callable[[Results], list[str]]]
-"""The lines of each part, by its name."""
+Parts = Mapping[str, Callable[..., list[str]]]
+"""The lines of each part, by its name: a function of the results and of the words after the name."""
 
 
 def documents(root: Path) -> Iterator[Path]:

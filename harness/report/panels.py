@@ -216,18 +216,19 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
     axes.set_ylim(len(own) - 0.4, -0.6)
 
 
+BAND = 0.3
+"""Height of a row of dots, inches."""
+
+
 def dots(
     path: Path, table: DataFrame, rows: str, x: str, hue: str, *, below: str, facet: str = "",
-    order: Sequence[str] = (), whisker: str = "", marked: str = "", upright: float = 1.0, band: float = 0.3,
-    legend: int = 2,
+    order: Sequence[str] = (), whisker: str = "", legend: int = 2,
 ) -> Path:  # fmt: skip
-    """Markers of the values ``x``, a band for each value of ``rows`` from the top down. Logarithmic; zero has a place.
+    """Markers of the ratios ``x``, a band for each value of ``rows`` from the top down; a line stands at one. Logarithmic.
 
     hue, facet  columns with a marker, and a panel side by side, for each value
     order    of the rows; by default the table's
-    whisker, marked   columns: the uncertainty of a value; true where a marker has a black edge
-    upright  where a line stands, 0: nowhere; where there are zeros it stands at zero
-    band     height of a band, inches
+    whisker  column: the uncertainty of a value
     """
     own = table[table[x].notna()].reset_index(drop=True)
     here = list(own[rows].unique())
@@ -235,29 +236,19 @@ def dots(
     drawn, across = looks(own, hue), own[facet].nunique() if facet else 1
     lane = {value: (i + 0.5) / len(drawn) - 0.5 for i, value in enumerate(drawn)}
     heights = own[rows].map(names.index) + 0.84 * own[hue].map(lane)
-    high, wide = band * len(names) + 0.3, 0.45 + 0.55 * across
+    high, wide = BAND * len(names) + 0.3, 0.45 + 0.55 * across
     with facets(
         path, own, facet, across, high, wide, legend=legend, grid="x", below=below, sharey=True
     ) as shown:
         for axes, title, part in shown:
             for k in range(0, len(names), 2):
                 axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
-            zero = bool((part[x] <= 0).any())
-            if zero or upright:
-                axes.axvline(0.0 if zero else upright, color="#444444", lw=0.8, zorder=1)
+            axes.axvline(1.0, color="#444444", lw=0.8, zorder=1)
             for value, mine in part.groupby(hue, sort=False):
                 look = {**drawn[value], "ls": "none", "ms": 2.5, "mew": 0.5, "elinewidth": 0.6}
                 ends = mine[whisker].clip(upper=0.9 * mine[x]).fillna(0.0) if whisker else None
                 axes.errorbar(mine[x], heights[mine.index], xerr=ends, label=str(value), **look)
-                if marked:
-                    mine = mine[mine[marked].to_numpy(bool)]
-                    edge = {"mfc": "none", "mec": "black", "mew": 0.9}
-                    axes.plot(mine[x], heights[mine.index], look["marker"], ms=4.2, **edge)
-            if zero:
-                axes.set_xscale("symlog", linthresh=1.0)
-                axes.xaxis.set_major_formatter(lambda at, _: style.radii(at))
-            else:
-                style.plain_log(axes, "x")
+            style.plain_log(axes, "x")
             axes.minorticks_off()
             axes.tick_params(axis="y", length=0)
             axes.set_title(title, loc="left")

@@ -10,8 +10,6 @@ from .compare import geometric
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-MEANS = "geometric means over {}"
-
 
 def mean(table: DataFrame, ratio: str) -> str:
     """The geometric mean of a column of ratios, with the digits that their spreads (column RATIO_spread) carry."""
@@ -38,10 +36,10 @@ def ends(table: DataFrame, ratio: str, by: str, one: str, other: str, lacking: s
     return one.format(*found[0]) + (other.format(*found[-1]) if len(found) > 1 else "")
 
 
-def over(table: DataFrame, what: str = "scene") -> str:
+def over(table: DataFrame) -> str:
     """What a mean is over, in brackets: "(geometric means over 6 scenes)"; "" where there is only one."""
     count = table["title"].nunique()
-    return f" ({MEANS.format(f'{count} {what}s')})" if count > 1 else ""
+    return f" (geometric means over {count} scenes)" if count > 1 else ""
 
 
 def listed(texts: list[Any]) -> str:

@@ -71,7 +71,7 @@ def folders_with_records(folder: Path | str) -> list[Path]:
 
     Raises :class:`UserError` where there is none.
     """
-    folder, seen, places = Path(folder), set[str](), []
+    folder, seen, places = Path(folder), set[str](), list[Path]()
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; name a folder of results")
     for place, names, _ in os.walk(folder, followlinks=True):

@@ -147,7 +147,7 @@ CUT = {
         ),
         1,
     ),
-    "two_lights": (lambda e: e.label.endswith("best") or e.method == "warp_bvh", 2),
+    "two_lights": (lambda e: e.label in ("the paper's grids", "mesh rebuilt"), 2),
     "moving": (lambda e: e.method in (_paper.METHOD, "warp_bvh"), 1),
 }
 """Which entries and how many lightings are run of an experiment that has many."""

@@ -31,16 +31,6 @@ def test_equal_values_of_a_row_hide_no_marker(monkeypatch, tmp_path):
     assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
 
 
-def test_zero_has_a_place_and_a_name(monkeypatch, tmp_path):
-    table = pd.DataFrame(
-        {"row": ["a", "b"], "scene": "s", "x": [0.0, 500.0], "side": "wrong", "best": [True, False]}
-    )
-    (axes,) = drawn(monkeypatch, tmp_path, table, facet="side", marked="best").axes
-    axes.figure.draw_without_rendering()
-    assert {"0", "1"} <= {t.get_text() for t in axes.get_xticklabels()}
-    assert sum(line.get_markeredgecolor() == "black" for line in axes.lines) == 1
-
-
 @pytest.mark.parametrize(("low", "high"), [(0.9, 1.1), (0.05, 3.0), (0.01, 1e6), (1e-3, 2e-3)])
 def test_ticks_are_few_and_plain(monkeypatch, tmp_path, low, high):
     table = pd.DataFrame({"row": ["a", "b"], "scene": "s", "x": [low, high]})
