@@ -112,9 +112,8 @@ def named(table: DataFrame) -> DataFrame:
     several, around = int(sizes.nunique() > 1), spread(table)
     apart = (table["stand_in"] != "") & ~table["scene_title"].str.contains("stand-in")
     title = table["scene_title"] + apart.map({True: " (stand-in)", False: ""})
-    beside = table.groupby(["folder", *compare.LIT_SCENE, *compare.SIZE], sort=False)["frames"].transform(
-        "max"
-    )
+    scene = ["folder", *compare.LIT_SCENE, *compare.SIZE]
+    beside = table.groupby(scene, sort=False, dropna=False)["frames"].transform("max")
     ms = numbers.of_frames(numbers.carry(table["total_ms"], around, numbers.TIME), table["frames"], beside)
     rows = table[["true_errors", "check", "excused_share"]].to_dict("records")
     return table.assign(
