@@ -87,7 +87,7 @@ def exactness(results: Results, folder: str) -> list[str]:
 
 
 def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
-    """What each effect costs, and a frame by what alone moved, of the methods that have most of them."""
+    """What each effect costs grids of rays, a tree and the paper's grids, and a frame by what alone moved."""
     import pandas as pd
 
     table = document.measured(effects.read(results.folder / folder))
@@ -98,8 +98,7 @@ def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
     table = table.assign(
         text=text, effect=table["light_label"].where(~moved, "only moved: " + table["moved"])
     )
-    most = table.groupby("label")["effect"].nunique()
-    table = table[table["label"].map(most) == most.max()]
+    table = table[table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
     rows = {"title": "scene", "effect": "effect"}
     return document.markdown(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
 
@@ -179,5 +178,6 @@ def measured(points: document.DataFrame) -> dict[str, Any]:
 
 
 PARTS = {
-    part.__name__: part for part in (finding, kinds, beside, exactness, findings, claims, verdicts, folders)
+    part.__name__: part
+    for part in (finding, kinds, beside, exactness, effects_of, findings, claims, verdicts, folders)
 }
