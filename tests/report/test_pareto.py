@@ -40,6 +40,7 @@ def test_names_of_near_points_do_not_touch(tmp_path, monkeypatch):
     path = pareto.draw(tmp_path / "a.svg", table())
     ((axes, points),) = shown
     assert [name for *_, name in points] == ["a", "b", "c", "d"]
+    axes.figure.draw_without_rendering()  # at its own size again, after that of the file
     boxes = [Text.get_window_extent(text) for text in axes.texts]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
     assert "stair" in path.read_text()
