@@ -76,7 +76,7 @@ class Evidence:
         self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
     ) -> dict[str, float]:
         """Measure of ``one``'s points over ``other``'s, by scene (all, or ``scenes``). Raises :class:`Lacking` if none."""
-        frames, found = compare.slim(self.of(), ("pass.",)), dict[str, float]()
+        frames, found = compare.slim(self.of(), ("pass.", "counter.")), dict[str, float]()
         base, own = matching(frames, **other), matching(frames, **one)
         if base.any() and own.any():
             points, bases = compare.pairs(frames[base | own], base[base | own])

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -133,7 +134,7 @@ def tidy(folder: Path | str) -> DataFrame:
     for place in places[:1] if places[0] == folder else places:
         name = place_name(place, folder)
         before = "" if place == folder else f"{name}/"
-        found, more = newest_as(place, lambda record, name=name: list(_rows(record, name)))
+        found, more = newest_as(place, partial(_all_rows, folder=name))
         rows += ({**row, "key": before + row["key"]} for own in found for row in own)
         older += more
     table = _typed(rows)
@@ -225,6 +226,10 @@ def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
     """Milliseconds of the passes of a part whose names match ``pattern`` (a regular expression), row by row."""
     found = table.filter(regex=rf"^pass\.{part}\..*(?:{pattern})").sum(axis=1)
     return found.where(table["build_ms"].notna())
+
+
+def _all_rows(record: Record, folder: str) -> list[dict[str, Any]]:
+    return list(_rows(record, folder))
 
 
 def _rows(record: Record, folder: str) -> Iterator[dict[str, Any]]:
