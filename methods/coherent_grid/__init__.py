@@ -19,11 +19,11 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays
 from ..gpu.reserve import counted
 from ..grids.build import TriangleGrid, cells_for
 from ..grids.cells import cells_of, make_kernels
 from ..grids.parameters import Build
+from ..rays.launches import PixelRays
 from ..streams.camera.passes import Camera, undecided_step
 from ..streams.queues import COUNTERS, UNDECIDED, Queues, Step
 from ..streams.settings import chosen
@@ -77,7 +77,7 @@ class CoherentGrid(BaseMethod):
         self._cells = cells_of(self._grid)
         self._queues = Queues(frame, False, (1, 1, self._undecided), 1)
         camera = Camera(frame, chosen(count, frame.pixels), self._queues, effects)
-        others = PixelRays(frame, effects, self._cells, *make_kernels(), swizzle=False, hit=camera.hit)
+        others = PixelRays(frame, effects, self._cells, *make_kernels(), hit=camera.hit)
         build, structure = self._grid.passes(self._need, 0), TriangleGrid.RESOURCES
         if effects.orthographic:  # a packet's rays start in one point
             return [*build, *others.passes(structure)]

@@ -32,10 +32,10 @@ from shadowbench.harness.frame.effects.specialise import (
     switches_of,
 )
 from shadowbench.harness.scene.effects import Switches
-from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.grids.cells import make_kernels as make_grid_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
+from shadowbench.methods.rays import kernels as ray_kernels
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream

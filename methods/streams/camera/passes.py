@@ -90,7 +90,7 @@ class Camera:
         f = self.frame
         wp.launch(
             specialised(resolve.make_resolve_kernel(self._points), self.effects.switches()),
-            dim=band.thread_count(True),
+            dim=band.thread_count(),
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
             outputs=[band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)],
             device=f.device,

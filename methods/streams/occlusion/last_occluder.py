@@ -152,7 +152,7 @@ class LastOccluder:
         r, f = self.rays, self.rays.frame
         wp.launch(
             specialised(settle_kernel, r.effects.switches(r.index)),
-            dim=thread_count(f.width, f.height, True),
+            dim=thread_count(f.width, f.height),
             inputs=[r.light, r.hits, f.alpha, f.receivers],
             outputs=[self.last, r.receivers, f.answers.shadowed],
             device=f.device,
