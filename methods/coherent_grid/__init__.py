@@ -18,7 +18,7 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
-from ..common.pairs import grown
+from ..common.pairs import all_needs, grown
 from ..gpu.reserve import counted
 from ..grids.build import TriangleGrid, cells_for
 from ..grids.cells import cells_of, make_kernels
@@ -101,8 +101,7 @@ class CoherentGrid(BaseMethod):
     def needs(self) -> wp.array | None:
         if self._need is None:
             return None
-        both = [array.numpy().astype(np.int64).ravel() for array in (self._need, self._queues.counts)]
-        return wp.array(np.concatenate(both), dtype=wp.int64, device="cpu")
+        return all_needs(self._need, self._queues.counts)
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         before = (self._pairs, self._undecided)
@@ -118,7 +117,7 @@ class CoherentGrid(BaseMethod):
         return {
             "pairs": int(self._need.numpy()[0]),
             "primary tests": int(self._tests.numpy()[0]),
-            "doubtful pairs": int(self._queues.counts.numpy()[:, UNDECIDED].sum()),
+            "undecided pairs": int(self._queues.counts.numpy()[:, UNDECIDED].sum()),
         }
 
     def built(self) -> dict[str, Any]:

@@ -275,7 +275,7 @@ MUTATIONS = (
             Planted(
                 footprint,
                 "on_bins",
-                (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
+                (("32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
                 light_stream,
             ),
         ),

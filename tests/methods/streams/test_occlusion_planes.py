@@ -46,4 +46,4 @@ def test_few_pairs_are_left_to_float64(light, groups, device):
     assert (best >= 0).all()
     # A light nearly in the square sees both of its triangles through each of its points.
     on_square = int((best >= 12).sum()) if abs(light[0]) == 2.0**-30 else 0
-    assert method.counters()["light 0 doubtful pairs"] < 1.1 * on_square + 0.05 * SIZE * SIZE
+    assert method.counters()["light 0 undecided pairs"] < 1.1 * on_square + 0.05 * SIZE * SIZE
