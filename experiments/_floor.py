@@ -105,7 +105,9 @@ ANSWER = 4 * 4
 POINT, OWN, SLOT = 16, 4, 8
 """Bytes of a ray's hit point in float32, of its own triangle and of its slot in the cells."""
 ITEM, RECORD, GROUP, PAIR = 16, 64, 128, 8
-"""Bytes of a queued item, of a triangle's planes, of a light's group of rows with both, of a doubtful pair."""
+"""Bytes of a queued item, of a triangle's planes, of a light's group of rows with both, of an undecided pair."""
+FORMER = {"chunks": "parts", "undecided pairs": "doubtful pairs"}
+"""Names of counters in the records of earlier versions, whose passes have these words, too."""
 
 
 def ray_grids(row: dict[str, Any], name: str) -> Work | None:
@@ -120,7 +122,7 @@ def ray_grids(row: dict[str, Any], name: str) -> Work | None:
     stage = f"{who}: {what}"
 
     def queued(kind: str) -> float:
-        return share * row.get(f"counter.{who} {kind}", 0)
+        return share * sum(row.get(f"counter.{who} {name}", 0) for name in {kind, FORMER.get(kind, kind)})
 
     if what == "stream triangles":
         # The camera writes words; a light reads rays. Queued work is written.
@@ -137,9 +139,11 @@ def ray_grids(row: dict[str, Any], name: str) -> Work | None:
         "scatter rays": Work(rays * (SLOT + 2 * POINT)),
         "split large": Work(queued("items") * (ITEM + GROUP), stage=stage),
         "queued rows": Work(queued("items") * group, stage=stage),
-        "further parts": Work(queued("parts") * (PAIR + group), stage=stage),
-        "doubtful pairs": Work(queued("doubtful pairs") * PAIR, stage=stage),
+        "further chunks": Work(queued("chunks") * (PAIR + group), stage=stage),
+        "undecided pairs": Work(queued("undecided pairs") * PAIR, stage=stage),
     }
-    if what == "further parts, doubtful pairs":
-        return Work(stages["further parts"].bytes + stages["doubtful pairs"].bytes, stage=stage)
+    for now, former in FORMER.items():
+        what = what.replace(former, now)
+    if what == "further chunks, undecided pairs":
+        return Work(stages["further chunks"].bytes + stages["undecided pairs"].bytes, stage=stage)
     return stages.get(what)

@@ -66,6 +66,41 @@ def test_methods_import_only_what_describes_a_frame():
     assert outside == []
 
 
+def methods_in_methods(graph: dict[str, set[str]]) -> list[str]:
+    """Imports of a method by another one, or by what methods share. ``hybrid`` consists of others."""
+    return sorted(
+        f"{module} -> {other}"
+        for module, others in graph.items()
+        if module.startswith("methods.")
+        for user in [module.split(".")[1]]
+        for other in others
+        for used in other.split(".")[1:2]
+        if used in NAMES and used != user and user != "hybrid" and other.startswith("methods.")
+    )
+
+
+def test_no_method_imports_another():
+    assert methods_in_methods(imports()) == []
+    found = methods_in_methods(
+        {
+            "methods.kdtree.nodes": {"methods.kdtree.clip", "methods.bvh2"},
+            "methods.streams.queues": {"methods.ray_grids.parameters", "methods.gpu.warps"},
+            "methods.hybrid.choice": {"methods.bvh2"},
+        }
+    )
+    assert found == [
+        "methods.kdtree.nodes -> methods.bvh2",
+        "methods.streams.queues -> methods.ray_grids.parameters",
+    ]
+
+
+def test_a_folder_of_methods_holds_at_most_twelve_files():
+    folders = [folder for folder in (ROOT / "methods").rglob("*") if folder.is_dir()]
+    held = {str(folder.relative_to(ROOT)): len(list(folder.glob("*.py"))) for folder in folders}
+    assert {name: number for name, number in held.items() if number > 12} == {}
+    assert held["methods/common"] > 2
+
+
 def test_the_harness_names_no_method():
     named = []
     for module, file in modules().items():

@@ -40,7 +40,7 @@ def giant_edge(power: int, turn: int = 0) -> Trial:
     eye = NORMAL + 0.013 * ASIDE + 0.021 * EDGE
     return view(
         giant(power), [tuple(2 * NORMAL + 0.1 * ASIDE), tuple(-NORMAL)], eye, -NORMAL - 0.013 * ASIDE, strip(power),
-        up=EDGE, turn=turn, stated=Counts(128),
+        up=EDGE.tolist(), turn=turn, stated=Counts(128),
     )  # fmt: skip
 
 

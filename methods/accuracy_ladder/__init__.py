@@ -17,7 +17,7 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.box_tree import QUERY_BLOCK, BoxTree
 from ..common.misses import miss_passes
-from ..common.ray_launches import PixelRays
+from ..rays.launches import PixelRays
 from .kernels import Rung, make_kernels
 from .parameters import ORIGINS, PADDED_UNITS, Build, Trace, known_inexact
 
@@ -46,7 +46,7 @@ class AccuracyLadder(BaseMethod):
         )
         rung = tree.boxes(Rung, scheme=ORIGINS.index(self.trace.origin), box=tree.box)
         kernels = make_kernels(self.trace.test, self.build.fast_math)
-        rays = PixelRays(frame, effects, rung, *kernels, swizzle=True, block=QUERY_BLOCK)
+        rays = PixelRays(frame, effects, rung, *kernels, block=QUERY_BLOCK)
         return [*tree.passes(), *rays.passes(("bvh",))]
 
     def built(self) -> dict[str, Any]:

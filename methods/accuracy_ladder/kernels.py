@@ -12,7 +12,6 @@ from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, corners_of,
 from ..common.box_tree import traverse, walk
 from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
 from ..common.pixels import pixel_of
-from ..common.ray_kernels import make_primary_kernel
 from ..exact.hit_point import hit_point, plane_distance
 from ..exact.ray_queries import (
     SLACK,
@@ -26,6 +25,7 @@ from ..exact.ray_queries import (
 )
 from ..exact.segment import occludes
 from ..exact.triangle import nearer_of, to_float64, write_miss
+from ..rays.kernels import make_primary_kernel
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
@@ -116,7 +116,7 @@ def write_found(
 
 @functools.cache
 def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
-    """(primary kernel, shadow kernel) with one triangle test compiled in, for :class:`..common.ray_launches.PixelRays`."""
+    """(primary kernel, shadow kernel) with one triangle test compiled in, for :class:`..rays.launches.PixelRays`."""
     occluder, sheared = any_hit_by(test), test in SHEARED_TESTS
     write = None if test in EXACT_TESTS else write_found
     primary_kernel = make_primary_kernel(Rung, walk, 0, closest_hit_by(test), write, fast_math)
@@ -125,7 +125,6 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         enable_backward=False, grid_stride=False, module="unique", module_options={"fast_math": fast_math}
     )
     def shadow_kernel(
-        blocks: wp.bool,
         light: wp.int32,
         rung: Rung,
         camera: Camera,
@@ -139,7 +138,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         shadowed: wp.array(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height)
         if pixel < 0:
             return
         own = hits.triangle[pixel]

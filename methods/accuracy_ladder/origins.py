@@ -9,8 +9,8 @@ import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
 from ..common.bounds import box_high, box_low
-from ..common.offset import shadow_origin, stepped
 from ..exact.triangle import to_float32, to_float64
+from ..rays.offset import shadow_origin, stepped
 from .parameters import ORIGINS
 
 HIT_POINT, IDENTITY, BARYCENTRIC, RAY = (

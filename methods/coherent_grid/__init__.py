@@ -18,12 +18,12 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
-from ..common.pairs import grown
-from ..common.ray_launches import PixelRays
+from ..common.pairs import all_needs, grown
 from ..gpu.reserve import counted
 from ..grids.build import TriangleGrid, cells_for
 from ..grids.cells import cells_of, make_kernels
 from ..grids.parameters import Build
+from ..rays.launches import PixelRays
 from ..streams.camera.passes import Camera, undecided_step
 from ..streams.queues import COUNTERS, UNDECIDED, Queues, Step
 from ..streams.settings import chosen
@@ -77,7 +77,7 @@ class CoherentGrid(BaseMethod):
         self._cells = cells_of(self._grid)
         self._queues = Queues(frame, False, (1, 1, self._undecided), 1)
         camera = Camera(frame, chosen(count, frame.pixels), self._queues, effects)
-        others = PixelRays(frame, effects, self._cells, *make_kernels(), swizzle=False, hit=camera.hit)
+        others = PixelRays(frame, effects, self._cells, *make_kernels(), hit=camera.hit)
         build, structure = self._grid.passes(self._need, 0), TriangleGrid.RESOURCES
         if effects.orthographic:  # a packet's rays start in one point
             return [*build, *others.passes(structure)]
@@ -101,8 +101,7 @@ class CoherentGrid(BaseMethod):
     def needs(self) -> wp.array | None:
         if self._need is None:
             return None
-        both = [array.numpy().astype(np.int64).ravel() for array in (self._need, self._queues.counts)]
-        return wp.array(np.concatenate(both), dtype=wp.int64, device="cpu")
+        return all_needs(self._need, self._queues.counts)
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         before = (self._pairs, self._undecided)
@@ -118,7 +117,7 @@ class CoherentGrid(BaseMethod):
         return {
             "pairs": int(self._need.numpy()[0]),
             "primary tests": int(self._tests.numpy()[0]),
-            "doubtful pairs": int(self._queues.counts.numpy()[:, UNDECIDED].sum()),
+            "undecided pairs": int(self._queues.counts.numpy()[:, UNDECIDED].sum()),
         }
 
     def built(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Mesh
+from ..common.reads import corners_at, direction_at
 from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry
 from ..grids.cells import Cells
@@ -28,7 +29,6 @@ from ..streams.camera.pixels import (
     test_pixel_or_queue,
 )
 from ..streams.queues import Queue
-from ..streams.reads import corners_at, direction_at
 
 SPREAD = wp.constant(wp.float64(2.0**-20))
 """Directions are sums of two float32 vectors, rounded: off by 2^-24 of their largest part, three times."""

@@ -37,9 +37,9 @@ class Band:
     pixels: int
     camera: Any
 
-    def thread_count(self, blocks: bool) -> int:
-        """Threads of a kernel over the band: :func:`.pixels.thread_count`."""
-        return thread_count(self.camera.width, self.camera.height, blocks)
+    def thread_count(self) -> int:
+        """Threads of a kernel over the band."""
+        return thread_count(self.camera.width, self.camera.height)
 
     def of(self, array: wp.array) -> wp.array:
         """The band's part of an array [pixels] or [rows, pixels]; the array itself if it is not of that size."""
@@ -108,7 +108,7 @@ class ThreadRanges(Parts[Threads]):
     """
 
     def __init__(self, frame: Frame, threads: int):
-        tiles = thread_count(frame.width, frame.height, True) // TILE_THREADS
+        tiles = thread_count(frame.width, frame.height) // TILE_THREADS
         parts = ranges(tiles, cpu_threads(threads, frame.device))
         super().__init__([Threads(TILE_THREADS * first, TILE_THREADS * number) for first, number in parts])
 

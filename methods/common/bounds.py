@@ -145,8 +145,8 @@ def boxes_kernel(
         return
     corners = corners_of(mesh, i)
     weld = weld_of(mesh, i)
-    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
-    pad = (units * U32) * reach
+    extent = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
+    pad = (units * U32) * extent
     if units > 0.0:
         pad = pad + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
     lowers[i] = wp.min(corners.a, wp.min(corners.b, corners.c)) - pad

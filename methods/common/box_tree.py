@@ -83,7 +83,7 @@ def walk(
     own: wp.int32,
     query: Any,
 ) -> Found:
-    """:func:`traverse` for the kernels of :mod:`.ray_kernels`."""
+    """:func:`traverse` for the kernels of :mod:`..rays.kernels`."""
     found = nothing_found(wp.float32(end) * SLACK)
     return traverse(
         test, boxes.tree, boxes.records, alpha, to_float32(start), to_float32(direction), query, found

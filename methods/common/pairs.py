@@ -1,7 +1,8 @@
-"""Rooms of lists that grow between frames, and what a frame needed of one."""
+"""Rooms of lists that grow between frames, and what a frame needed of them."""
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from ...harness.errors import CapacityRejected
@@ -13,6 +14,12 @@ PAIR_BYTES = 16
 @wp.kernel(enable_backward=False)
 def need_kernel(scan: wp.array(dtype=wp.int64), need: wp.array(dtype=wp.int64), slot: wp.int32):
     need[slot] = scan[scan.shape[0] - 1]
+
+
+def all_needs(*counts: wp.array) -> wp.array:
+    """Counters of several kinds one after another, as :meth:`...harness.frame.method.Method.needs` gives them."""
+    found = [array.numpy().astype(np.int64).ravel() for array in counts]
+    return wp.array(np.concatenate(found), dtype=wp.int64, device="cpu")
 
 
 def grown(needed: int, capacity: int, memory: int, what: str) -> int:

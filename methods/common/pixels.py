@@ -1,33 +1,12 @@
-"""Which pixel a thread takes: plain rows, or blocks of 8x4 so that the 32 threads of a warp trace similar rays."""
+"""Which pixel a thread takes: those of a warp a block of 8 x 4, so that their rays are similar."""
 
 from __future__ import annotations
 
 import warp as wp
 
-BLOCK_WIDTH = wp.constant(8)
-BLOCK_HEIGHT = wp.constant(4)
-OUTSIDE = wp.constant(-1)
 
-
-@wp.func
-def pixel_of(thread: wp.int32, width: wp.int32, height: wp.int32, blocks: wp.bool) -> wp.int32:
-    """The pixel index of a thread, or OUTSIDE where a block reaches over the image's edge."""
-    if not blocks:
-        return thread
-    across = (width + BLOCK_WIDTH - 1) // BLOCK_WIDTH
-    block = thread // (BLOCK_WIDTH * BLOCK_HEIGHT)
-    lane = thread % (BLOCK_WIDTH * BLOCK_HEIGHT)
-    x = (block % across) * BLOCK_WIDTH + lane % BLOCK_WIDTH
-    y = (block // across) * BLOCK_HEIGHT + lane // BLOCK_WIDTH
-    if x >= width or y >= height:
-        return OUTSIDE
-    return y * width + x
-
-
-def thread_count(width: int, height: int, blocks: bool) -> int:
-    """How many threads :func:`pixel_of` needs."""
-    if not blocks:
-        return width * height
+def thread_count(width: int, height: int) -> int:
+    """Threads of a kernel over an image, in whole blocks."""
     return -(-width // 8) * -(-height // 4) * 32
 
 
@@ -46,7 +25,7 @@ def whole_quotient(a: wp.int32, b: wp.int32) -> wp.int32:
 
 @wp.func
 def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1: neighbours on the image mostly share a cell."""
+    """Column and row of a thread's pixel; -1 where its block reaches over the image's edge."""
     across = (width + 7) >> 3
     tile = k >> 5
     down = whole_quotient(tile, across)
@@ -58,6 +37,13 @@ def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
 
 
 @wp.func
+def pixel_of(thread: wp.int32, width: wp.int32, height: wp.int32) -> wp.int32:
+    """The index of :func:`tile_pixel`, or -1."""
+    at = tile_pixel(thread, width, height)
+    return wp.where(at[0] < 0, -1, at[1] * width + at[0])
+
+
+@wp.func
 def tile_threads(width: wp.int32, height: wp.int32) -> wp.int32:
-    """How many threads :func:`tile_pixel` needs (:func:`thread_count`)."""
+    """:func:`thread_count`, in a kernel."""
     return ((width + 7) >> 3) * ((height + 3) >> 2) * 32

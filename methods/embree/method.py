@@ -25,9 +25,9 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.frame.schedule.threads import processors, ranges
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
-from ..common.offset import SHADOW_END, launch_shadow_origins
-from ..common.ray_passes import shadow_ray_passes
 from ..common.updates import refuse_static
+from ..rays.launches import shadow_ray_passes
+from ..rays.offset import SHADOW_END, launch_shadow_origins
 from .library import QUALITIES, Device, TriangleScene, address
 from .packets import SIDE, Query, coherent_arguments, intersect_kernel, occluded_kernel
 

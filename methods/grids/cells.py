@@ -8,8 +8,8 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh, filled
-from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..exact.ray_queries import Found, nothing_found
+from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from .build import TriangleGrid
 from .grid import Grid, cell_index
 from .walk import FOREVER, TIE, advance, enter, inside, next_leave

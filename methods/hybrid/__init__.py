@@ -19,7 +19,7 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
-from ..common.pairs import grown
+from ..common.pairs import all_needs, grown
 from ..common.updates import refuse_static
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
@@ -89,8 +89,7 @@ class Hybrid(BaseMethod):
         streamed = self._streams.needs()
         if self._rays is None or streamed is None:
             return streamed
-        both = [array.numpy().astype(np.int64).ravel() for array in (streamed, self._rays.counts)]
-        return wp.array(np.concatenate(both), dtype=wp.int64, device="cpu")
+        return all_needs(streamed, self._rays.counts)
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         streamed = self._streams.needs()

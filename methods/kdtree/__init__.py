@@ -21,8 +21,8 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.schedule.passes import Pass
 from ..common.bounds import launch_bounds
-from ..common.ray_structure import Built, RayStructure
 from ..gpu.reserve import BEYOND
+from ..rays.structure import Built, RayStructure
 from .large import advance_kernel, distribute_kernel, divide_kernel, gather_kernel, list_kernel, root_kernel
 from .nodes import COUNTERS, LARGE_DEPTH, LONGEST, MEMBERS_USED, NODES_USED, SMALL, Large, Refs, Roots, Tree
 from .small import CANDIDATES, MEMBER_CHUNK, NODE_CHUNK, WIDTH, Scratch, finish_kernel, small_kernel

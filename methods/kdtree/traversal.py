@@ -35,10 +35,10 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
 from ..common.bounds import box_high, box_low
-from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..exact.ray_queries import SLACK, Found, nothing_found
 from ..exact.triangle import U32, largest, to_float32
 from ..gpu.entries import entry
+from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from .nodes import LEAF, Tree, bit
 
 STACK = 8
@@ -94,7 +94,7 @@ def make_walk(stack: int) -> Any:
         own: wp.int32,
         query: Any,
     ) -> Found:
-        """Call ``test`` for the triangles of the leaves that a ray meets: see :mod:`..common.ray_kernels`."""
+        """Call ``test`` for the triangles of the leaves that a ray meets: see :mod:`..rays.kernels`."""
         found = nothing_found(SLACK * wp.float32(end))
         stack_node = wp.zeros(shape=KEPT, dtype=wp.int32)
         stack_from = wp.zeros(shape=KEPT, dtype=wp.float32)

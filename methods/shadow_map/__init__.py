@@ -22,7 +22,7 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
-from ..common.pairs import grown
+from ..common.pairs import all_needs, grown
 from ..gpu.reserve import counted
 from ..streams.camera.passes import Camera
 from ..streams.method import refuse_too_large
@@ -77,7 +77,8 @@ class ShadowMap(BaseMethod):
         self._allocate(frame, len(effects.shadows), wanted)
         queues = Queues(frame, self._queued, self._capacity, 1)
         settings = chosen(frame.triangle_count, frame.pixels, cuda=self._queued)
-        camera = Camera(frame, settings, queues, effects, self._needs)
+        camera = Camera(frame, settings, queues, effects)
+        self._queues = queues
         self._hit = camera.hit
         wide, bias = self.trace.filter == "pcf", self.trace.bias
         amount = self.trace.bias_amount * (3.0 if wide and bias in ("slope", "normal") else 1.0)
@@ -101,7 +102,7 @@ class ShadowMap(BaseMethod):
                 "choose a smaller size"
             )
         with wp.ScopedDevice(frame.device):
-            self._needs = wp.zeros(COUNTERS + PER_LIGHT * lights, dtype=wp.int64)
+            self._needs = wp.zeros(PER_LIGHT * lights, dtype=wp.int64)
             self._box = wp.zeros(6, dtype=wp.float32)
             self._maps = {
                 i: filled(
@@ -126,7 +127,7 @@ class ShadowMap(BaseMethod):
         ]  # fmt: skip
 
     def needs(self) -> wp.array | None:
-        return self._needs
+        return None if self._needs is None else all_needs(self._queues.counts, self._needs)
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
@@ -144,7 +145,7 @@ class ShadowMap(BaseMethod):
         if self._needs is None:
             return {}
         result = {"texels": self.build.size**2 * self._faces}
-        for i, (strips, faces) in enumerate(self._needs.numpy()[COUNTERS:].reshape(-1, PER_LIGHT)):
+        for i, (strips, faces) in enumerate(self._needs.numpy().reshape(-1, PER_LIGHT)):
             result[f"light {i} strips"], result[f"light {i} faces"] = int(strips), int(faces)
         return result
 
@@ -162,7 +163,7 @@ class ShadowMap(BaseMethod):
 
     def _clear(self, light: int) -> None:
         frame, depths = self._frame, self._maps[light]
-        shape, slot = SHAPES.index(self.build.shape), COUNTERS + PER_LIGHT * light + 1
+        shape, slot = SHAPES.index(self.build.shape), PER_LIGHT * light + 1
         wp.launch(
             fit_kernel,
             dim=1,
@@ -183,7 +184,7 @@ class ShadowMap(BaseMethod):
             device=frame.device,
         )
         if self._queued:
-            threads, slot = 132 * 2048, COUNTERS + PER_LIGHT * light
+            threads, slot = 132 * 2048, PER_LIGHT * light
             wp.launch(
                 specialised(strip_kernel, self._effects.switches(light)),
                 dim=threads,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.axes import axes_along
 from ..common.bounds import box_high, box_low
 from ..exact.triangle import largest, to_float32, to_float64
 
@@ -24,7 +25,7 @@ class LightMap:
     forward, right, up  axes; forward points from the light to the middle of the scene
     middle    what positions are relative to: the middle of the box (aimed), the light (cube)
     distance  from the light to ``middle``; 0 for a cube
-    scale     what w is divided by: the distance (aimed), the scene's reach (cube)
+    scale     what w is divided by: the distance (aimed), the scene's extent (cube)
     centre, half   middle and half width of the map's window in tangents
     near, far      along the axis from ``middle``: where depth is 0 and 1
     faces     1 or 6
@@ -78,22 +79,18 @@ def fit_kernel(
     at = lights[light]
     middle = 0.5 * low + 0.5 * high
     way = to_float64(middle) - to_float64(at)
-    reach = largest(way)
+    far = largest(way)
     m = LightMap()
     m.forward = wp.vec3f(1.0, 0.0, 0.0)
     m.right = wp.vec3f(0.0, 1.0, 0.0)
     m.up = wp.vec3f(0.0, 0.0, 1.0)
-    aimed = shape != 2 and reach > wp.float64(0.0)
+    aimed = shape != 2 and far > wp.float64(0.0)
     if aimed:
-        forward = wp.normalize(way / reach)
-        m.distance = wp.float32(wp.length(way / reach) * reach)
-        side = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
-        if wp.abs(forward[1]) > wp.float64(0.8):
-            side = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        right = wp.normalize(wp.cross(forward, side))
-        m.forward = to_float32(forward)
-        m.right = to_float32(right)
-        m.up = to_float32(wp.cross(right, forward))
+        axes = axes_along(wp.normalize(way / far))
+        m.distance = wp.float32(wp.length(way / far) * far)
+        m.forward = to_float32(axes[0])
+        m.right = to_float32(axes[1])
+        m.up = to_float32(axes[2])
         m.middle = middle
         m.scale = m.distance
         m.faces = 1

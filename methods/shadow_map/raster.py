@@ -95,10 +95,10 @@ def cover(m: LightMap, face: wp.int32, size: wp.int32, corners: Corners) -> Cove
     found.n0 = wp.cross(b, bc)
     found.n1 = wp.cross(c, ca)
     found.n2 = wp.cross(a, ab)
-    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    farthest = wp.max(largest(a), wp.max(largest(b), largest(c)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     # Both sides of a shared edge take its texels, so that rounding leaves no crack.
-    found.bound = 16.0 * U32 * reach * edge
+    found.bound = 16.0 * U32 * farthest * edge
     if wp.dot(found.n0, a) < 0.0:
         found.n0 = -found.n0
         found.n1 = -found.n1

@@ -32,7 +32,7 @@ class Light:
             steps = steps[1:]
         tested = in_shares(r.who, "shadow", steps, queues, (*scene, bits), (bits,), r.effect)
         launch = functools.partial(self.occlusion.launch_undecided, self.placing.outside)
-        undecided: Step = ("doubtful pairs", (), (), launch)
+        undecided: Step = ("undecided pairs", (), (), launch)
         reads = (*scene, "camera", *(("hits",) if r.exact.size else ()), bits)
         tested += in_shares(r.who, "shadow", [undecided], queues, reads, (bits,), r.effect)
         if self.memory is not None:

@@ -136,6 +136,6 @@ class StreamedMethod(BaseMethod):
         for row, needed in enumerate(rows):
             name = "camera" if row == 0 else f"light {row - 1}"
             result[f"{name} items"] = int(needed[ITEMS] + needed[SMALL])
-            result[f"{name} parts"] = int(needed[CHUNKS])
-            result[f"{name} doubtful pairs"] = int(needed[UNDECIDED])
+            result[f"{name} chunks"] = int(needed[CHUNKS])
+            result[f"{name} undecided pairs"] = int(needed[UNDECIDED])
         return result

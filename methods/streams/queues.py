@@ -128,13 +128,6 @@ def store_chunks(
                 set_entry(queue.chunks, first + chunk, wp.vec2i(item, chunk + 1))
 
 
-@wp.kernel(enable_backward=False)
-def copy_counts_kernel(counts: wp.array(dtype=wp.int32), needs: wp.array(dtype=wp.int64)):
-    """Copy a stream's counters to the array in which another method counts its needs."""
-    i = wp.tid()
-    needs[i] = wp.int64(counts[i])
-
-
 Capacity = tuple[int, int, int]
 """Room for items (and for large triangles), chunks and undecided pairs."""
 

@@ -15,8 +15,8 @@ import warp as wp
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.schedule.passes import Pass
-from ..common.ray_structure import Built, RayStructure
 from ..grids.build import BinnedItems, TriangleGrid, cells_for, refuse_cells
+from ..rays.structure import Built, RayStructure
 from .leaves import TopCells, first_kernel, leaf_item, resolution_kernel
 from .traversal import LeafCells, make_kernels
 

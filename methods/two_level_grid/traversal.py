@@ -12,10 +12,10 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
-from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..exact.ray_queries import Found, nothing_found
 from ..grids.grid import Grid, cell_index, cell_of
 from ..grids.walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
+from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from .leaves import unpacked_res
 
 REGISTERS = 128
@@ -104,7 +104,7 @@ def walk(
     own: wp.int32,
     query: Any,
 ) -> Found:
-    """Call ``test`` for the triangles in the leaf cells of a ray: see :mod:`..common.ray_kernels`.
+    """Call ``test`` for the triangles in the leaf cells of a ray: see :mod:`..rays.kernels`.
 
     The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
     """

@@ -7,10 +7,10 @@ it.
 from __future__ import annotations
 
 from ...harness.frame.frame import Frame
-from ..common.ray_structure import Built, RayStructure
 from ..grids.build import TriangleGrid, cells_for
 from ..grids.cells import cells_of, make_kernels
 from ..grids.parameters import Build
+from ..rays.structure import Built, RayStructure
 
 
 class UniformGrid(RayStructure):

@@ -74,7 +74,7 @@ class ByLists(ByRays):
         self.head.zero_()
         wp.launch(
             specialised(lists.insert_kernel, r.switches),
-            dim=thread_count(f.width, f.height, True),
+            dim=thread_count(f.width, f.height),
             inputs=[r.index, r.hits, f.receivers],
             outputs=[r.cells, self.head],
             device=f.device,

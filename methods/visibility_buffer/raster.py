@@ -11,6 +11,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Mesh
+from ..common.reads import corners_at, direction_at
 from ..exact.triangle import spare_bits
 from ..gpu.entries import entry
 from ..streams.camera.pixels import (
@@ -23,7 +24,6 @@ from ..streams.camera.pixels import (
 from ..streams.camera.queued import store_candidate, stored_candidate, stored_planes
 from ..streams.camera.stream import box_of
 from ..streams.queues import Queue, Share, triangle_of
-from ..streams.reads import corners_at, direction_at
 from .tiles import (
     GROUP,
     TILE_SHIFT,

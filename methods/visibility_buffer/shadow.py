@@ -12,6 +12,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Mesh
+from ..common.reads import corners_at
 from ..gpu.bits import lowest_bit, without_lowest_bit
 from ..gpu.entries import entry, set_entry
 from ..streams.cube.cells import RayCells
@@ -34,7 +35,6 @@ from ..streams.cube.rectangle import cells_of, faces_of, last_row
 from ..streams.occlusion.planes import Occluder, bound_of, set_planes
 from ..streams.occlusion.ray_test import ShadowBits
 from ..streams.queues import Queue, Share, triangle_of
-from ..streams.reads import corners_at
 from .lists import test_list, test_texels, texel_index
 from .tiles import (
     GROUP,

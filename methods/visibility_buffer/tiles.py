@@ -2,11 +2,11 @@
 
 A triangle whose box is large is put into a list (``Queue.large``), and the tiles of its box into groups of 32
 (``Queue.items``). A second kernel tests every tile against the triangle, and a third one rasterises the tiles that are left
-(``Queue.parts``). This is the hierarchy of software rasterisers (Laine and Karras 2011) in two levels.
+(``Queue.chunks``). This is the hierarchy of software rasterisers (Laine and Karras 2011) in two levels.
 
     large  (triangle and face << 24, first column and last << 16, first row and last << 16, bits of a bound)
     items  (place in ``large``, first tile, bits of a depth, 0)
-    parts  (place in ``large``, column of the tile and its row << 16)
+    chunks  (place in ``large``, column of the tile and its row << 16)
 """
 
 from __future__ import annotations

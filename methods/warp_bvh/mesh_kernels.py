@@ -9,9 +9,9 @@ import warp as wp
 
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
-from ..common.offset import SHADOW_END, stepped
 from ..common.pixels import pixel_of
 from ..exact.triangle import write_miss
+from ..rays.offset import SHADOW_END, stepped
 
 END = wp.constant(SHADOW_END)
 
@@ -30,7 +30,7 @@ def mesh_primary_kernel(
     """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it. ``names``: the triangle of each of its
     faces; empty where a face has its triangle's number.
     """
-    pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height)
     if pixel < 0:
         return
     ray = ray_of(camera, pixel)
@@ -58,7 +58,7 @@ def make_mesh_shadow_kernel(origin: str) -> Any:
     """Whether the wp.Mesh ``tree`` finds anything between each hit and the light.
 
     origin  "exact": from ``starts``, moved off the hit's triangle by an error bound. They are found by a kernel of their
-            own (:func:`..common.offset.launch_shadow_origins`): float64 takes half as many registers again as the query, and
+            own (:func:`..rays.offset.launch_shadow_origins`): float64 takes half as many registers again as the query, and
             would halve how many queries a GPU has in flight.
             The others are as a user of Warp writes them, float32 without a bound, so that some bits are wrong. "plain": from
             the point (u, v) of the triangle, moved along its normal as Waechter and Binder do (Ray Tracing Gems, ch. 6);
@@ -78,7 +78,7 @@ def make_mesh_shadow_kernel(origin: str) -> Any:
         receivers: wp.array2d(dtype=wp.uint8),
         shadowed: wp.array2d(dtype=wp.uint8),
     ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height)
         if pixel < 0:
             return
         best = hits.triangle[pixel]

@@ -20,11 +20,10 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.bands import Band, Bands
 from ..common.box_tree import QUERY_BLOCK, Boxes, BoxTree, walk
 from ..common.misses import miss_passes, write_misses
-from ..common.offset import launch_shadow_origins
-from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
-from ..common.ray_launches import PixelRays
-from ..common.ray_passes import shadow_ray_passes
 from ..common.updates import refuse_static
+from ..rays.kernels import make_primary_kernel, make_shadow_kernel
+from ..rays.launches import PixelRays, shadow_ray_passes
+from ..rays.offset import launch_shadow_origins
 from .mesh_kernels import make_mesh_shadow_kernel, mesh_primary_kernel
 from .triangles import TreeTriangles, may_be_hit
 
@@ -127,9 +126,7 @@ class WarpBvh(BaseMethod):
             self._tree = tree = BoxTree(frame, self._constructor, self.build.leaf_size or 1)
             kernels = make_primary_kernel(Boxes, walk), make_shadow_kernel(Boxes, walk)
             threads = self.trace.threads
-            self._rays = PixelRays(
-                frame, effects, tree.boxes(), *kernels, swizzle=True, threads=threads, block=QUERY_BLOCK
-            )
+            self._rays = PixelRays(frame, effects, tree.boxes(), *kernels, threads=threads, block=QUERY_BLOCK)
             self._bands = self._rays.bands
             return [*tree.passes(), *self._rays.passes(("bvh",))]
         self._frame, self._effects = frame, effects
@@ -223,7 +220,7 @@ class WarpBvh(BaseMethod):
         assert self._triangles is not None
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.thread_count(True),
+            dim=band.thread_count(),
             inputs=[self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce))],
             outputs=[band.fields_of(frame.hits(bounce))],
             device=frame.device,
@@ -245,7 +242,7 @@ class WarpBvh(BaseMethod):
             launch_shadow_origins(frame, light, self._origins, True, bounce, part)
         wp.launch(
             specialised(make_mesh_shadow_kernel(origin), self._effects.switches(light, bounce)),
-            dim=band.thread_count(True),
+            dim=band.thread_count(),
             inputs=[
                 light, self._mesh.id, band.camera, frame.mesh, frame.lights,
                 band.fields_of(frame.rays(bounce)), band.fields_of(frame.hits(bounce)), band.of(self._origins),

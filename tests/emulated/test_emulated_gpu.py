@@ -153,10 +153,10 @@ def test_no_order_of_lanes_changes_an_answer_of_another_method(name, given):
 
 
 def test_cells_where_few_and_many_faces_have_other_numbers():
-    tests = EMULATED.parent / "methods" / "ray_grids" / "test_cells.py"
+    tests = EMULATED.parent / "methods" / "streams" / "test_cube_rectangle.py"
     done = emulated(str(EMULATED / "run_tests.py"), str(tests))
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "19 passed" in done.stdout
+    assert "12 passed" in done.stdout
 
 
 @pytest.mark.slow

@@ -69,6 +69,17 @@ def test_a_floor_is_the_larger_of_moving_and_testing_and_the_launches():
     assert floor.least_ms(Work(2e9, 3e6, 2), machine) == pytest.approx(3.0 + 1.0)
 
 
+@pytest.mark.parametrize("names", [("chunks", "undecided pairs"), ("parts", "doubtful pairs")])
+def test_work_has_the_names_of_now_and_of_earlier_records(names):
+    chunks, pairs = names
+    row = {"pixels": 10, "shadow_rays": 9, "triangles": 8, "vertices": 7}
+    counted = {f"counter.light 0 {chunks}": 3, f"counter.light 0 {pairs}": 5}
+    assert ray_grids({**row, **counted}, f"light 0: further {chunks}").bytes == 3 * (8 + 128)
+    assert ray_grids({**row, **counted}, f"light 0: {pairs}, share 2 of 2").bytes == 0.5 * 5 * 8
+    both = {f"counter.camera {chunks}": 3, f"counter.camera {pairs}": 5}
+    assert ray_grids({**row, **both}, f"camera: further {chunks}, {pairs}").bytes == 3 * (8 + 80) + 5 * 8
+
+
 def floored(monkeypatch, folder, passes):
     monkeypatch.setitem(floor.MACHINES, "Imaginary GPU", Machine(1e12, 1e15, 0.01))
     record = record_of("frame_time", Entry("ray_grids", {}, "ray grids"), passes=passes, ms=1.0)

@@ -187,7 +187,7 @@ def test_variants_are_few_and_made_once():
 
 
 def test_a_made_variant_is_the_kernel_with_the_switch_on(tmp_path):
-    kernel = kernels()["methods.common.ray_kernels.make_shadow_kernel"]
+    kernel = kernels()["methods.rays.kernels.make_shadow_kernel"]
     made = specialised(kernel, Switches(receivers=True))
     assert made.options == kernel.options
     assert made.func.__globals__["effects"].receivers

@@ -175,7 +175,7 @@ def test_ranges_hold_every_thread_of_an_image_once(width, height, threads):
     session = Session(make_method("ray_grids"), scene(), width, height, "cpu")
     parts = ThreadRanges(session.frame, threads).parts
     held = [thread for part in parts for thread in range(part.first, part.first + part.number)]
-    assert held == list(range(thread_count(width, height, True)))
+    assert held == list(range(thread_count(width, height)))
     assert all(part.number and part.first % 32 == 0 for part in parts)
     assert len(parts) <= threads
 

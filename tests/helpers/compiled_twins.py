@@ -32,10 +32,11 @@ from shadowbench.harness.frame.effects.specialise import (
     switches_of,
 )
 from shadowbench.harness.scene.effects import Switches
-from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.grids.cells import make_kernels as make_grid_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
+from shadowbench.methods.rays import kernels as ray_kernels
+from shadowbench.methods.streams.camera import resolve as camera_resolve
 from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from shadowbench.methods.streams.occlusion import stream as light_stream
@@ -226,6 +227,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         make_trace_kernel: make_trace_kernel(0, 64),
         make_shadow_kernel: make_shadow_kernel(0, 64),
         camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
+        camera_resolve.make_resolve_kernel: camera_resolve.make_resolve_kernel("rounded"),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
         light_rows.make_rows_kernel: light_rows.make_rows_kernel(False),
         sort.make_scatter_kernel: sort.make_scatter_kernel(False),

@@ -18,7 +18,7 @@ from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame import session
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
-from shadowbench.methods.common import bounds, box_tree, ray_kernels
+from shadowbench.methods.common import bounds, box_tree
 from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
 from shadowbench.methods.grids import build as grid_build
 from shadowbench.methods.grids import grid
@@ -26,6 +26,7 @@ from shadowbench.methods.perspective_spherical.camera import tiles as camera_gri
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
 from shadowbench.methods.perspective_spherical.light import rays as light_rays
 from shadowbench.methods.perspective_spherical.light import sphere
+from shadowbench.methods.rays import kernels as ray_kernels
 from shadowbench.methods.streams.camera import pixels as camera_pixels
 from shadowbench.methods.streams.cube import footprint
 from shadowbench.methods.streams.occlusion import stream as light_stream
@@ -274,7 +275,7 @@ MUTATIONS = (
             Planted(
                 footprint,
                 "on_bins",
-                (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
+                (("32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
                 light_stream,
             ),
         ),

@@ -45,10 +45,10 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.harness.frame.effects.specialise import specialised
     from shadowbench.harness.scene.effects import Switches
     from shadowbench.methods.common.box_tree import Boxes, walk
-    from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
     from shadowbench.methods.grids.cells import make_kernels
     from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel as make_chunk_kernel
+    from shadowbench.methods.rays.kernels import make_primary_kernel, make_shadow_kernel
     from shadowbench.methods.streams.camera import remainder as camera_remainder
     from shadowbench.methods.streams.camera import rows as camera_rows
     from shadowbench.methods.streams.camera import stream as camera_stream

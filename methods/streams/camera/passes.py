@@ -13,7 +13,7 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
-from ..queues import BLOCK_DIM, COUNTERS, WORDS, Queues, Step, copy_counts_kernel, in_shares
+from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..settings import Settings
 from . import remainder, resolve, rows, stream
 
@@ -23,7 +23,6 @@ class Camera:
 
     hit, rounded  hit points [pixels], vec3d if the ``points`` that are kept are "exact", vec3f if they are "rounded";
            else empty
-    needs  int64: where the stream's counters are copied to for another method, or None
     """
 
     def __init__(
@@ -32,12 +31,11 @@ class Camera:
         settings: Settings,
         queues: Queues,
         effects: Effects,
-        needs: wp.array | None = None,
         points: str = "exact",
         threads: int = 1,
     ):
         self.frame, self.settings, self.queues = frame, settings, queues
-        self.effects, self.needs = effects, needs
+        self.effects = effects
         self.queue = queues.of_stream(0)
         self._points = points
         with wp.ScopedDevice(frame.device):
@@ -71,18 +69,6 @@ class Camera:
             block_dim=BLOCK_DIM,
         )
 
-    def copy_needs(self, share: int) -> None:
-        """The counters, where another method reads them; after the last step."""
-        if self.needs is not None:
-            counts = self.queue[share].counts
-            wp.launch(
-                copy_counts_kernel,
-                dim=COUNTERS,
-                inputs=[counts],
-                outputs=[self.needs],
-                device=self.frame.device,
-            )
-
     def launch_resolve(self) -> None:
         self.bands.run(self._resolve_band)
 
@@ -90,7 +76,7 @@ class Camera:
         f = self.frame
         wp.launch(
             specialised(resolve.make_resolve_kernel(self._points), self.effects.switches()),
-            dim=band.thread_count(True),
+            dim=band.thread_count(),
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
             outputs=[band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)],
             device=f.device,
@@ -114,14 +100,14 @@ def stream_steps(camera: Camera) -> list[Step]:
         return [first, undecided_step(camera)]
     return [
         first,
-        ("queued rows", ("items",), ("parts",), partial(launch_rows, camera)),
-        ("further parts, doubtful pairs", ("parts",), (), partial(launch_remainder, camera)),
+        ("queued rows", ("items",), ("chunks",), partial(launch_rows, camera)),
+        ("further chunks, undecided pairs", ("chunks",), (), partial(launch_remainder, camera)),
     ]
 
 
 def undecided_step(camera: Camera) -> Step:
     """The last step, where undecided pairs have a pass of their own."""
-    return ("doubtful pairs", (), (), partial(launch_undecided, camera))
+    return ("undecided pairs", (), (), partial(launch_undecided, camera))
 
 
 def launch_stream(camera: Camera, share: int) -> None:
@@ -143,11 +129,9 @@ def launch_remainder(camera: Camera, share: int) -> None:
     threads = remainder.BLOCKS * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
     inputs = [threads, camera.settings.chunk, f.camera, f.mesh, f.alpha]
     camera.launch(remainder.last_kernel, share, threads, inputs, [q.nearest])
-    camera.copy_needs(share)
 
 
 def launch_undecided(camera: Camera, share: int) -> None:
     f, q = camera.frame, camera.queues
     inputs = [q.few_threads, f.camera, f.mesh, f.alpha]
     camera.launch(stream.undecided_kernel, share, q.few_threads, inputs, [q.nearest])
-    camera.copy_needs(share)

@@ -13,12 +13,13 @@ import warp as wp
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners
 from ...common.pixels import whole_quotient
+from ...common.reads import direction_at
+from ...exact.planes import farthest_corner, longest_edge, normal_through
 from ...exact.triangle import U32, U64, largest, nearness_key, spare_bits, to_float64
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.division import about_inverse, quotient, reciprocal
 from ...gpu.entries import entry, entry_now, raise_entry
 from ..queues import Queue, queue_undecided
-from ..reads import direction_at
 
 LEAST_HEIGHT = wp.constant(wp.float64(2.0**-14))
 LONGEST_WAY = wp.constant(wp.float32(32.0))
@@ -33,7 +34,7 @@ class Planes:
 
     steep: whether 1 / t of a :func:`hit_word` gives hit points to 2^-29 of their way from the eye, and that way is at most
     32 times the largest coordinate of the triangle. The word cuts 1 / t at 2^-29 of itself, so that the middle is off by
-    2^-30. Rounding adds at most 2 NORMAL_UNITS S / |height|, with S at most 6 reach edge^2
+    2^-30. Rounding adds at most 2 NORMAL_UNITS S / |height|, with S at most 6 distance edge^2
     (:func:`...exact.triangle.hit_distance`): 2^-31 with the least height that is asked for.
     """
 
@@ -65,41 +66,35 @@ class Candidate:
 @wp.func
 def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     """A triangle seen edge-on within rounding, or of a size beyond the range of float32, gets zeros."""
-    pa = corners.a - o
-    pb = corners.b - o
-    pc = corners.c - o
-    ab = corners.b - corners.a
-    bc = corners.c - corners.b
-    ca = corners.a - corners.c
-    reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    distance = farthest_corner(o, corners)
+    edge = longest_edge(corners)
     planes = Planes()
-    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30):
+    if not (distance * edge > 1.0e-30 and distance * edge < 1.0e30):
         return planes
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     det = wp.dot(n, a64 - to_float64(o))
-    product = wp.float64(reach) * wp.float64(edge) * wp.float64(edge)
+    product = wp.float64(distance) * wp.float64(edge) * wp.float64(edge)
     if not (wp.abs(det) > wp.float64(96.0) * U64 * product):
         return planes
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
-    planes.steep = wp.abs(det) > LEAST_HEIGHT * product and reach < LONGEST_WAY * size
+    planes.steep = wp.abs(det) > LEAST_HEIGHT * product and distance < LONGEST_WAY * size
     if wp.static(effects.wide):
         # Where sizes are unlike, 1 / t of another triangle may not be known by its plane in float64.
         if not planes.steep:
             return planes
-    scale = about_inverse(reach * edge)
+    scale = about_inverse(distance * edge)
     if det < wp.float64(0.0):
         scale = -scale
-    planes.n0 = wp.cross(pb, bc) * scale
-    planes.n1 = wp.cross(pc, ca) * scale
-    planes.n2 = wp.cross(pa, ab) * scale
+    planes.n0 = normal_through(o, corners.b, corners.c) * scale
+    planes.n1 = normal_through(o, corners.c, corners.a) * scale
+    planes.n2 = normal_through(o, corners.a, corners.b) * scale
     return planes
 
 
 @wp.func
 def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
-    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`...exact.triangle`), 6 u |d|_1 of the
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`...exact.planes`), 6 u |d|_1 of the
     scale. What the scale itself is off is the same for the three parts of n, so it moves no plane.
 
     Forward, right and up have length 1, so each sums to at most sqrt 3.

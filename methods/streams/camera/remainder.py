@@ -12,12 +12,12 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Mesh, Ray
+from ...common.reads import corners_at, direction_at, weld_at
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
 from ...gpu.entries import entry, raise_entry
 from ...gpu.warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
 from ..queues import CHUNKS, UNDECIDED, Queue
-from ..reads import corners_at, direction_at, weld_at
 from .pixels import hit_word, sign_bound, test_pixel
 from .rows import pixel_of, queued_rows, rows_of_lanes
 

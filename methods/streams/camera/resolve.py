@@ -8,11 +8,11 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ...common.pixels import tile_pixel
+from ...common.reads import corners_at, direction_at, weld_at
 from ...exact.certain_hit import certain_hit
 from ...exact.hit_point import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...exact.triangle import spare_bits, to_float32
 from ...gpu.entries import entry, set_entry, set_entry_last
-from ..reads import corners_at, direction_at, weld_at
 from .pixels import index_of
 
 REGISTERS = 80

@@ -7,11 +7,11 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera
+from ...common.reads import direction_at
 from ...exact.triangle import spare_bits
 from ...gpu.entries import entry, entry_of_four
 from ...gpu.warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from ..queues import ITEMS, UNDECIDED, Queue, queue_chunks
-from ..reads import direction_at
 from .pixels import Candidate, sign_bound, test_pixel
 from .queued import stored_candidate, stored_planes
 from .stream import Lines, pixels_of_row

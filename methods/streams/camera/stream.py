@@ -12,13 +12,13 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
+from ...common.reads import corners_at, direction_at, weld_at
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits, to_float64
 from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...gpu.reserve import reserve
 from ..queues import ITEMS, UNDECIDED, Queue, Share, triangle_of
-from ..reads import corners_at, direction_at, weld_at
 from .pixels import (
     Candidate,
     Planes,

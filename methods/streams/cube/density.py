@@ -13,12 +13,12 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh
+from ...common.reads import corners_at, direction_at
 from ...exact.triangle import largest, to_float64
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry
 from ...gpu.warps import lanes_with, of_lane
 from ..camera.stream import box_of
-from ..reads import corners_at, direction_at
 from .cells import RayCells, SpacedCells
 from .faces import FACES, face_of, on_face
 from .footprint import turned

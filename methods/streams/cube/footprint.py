@@ -77,11 +77,11 @@ def is_projected(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
 
 
 @wp.func
-def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4f) -> Flat:
+def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, extent: wp.float32, r: wp.vec4f) -> Flat:
     """The corners on a face (given as along, across, up) in bins; ``r``: the face's row of the table.
 
-    ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...gpu.division.about_inverse`).
+    ``extent`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
+    (1 + |u|) 16 u extent / along, and to 3 u of itself (:func:`...gpu.division.about_inverse`).
     """
     flat = Flat()
     flat.valid = is_projected(a, b, c)
@@ -107,7 +107,7 @@ def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4
         flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
         flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
         flat.pad = (
-            32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK
+            32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK
         )
     return flat
 
@@ -237,10 +237,10 @@ def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corner
     qa = on_face(turned(corners.a - light, cube), face)
     qb = on_face(turned(corners.b - light, cube), face)
     qc = on_face(turned(corners.c - light, cube), face)
-    reach = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
-    if not (reach > LEAST_DIVISOR and reach < LARGEST_DIVISOR):
+    size = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
+    if not (size > LEAST_DIVISOR and size < LARGEST_DIVISOR):
         return sides
-    scale = about_inverse(reach)
+    scale = about_inverse(size)
     qa *= scale
     qb *= scale
     qc *= scale

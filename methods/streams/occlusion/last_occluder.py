@@ -18,13 +18,13 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh
 from ....harness.frame.schedule.passes import Pass
 from ...common.pixels import thread_count, tile_pixel
+from ...common.reads import corners_at
 from ...exact.triangle import largest, to_float32
 from ...gpu.entries import entry, set_entry
 from ..cube.lights import Light
 from ..queues import BLOCK_DIM, WORDS
 from ..rays.hit_points import PrimaryHits, point_of
 from ..rays.light_rays import LightRays
-from ..reads import corners_at
 from .planes import Occluder, set_planes, sign_bound
 from .ray_test import certain
 
@@ -152,7 +152,7 @@ class LastOccluder:
         r, f = self.rays, self.rays.frame
         wp.launch(
             specialised(settle_kernel, r.effects.switches(r.index)),
-            dim=thread_count(f.width, f.height, True),
+            dim=thread_count(f.width, f.height),
             inputs=[r.light, r.hits, f.alpha, f.receivers],
             outputs=[self.last, r.receivers, f.answers.shadowed],
             device=f.device,

@@ -49,8 +49,8 @@ class Occlusion:
             steps = [("stream triangles", (), ("items",), self.launch_stream)]
         return [
             *steps,
-            ("queued rows", ("items",), ("parts",), functools.partial(self.launch_rows, False)),
-            ("further parts", ("parts",), (), functools.partial(self.launch_rows, True)),
+            ("queued rows", ("items",), ("chunks",), functools.partial(self.launch_rows, False)),
+            ("further chunks", ("chunks",), (), functools.partial(self.launch_rows, True)),
         ]
 
     def launch_stream(self, share: int) -> None:

@@ -13,6 +13,7 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Mesh
+from ...common.reads import corners_at
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number
@@ -32,7 +33,6 @@ from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
-from ..reads import corners_at
 from .groups import queue_rows, sides_on_face
 from .planes import occluder_of, occludes_none
 from .ray_test import ShadowBits, test_rays_of_box, test_rays_of_row

@@ -12,6 +12,7 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Mesh, Ray
+from ...common.reads import corners_at, direction_at, weld_at
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
@@ -19,7 +20,6 @@ from ...exact.triangle import largest
 from ...gpu.entries import entry
 from ..cube.lights import Light, position_of
 from ..queues import UNDECIDED, Queue
-from ..reads import corners_at, direction_at, weld_at
 from .ray_test import ShadowBits, set_shadowed
 
 PAIRS_UNASKED = wp.constant(4)

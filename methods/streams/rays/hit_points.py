@@ -15,13 +15,13 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh, Ray
+from ...common.reads import corners_at, direction_at
 from ...exact.hit_point import along, hit_point, plane_distance
 from ...exact.triangle import largest, spare_bits, to_float32
 from ...gpu.entries import entry, entry_now
 from ..camera.pixels import distance_of, index_of
 from ..cube.faces import place_of
 from ..cube.lights import Aim
-from ..reads import corners_at, direction_at
 
 FAR = wp.constant(wp.float32(1.0 / 32.0))
 """One over :data:`..camera.pixels.LONGEST_WAY`."""

@@ -13,11 +13,11 @@ import warp as wp
 
 from ....harness.frame.effects.receivers import note_receiver, receives
 from ....harness.frame.geometry import Mesh, Ray
+from ...common.reads import corners_at
 from ...exact.triangle import largest
 from ...gpu.division import about_root
 from ...gpu.entries import entry, set_entry
 from ..cube.lights import Light, position_of
-from ..reads import corners_at
 from .hit_points import HitPoint, PrimaryHits, ray_at
 
 ROUNDED = wp.constant(wp.float32(2.0**-19))

@@ -17,6 +17,7 @@ import warp as wp
 from ....harness.frame.effects.receivers import faces_light
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
+from ...common.reads import corners_at
 from ...exact.triangle import U32, largest, to_float32, to_float64, total
 from ...gpu.entries import entry, set_entry
 from ..camera.pixels import edge_planes, inverse_depth
@@ -27,7 +28,6 @@ from ..cube.faces import FACES, on_face
 from ..cube.footprint import FINEST, beyond_face, cube_space, extent_from, turned
 from ..cube.lights import Cube, Light, cube_of_light
 from ..cube.rectangle import FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
-from ..reads import corners_at
 from .hit_points import FAR
 
 OFF = wp.constant(wp.float32(2.0**-7))

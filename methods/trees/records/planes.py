@@ -53,7 +53,9 @@ from numpy.typing import NDArray
 from ....harness.frame.geometry import Corners, Mesh
 from ....harness.scene.prepared import Prepared
 from ...common.axes import brought_nearer
-from ...exact.triangle import largest, to_float64, total
+from ...common.reads import corners_at
+from ...exact.planes import farthest_corner, longest_edge
+from ...exact.triangle import largest, to_float32, to_float64, total
 from ...gpu.entries import entry, set_entry
 from ..constants import RECORD_REGISTERS
 from ..native import BASICS
@@ -88,13 +90,6 @@ def joined_pairs(prepared: Prepared) -> NDArray[np.uint8]:
             opposite = (first[:, i] == second[:, (k + 1) % 3]) & (first[:, (i + 1) % 3] == second[:, k])
             joined[: len(pairs)] |= opposite
     return joined
-
-
-@wp.func
-def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
-    """The corners of a triangle, read directly (:mod:`...gpu.entries`)."""
-    face = entry(mesh.triangles, triangle)
-    return Corners(entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2]))
 
 
 @wp.struct
@@ -147,20 +142,12 @@ def about(a: wp.float32) -> wp.float32:
 
 
 @wp.func
-def near32(v: wp.vec3d) -> wp.vec3f:
-    return wp.vec3f(wp.float32(v[0]), wp.float32(v[1]), wp.float32(v[2]))
-
-
-@wp.func
 def seen_from(o32: wp.vec3f, corners: Corners) -> Seen:
     s = Seen()
-    a32 = corners.a
-    b32 = corners.b
-    c32 = corners.c
     o = to_float64(o32)
-    s.a = to_float64(a32)
-    s.b = to_float64(b32)
-    s.c = to_float64(c32)
+    s.a = to_float64(corners.a)
+    s.b = to_float64(corners.b)
+    s.c = to_float64(corners.c)
     ab = s.b - s.a
     bc = s.c - s.b
     ca = s.a - s.c
@@ -170,8 +157,8 @@ def seen_from(o32: wp.vec3f, corners: Corners) -> Seen:
     s.y = wp.cross(s.c - o, ca)
     s.z = wp.cross(s.a - o, ab)
     # Sizes choose scales and thresholds, for which float32 is precise enough.
-    distance = wp.max(largest(a32 - o32), wp.max(largest(b32 - o32), largest(c32 - o32)))
-    edge = wp.max(largest(b32 - a32), wp.max(largest(c32 - b32), largest(a32 - c32)))
+    distance = farthest_corner(o32, corners)
+    edge = longest_edge(corners)
     s.size = distance * edge
     s.inward = 0.0
     height = wp.float32(s.height)
@@ -201,19 +188,19 @@ def eye_kernel(mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtyp
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
         return
-    s = seen_from(entry(eye, 0), triangle_corners(mesh, at))
+    s = seen_from(entry(eye, 0), corners_at(mesh, at))
     x = wp.vec3f()
     y = wp.vec3f()
     z = wp.vec3f()
     m = unknown()
     if s.inward != 0.0:
-        n = near32(s.normal)
+        n = to_float32(s.normal)
         spread = total(n)
-        x = near32(s.x)
+        x = to_float32(s.x)
         x = x * scale_of(x, s, spread)
-        y = near32(s.y)
+        y = to_float32(s.y)
         y = y * scale_of(y, s, spread)
-        z = near32(s.z)
+        z = to_float32(s.z)
         z = z * scale_of(z, s, spread)
         m = n * (1.0 / wp.float32(s.height))
         if not (largest(m) < DEEPEST and largest(m) * DEEPEST > 1.0):
@@ -255,20 +242,20 @@ def light_kernel(
         return
     size = entry(extent, 0)
     place = nearer(entry(lights, light), size)
-    s = seen_from(place, triangle_corners(mesh, at))
+    s = seen_from(place, corners_at(mesh, at))
     none = wp.vec4f()
     first = none
     second = none
     third = none
     own = none
     if s.inward != 0.0:
-        n = near32(s.normal)
+        n = to_float32(s.normal)
         spread = total(n) * (1.0 + largest(place) * about(size))
-        x = near32(s.x)
+        x = to_float32(s.x)
         first = plane_word(s.x, s.b, x, scale_of(x, s, spread), size)
-        y = near32(s.y)
+        y = to_float32(s.y)
         second = plane_word(s.y, s.c, y, scale_of(y, s, spread), size)
-        z = near32(s.z)
+        z = to_float32(s.z)
         third = plane_word(s.z, s.a, z, scale_of(z, s, spread), size)
         # The light is where n . (light - a) = -height.
         own = plane_word(s.normal, s.a, n, -s.inward * about(largest(n)), size)
@@ -300,7 +287,7 @@ def float32_kernel(
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
         return
-    corners = triangle_corners(mesh, at)
+    corners = corners_at(mesh, at)
     a = corners.a
     e = corners.b - a
     f = corners.c - a

@@ -37,10 +37,10 @@ import warp as wp
 
 from ....harness.frame.digits import fused, lost_in_sum, rounded
 from ....harness.frame.geometry import Mesh
-from ...exact.triangle import largest, to_float64
+from ...common.reads import corners_at
+from ...exact.triangle import largest, to_float32, to_float64
 from ...gpu.entries import entry, set_entry
 from ..constants import RECORD_REGISTERS
-from .planes import near32, triangle_corners
 
 WEIGHT_UNITS = 16.0
 PLANE_UNITS = 6.0
@@ -125,7 +125,7 @@ def ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
         return
-    corners = triangle_corners(mesh, at)
+    corners = corners_at(mesh, at)
     a = to_float64(corners.a)
     b = to_float64(corners.b)
     c = to_float64(corners.c)
@@ -140,11 +140,11 @@ def ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
     if edge > SMALLEST and edge < LARGEST:
         scale = downscale(edge)
         n = precise_normal(e, f)
-        near = near32(n * wp.float64(scale))
+        near = to_float32(n * wp.float64(scale))
         thick = largest(near)
         if thick > SLIVER * edge and thick > SMALLEST and is_known(n, near, e, f, b, c, exact):
-            e32 = near32(e) * scale
-            f32 = near32(f) * scale
+            e32 = to_float32(e) * scale
+            f32 = to_float32(f) * scale
             n32 = near
     set_record(records, at, corners.a, e32, f32, n32)
 
@@ -155,7 +155,7 @@ def float32_ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
         return
-    corners = triangle_corners(mesh, at)
+    corners = corners_at(mesh, at)
     e = corners.b - corners.a
     f = corners.c - corners.a
     set_record(records, at, corners.a, e, f, wp.cross(e, f))

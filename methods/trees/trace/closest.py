@@ -16,6 +16,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
 from ...common.pixels import tile_pixel
+from ...common.reads import corners_at, weld_at
 from ...exact.certain_hit import certain_hit, is_far
 from ...exact.hit_point import along, flat_hit_point, plane_distance
 from ...exact.holes import opaque_at_hit
@@ -24,7 +25,6 @@ from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
-from ..records.planes import triangle_corners
 from .traversal import make_closest
 from .undecided import Undecided
 
@@ -43,13 +43,6 @@ class Listed:
 
     count: wp.array(dtype=wp.int32)
     pixels: wp.array(dtype=wp.int32)
-
-
-@wp.func
-def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
-    """:func:`....harness.frame.geometry.weld_of`, read where it lies."""
-    face = entry(mesh.triangles, triangle)
-    return wp.vec3i(entry(mesh.weld, face[0]), entry(mesh.weld, face[1]), entry(mesh.weld, face[2]))
 
 
 @wp.func
@@ -120,13 +113,13 @@ def make_resolve(holes: bool) -> Any:
         if i >= 0 or last >= 0:
             nearest = wp.float64(wp.INF)
             if best >= 0:
-                nearest = plane_distance(ray, triangle_corners(mesh, best))
+                nearest = plane_distance(ray, corners_at(mesh, best))
             while i >= 0 or last >= 0:
                 if i < 0:
                     pair = entry(undecided.pairs, last)
                     last = pair[1]
                     i = pair[0]
-                corners = triangle_corners(mesh, i)
+                corners = corners_at(mesh, i)
                 weld = weld_at(mesh, i)
                 t = hit_distance(ray, corners, weld)
                 wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
@@ -142,7 +135,7 @@ def make_resolve(holes: bool) -> Any:
         uv = wp.vec2f()
         flat = wp.bool(False)
         if best >= 0:
-            hit = certain_hit(ray, triangle_corners(mesh, best), weld_at(mesh, best))
+            hit = certain_hit(ray, corners_at(mesh, best), weld_at(mesh, best))
             flat = hit.flat
             if far:
                 flat = True
@@ -163,7 +156,7 @@ def write_flat_start(
     ray: Ray, triangle: wp.int32, pixel: wp.int32, mesh: Mesh, starts: wp.array(dtype=wp.vec3f)
 ):
     """Write the origin of shadow rays of a ray that is flat on its triangle. Such rays are few, and slow to compute."""
-    corners = triangle_corners(mesh, triangle)
+    corners = corners_at(mesh, triangle)
     set_entry(starts, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, corners), corners)))
 
 
@@ -173,7 +166,7 @@ def write_weights(ray: Ray, pixel: wp.int32, mesh: Mesh, hits: Hits):
     of zero keeps the sign that a division gives it."""
     triangle = entry(hits.triangle, pixel)
     if triangle >= 0:
-        uv = hit_weights(ray, triangle_corners(mesh, triangle), weld_at(mesh, triangle))
+        uv = hit_weights(ray, corners_at(mesh, triangle), weld_at(mesh, triangle))
         set_entry(hits.u, pixel, uv[0])
         set_entry(hits.v, pixel, uv[1])
 

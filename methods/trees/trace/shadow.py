@@ -11,6 +11,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.receivers import hit_receives
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, ray_of
+from ...common.reads import corners_at, weld_at
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
@@ -18,8 +19,8 @@ from ...exact.triangle import largest
 from ...gpu.entries import entry, set_entry
 from ..constants import REGISTERS
 from ..nodes import Tree
-from ..records.planes import LightPlanes, triangle_corners
-from .closest import Listed, Part, pixel_at, ray_at, weld_at
+from ..records.planes import LightPlanes
+from .closest import Listed, Part, pixel_at, ray_at
 from .traversal import make_any
 from .undecided import Undecided
 
@@ -45,7 +46,7 @@ def make_hidden(holes: bool) -> Any:
         last = found[2]
         bit = wp.uint8(found[3])
         if bit == wp.uint8(0) and (i >= 0 or last >= 0):
-            met = triangle_corners(mesh, own)
+            met = corners_at(mesh, own)
             h = hit_point(ray, plane_distance(ray, met), met)
             size = wp.float64(largest(ray.origin))
             while bit == wp.uint8(0) and (i >= 0 or last >= 0):
@@ -53,7 +54,7 @@ def make_hidden(holes: bool) -> Any:
                     pair = entry(undecided.pairs, last)
                     last = pair[1]
                     i = pair[0]
-                corners = triangle_corners(mesh, i)
+                corners = corners_at(mesh, i)
                 weld = weld_at(mesh, i)
                 occluded = occludes(h, light, corners, weld, size)
                 if wp.static(holes):

@@ -31,7 +31,7 @@ class Shares:
     def __init__(self, frame: Frame, count: int):
         self.count = count
         self.threaded = wp.get_device(frame.device).is_cpu
-        blocks = -(-thread_count(frame.width, frame.height, True) // BLOCK)
+        blocks = -(-thread_count(frame.width, frame.height) // BLOCK)
         self.threads = BLOCK * -(-blocks // count)
         self.parts = [filled(Part, share=share, shares=count) for share in range(count)]
 

@@ -16,9 +16,9 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
-from shadowbench.methods.common.offset import SHADOW_END
 from shadowbench.methods.embree import library
 from shadowbench.methods.embree.packets import Arguments
+from shadowbench.methods.rays.offset import SHADOW_END
 
 NAME = "embree"
 INEXACT_TRIALS = (

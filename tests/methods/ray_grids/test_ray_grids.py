@@ -117,4 +117,4 @@ def test_few_pairs_are_undecided_however_far_the_eye():
     session, _, got = answers_of(prepared, 64, 64, {})
     rays = int((got["triangle"] >= 0).sum())
     assert rays > 1000
-    assert session.method.counters()["light 0 doubtful pairs"] < 0.02 * rays
+    assert session.method.counters()["light 0 undecided pairs"] < 0.02 * rays

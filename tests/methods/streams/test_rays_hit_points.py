@@ -51,7 +51,7 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     found = {name: wp.zeros(pixels, dtype=kind, device="cpu") for name, kind in kinds.items()}
     wp.launch(
         points_kernel,
-        dim=thread_count(*SIZE, True),
+        dim=thread_count(*SIZE),
         inputs=[light.hits, light.light],
         outputs=list(found.values()),
         device="cpu",

@@ -80,7 +80,7 @@ def test_tiles_that_hold_nothing_are_left_out():
     session, _, _ = trace(NAME, trial(**TILES), prepared, 128, 128)
     counts = session.method.counters()
     for stream in ("camera", "light 0"):
-        assert 0 < counts[f"{stream} parts"] < 8 * counts[f"{stream} items"], stream  # of 32 tiles an item
+        assert 0 < counts[f"{stream} chunks"] < 8 * counts[f"{stream} items"], stream  # of 32 tiles an item
 
 
 def test_queues_grow_and_the_frame_is_repeated(device):

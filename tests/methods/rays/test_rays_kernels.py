@@ -9,7 +9,7 @@ from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.accuracy_ladder.kernels import make_kernels
 from shadowbench.methods.accuracy_ladder.parameters import TESTS
 from shadowbench.methods.common.box_tree import Boxes, walk
-from shadowbench.methods.common.ray_kernels import make_primary_kernel, make_shadow_kernel
+from shadowbench.methods.rays.kernels import make_primary_kernel, make_shadow_kernel
 from tools.loops import loop_counts
 
 

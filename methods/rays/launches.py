@@ -1,7 +1,9 @@
-"""Launches of the kernels of :mod:`.ray_kernels`, their passes, and the tests that they count."""
+"""Launches of the kernels of :mod:`.kernels`, their passes, and the tests that they count."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,33 +15,40 @@ from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects
-from .bands import Band, Bands
-from .bounces import bounced_tests
-from .ray_passes import shadow_ray_passes
+from ..common.bands import Band, Bands
 
 
-def check_registers(registers: int) -> None:
-    """Raise ValueError if a thread cannot be given this number of registers; 0 leaves it to the compiler."""
-    if registers and not 32 <= registers <= 255:
-        raise ValueError("registers must be 0 (as many as the compiler wants) or in 32..255")
+def shadow_ray_passes(effects: Effects, reads: tuple[str, ...], launch: Callable[[int], None]) -> list[Pass]:
+    """A pass for each light that casts shadows: ``launch(light)`` reads ``reads``, the light, its receivers and holes."""
+    return [
+        Pass(
+            f"light {i}: shadow rays",
+            "shadow",
+            (*reads, f"light/{i}", *effects.receiver_reads(i), *effects.surface_reads()),
+            (f"shadowed/{i}",),
+            functools.partial(launch, i),
+            effect=f"shadows/{i}",
+        )
+        for i, wanted in enumerate(effects.shadows)
+        if wanted
+    ]
 
 
 class PixelRays:
     """The rays of a frame through one structure: one per pixel, light and bounce.
 
-    structure  the struct that the kernels take; primary, shadow: of :mod:`.ray_kernels`
-    swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
+    structure  the struct that the kernels take; primary, shadow: of :mod:`.kernels`
     hit        vec3d [pixels]: hit points of primary rays, where others trace these
     threads    of a CPU, that each trace a band of the image; 0: one for each core
     block      threads of a block on a GPU
     """
 
     def __init__(
-        self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel, swizzle: bool,
+        self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel,
         hit: wp.array | None = None, threads: int = 1, block: int = 256,
     ):  # fmt: skip
         self._frame, self._effects, self._structure = frame, effects, structure
-        self._primary_kernel, self._shadow_kernel, self._swizzle = primary, shadow, swizzle
+        self._primary_kernel, self._shadow_kernel = primary, shadow
         self.bands, self._block = Bands(frame, threads), block
         bounces = effects.bounces
         with wp.ScopedDevice(frame.device):
@@ -78,12 +87,29 @@ class PixelRays:
     def counters(self) -> dict[str, int]:
         """Triangle tests of all rays of the last frame."""
         primary, shadow = self.tests_per_pixel()
-        mirrored = bounced_tests(self._frame, self._effects, self.launch_primary, self.launch_shadow)
         return {
             "primary tests": int(primary.sum(dtype=np.int64)),
             "shadow tests": int(shadow.sum(dtype=np.int64)),
-            **mirrored,
+            **self._bounced_tests(),
         }
+
+    def _bounced_tests(self) -> dict[str, int]:
+        """Triangle tests of mirrored rays and of their hits' shadow rays, which are traced again to count them."""
+        if not self._effects.bounces:
+            return {}
+        first = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
+        second = wp.zeros_like(first)
+        mirrored, shadowed = 0, 0
+        for bounce in range(1, self._effects.bounces + 1):
+            first.zero_()
+            second.zero_()
+            self.launch_primary(first, bounce)
+            for light, wanted in enumerate(self._effects.shadows):
+                if wanted:
+                    self.launch_shadow(light, second, bounce)
+            mirrored += int(first.numpy().sum(dtype=np.int64))
+            shadowed += int(second.numpy().sum(dtype=np.int64))
+        return {"mirror tests": mirrored, "mirror shadow tests": shadowed}
 
     def _hits(self, bounce: int) -> wp.array:
         return self._bounced_hit[bounce - 1] if bounce else self._hit
@@ -96,9 +122,9 @@ class PixelRays:
         frame = self._frame
         wp.launch(
             specialised(self._primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.thread_count(self._swizzle),
+            dim=band.thread_count(),
             inputs=[
-                self._swizzle, self._structure, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
+                self._structure, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
             ],
             outputs=[
                 band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)),
@@ -117,9 +143,9 @@ class PixelRays:
         receivers = band.of(masks[light]) if masks.size else self._all_receive
         wp.launch(
             specialised(self._shadow_kernel, self._effects.switches(light, bounce)),
-            dim=band.thread_count(self._swizzle),
+            dim=band.thread_count(),
             inputs=[
-                self._swizzle, light, self._structure, band.camera, frame.mesh, frame.alpha, frame.lights,
+                light, self._structure, band.camera, frame.mesh, frame.alpha, frame.lights,
                 band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), receivers,
                 band.fields_of(frame.rays(bounce)),
             ],

@@ -16,6 +16,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
+from ..common.pixels import pixel_of
 from ..exact.ray_queries import (
     any_hit,
     any_opaque_hit,
@@ -25,7 +26,6 @@ from ..exact.ray_queries import (
 )
 from ..exact.triangle import to_float64, write_hit, write_miss
 from ..gpu.entries import entry, set_entry
-from .pixels import pixel_of
 
 FOREVER = wp.constant(wp.float64(wp.inf))
 
@@ -51,7 +51,6 @@ def make_primary_kernel(
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **limit)
     def primary_kernel(
-        blocks: wp.bool,
         structure: structure_type,
         camera: Camera,
         mesh: Mesh,
@@ -61,7 +60,7 @@ def make_primary_kernel(
         hit_points: wp.array(dtype=wp.vec3d),
         tests: wp.array(dtype=wp.int32),
     ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height)
         if pixel < 0:
             return
         ray = ray_of(camera, pixel)
@@ -93,7 +92,6 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **limit)
     def shadow_kernel(
-        blocks: wp.bool,
         light: wp.int32,
         structure: structure_type,
         camera: Camera,
@@ -107,7 +105,7 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
         shadowed: wp.array(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height)
         if pixel < 0:
             return
         own = entry(hits.triangle, pixel)

@@ -111,8 +111,8 @@ def shadow_origin(ray: Ray, light: wp.vec3f, corners: Corners, sheared: wp.bool)
     way = to_float64(light) - h
     if wp.dot(n, way) < wp.float64(0.0):
         n = -n
-    reach = wp.max(largest(a64 - h), wp.max(largest(b64 - h), largest(c64 - h)))
-    step = FINE * (reach + largest(h) + wp.float64(largest(ray.origin))) + GAMMA7 * (
+    distance = wp.max(largest(a64 - h), wp.max(largest(b64 - h), largest(c64 - h)))
+    step = FINE * (distance + largest(h) + wp.float64(largest(ray.origin))) + GAMMA7 * (
         wp.abs(n[0]) * spread(a64[0], b64[0], c64[0], h[0])
         + wp.abs(n[1]) * spread(a64[1], b64[1], c64[1], h[1])
         + wp.abs(n[2]) * spread(a64[2], b64[2], c64[2], h[2])

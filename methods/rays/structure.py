@@ -14,9 +14,9 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.frame.schedule.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
-from .misses import miss_passes
-from .pairs import grown
-from .ray_launches import PixelRays
+from ..common.misses import miss_passes
+from ..common.pairs import grown
+from .launches import PixelRays
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,7 @@ class RayStructure(BaseMethod):
         self._capacity = self._capacity or self.first_capacity(frame)
         self._need = wp.zeros(len(self.ROOMS), dtype=wp.int64, device=frame.device)
         built = self.structure(frame)
-        self._rays = PixelRays(
-            frame, effects, built.struct, *built.kernels, swizzle=True, threads=self.trace.threads
-        )
+        self._rays = PixelRays(frame, effects, built.struct, *built.kernels, threads=self.trace.threads)
         return [*built.passes, *self._rays.passes(built.resources)]
 
     def needs(self) -> wp.array | None:
