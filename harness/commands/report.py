@@ -68,6 +68,7 @@ def report(
     from ..report.page import build
     from ..report.page import site as sites
 
+    require_plain(folder)  # before anything in it is read
     sources = document.sources(folder)
     data = collected(folder, sources)
     manual = DOCS if (DOCS / "index.html").is_file() else None

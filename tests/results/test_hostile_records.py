@@ -244,13 +244,14 @@ def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path, name):
     os.mkfifo(place / name)
     folder = ResultsFolder(place)
     attempts = [
-        folder.journal, pixel_maps.read_map, read_json, read_disputes, lambda _: report(place, tmp_path / "report.html"),
+        folder.journal, pixel_maps.read_map, read_json, read_disputes,
         lambda _: folder.locked().__enter__(), lambda _: folder.idle().__enter__(),
     ]  # fmt: skip
     for attempt in attempts:
         with contextlib.suppress(UserError, OSError):
             attempt("k" if attempt == folder.journal else place / name)
-    assert (tmp_path / "report.html").is_file()
+    with pytest.raises(UserError, match=f"{name}: a link, or no file at all"):
+        report(place, tmp_path / "report.html")
 
 
 def test_arrays_that_unpack_to_too_much_are_refused(tmp_path):
