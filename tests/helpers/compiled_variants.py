@@ -42,7 +42,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], tuple[tuple[tuple[Any, ...], ...], tup
 }
 """By factory: all that it is given, and the effects that its kernels branch on."""
 
-WITHOUT_FACTORY: dict[wp.Kernel, tuple[str, ...]] = {box_kernel: ("receivers",)}
+WITHOUT_FACTORY: dict[wp.Kernel, tuple[str, ...]] = {box_kernel: ("receivers", "wide")}
 """The other kernels that branch on effects, and on which."""
 
 

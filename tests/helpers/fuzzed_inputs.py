@@ -245,7 +245,7 @@ def records(rng: Random, folder: Path) -> str:
         frames = document.frames(place)
         table = document.named(frames)
         assert len(samples(place)) == len(samples(place)["ms"])
-        gather.gather("a", [place], [frames], [table])
+        gather.gather("a", document.sources(place))
         document.not_measured(table)
         if rng.random() < 0.05:
             said = io.StringIO()

@@ -9,6 +9,7 @@ import warp as wp
 from helpers import brute_force
 from helpers.mirror_scenes import with_mirrors
 from numpy.typing import NDArray
+from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.frame.geometry import Hits, Mesh, Rays, corners_of, mirrored_ray, weld_of
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -91,7 +92,7 @@ def answers_of(
     rays.trace_listed(1)
     walked = {name: getattr(hits, name).numpy().copy() for name in ("triangle", "t", "u", "v")}
     wp.launch(
-        brute_kernel,
+        specialised(brute_kernel, rays.effects.switches(bounce=1)),  # a flat mesh makes a wide frame
         dim=len(origin),
         inputs=[frame.triangle_count, frame.mesh, table],
         outputs=[hits],
