@@ -18,7 +18,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 help:
 	@echo "make install  set everything up in .venv; the command is .venv/bin/shadowbench"
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests (ten minutes on two cores; JOBS=8 where there are more)"
+	@echo "make test     set everything up, run the tests (twenty minutes on two cores; JOBS=8 where there are more)"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
 	@echo "make lint     ruff and mypy"
 	@echo "make docs     the documentation as a site: build/site/index.html"
@@ -36,7 +36,7 @@ test: $(TEST_STAMP)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 fuzz: $(TEST_STAMP)
-	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py tests/properties/test_map_clamp_sweep.py \
+	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties \
 		tests/hardcases/test_hard_cases.py tests/emulated
 	$(BIN)/python tests/tools/second_opinion.py --rays 100000
 	$(BIN)/python tests/tools/play.py --frames 10000
