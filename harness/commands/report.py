@@ -70,6 +70,8 @@ def report(
 
     require_plain(folder)  # before anything in it is read
     sources = document.sources(folder)
+    for place in {one.path for one in sources} - {folder}:
+        require_plain(place)
     data = collected(folder, sources)
     manual = DOCS if (DOCS / "index.html").is_file() else None
     try:
@@ -117,8 +119,6 @@ def collected(folder: Path, sources: Sequence[Source]) -> dict[str, Any]:
     """Everything that the page shows of a folder."""
     from ..report.page import gather, pictures
 
-    for place in {folder, *(one.path for one in sources)}:
-        require_plain(place)
     title = folder.resolve().name
     data = gather.gather(title, sources, importlib.import_module(PACKAGE).INTEREST)
     album = pictures.Album()
