@@ -43,8 +43,8 @@ def draw(
                 look = {**style.look(str(method)), "ls": "none", "ms": 3.2}
                 axes.plot(points["total_ms"], points["wrong_per_frame"], label=str(method), **look)
             best = own[own[on_front]].sort_values("total_ms")
-            axes.set(yscale="symlog", ylim=(-0.5, 3.0 * max(1.0, own["wrong_per_frame"].max())), title=title)
             axes.set_yscale("symlog", linthresh=1.0)
+            axes.set(ylim=(-0.5, 3.0 * max(1.0, own["wrong_per_frame"].max())), title=title)
             style.plain_log(axes, "x")
             low, high = axes.get_xlim()
             axes.set_xlim(low, high)
