@@ -59,14 +59,6 @@ def arc_elevation(bounds: wp.vec4d, p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp
 
 
 @wp.func
-def is_half_turn(p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp.bool:
-    """Whether an arc p-q with normal n is half a circle within rounding: then it may be any half circle."""
-    return largest(n) <= wp.float64(64.0) * ROUNDING * largest(p) * largest(q) and wp.dot(p, q) < wp.float64(
-        0.0
-    )
-
-
-@wp.func
 def small_arctangent(t: wp.float64) -> wp.float64:
     """atan(t) for |t| <= 0.1, to 1e-16."""
     s = t * t
