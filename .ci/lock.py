@@ -11,32 +11,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXTRAS = ("test", "lint", "docs")
-HEAD = (
-    "# Made by `make lock` from pyproject.toml and constraints.txt: pip install --require-hashes -r {path}\n"
-)
+HEAD = "# Made by `make lock` from pyproject.toml and constraints.txt: pip install --require-hashes -r {path}\n"
 
 
 def locked(*options: str) -> dict[str, str]:
     """The lines of each package that uv finds for every platform, by its name and version."""
-    command = [
-        "uv",
-        "pip",
-        "compile",
-        "pyproject.toml",
-        "-",
-        "--constraints",
-        "constraints.txt",
-        "--generate-hashes",
-    ]
-    command += [
-        "--universal",
-        "--python-version",
-        "3.11.5",
-        "--no-annotate",
-        "--no-header",
-        "--quiet",
-        *options,
-    ]
+    command = ["uv", "pip", "compile", "pyproject.toml", "-", "--constraints", "constraints.txt", "--generate-hashes"]
+    command += ["--universal", "--python-version", "3.11.5", "--no-annotate", "--no-header", "--quiet", *options]
     text = subprocess.run(
         command, cwd=ROOT, input="setuptools>=77\n", capture_output=True, text=True, check=True
     ).stdout
@@ -55,9 +36,7 @@ def main() -> None:
     write("requirements.txt", base)
     for extra in EXTRAS:
         more = locked("--extra", extra)
-        write(
-            f".ci/requirements-{extra}.txt", {name: block for name, block in more.items() if name not in base}
-        )
+        write(f".ci/requirements-{extra}.txt", {name: block for name, block in more.items() if name not in base})
 
 
 if __name__ == "__main__":

@@ -95,9 +95,7 @@ def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
     over = numbers.carry(table["ratio"], table["ratio_spread"])
     moved = table["moved"] != ""
     text = over.where(~moved & (table["light_label"] != effects.BASE), table["ms"] + " ms")
-    table = table.assign(
-        text=text, effect=table["light_label"].where(~moved, "only moved: " + table["moved"])
-    )
+    table = table.assign(text=text, effect=table["light_label"].where(~moved, "only moved: " + table["moved"]))
     table = table[table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
     rows = {"title": "scene", "effect": "effect"}
     return document.markdown(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
@@ -125,17 +123,13 @@ def claims(results: Results, *machines: str) -> list[str]:
     """The paper's claims, each with its verdict on every machine."""
     import pandas as pd
 
-    tables = {
-        name: pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False) for name in machines
-    }
+    tables = {name: pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False) for name in machines}
     first = next(iter(tables.values()))
     made = first[["number", "claim", "section"]].assign(**{
         f"on {name}": "**" + own["verdict"] + "**" for name, own in tables.items()
     }, judged=first["judged_from"])  # fmt: skip
     return document.markdown(
-        made.rename(
-            columns={"number": "", "section": "in the paper", "judged": f"judged from, on {machines[0]}"}
-        )
+        made.rename(columns={"number": "", "section": "in the paper", "judged": f"judged from, on {machines[0]}"})
     )
 
 
@@ -144,9 +138,7 @@ def verdicts(results: Results, name: str) -> list[str]:
     import pandas as pd
 
     told = pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False)["verdict"].value_counts()
-    return [
-        f"{told.get('holds', 0)} hold, {told.get('does not hold', 0)} do not, {told.get(OPEN, 0)} cannot be told."
-    ]
+    return [f"{told.get('holds', 0)} hold, {told.get('does not hold', 0)} do not, {told.get(OPEN, 0)} cannot be told."]
 
 
 OPEN = "can't tell"
@@ -160,9 +152,7 @@ def folders(results: Results, name: str) -> list[str]:
     for folder in results.names(name):
         points = results.points(folder)
         title, _ = written(results.folder / folder, [points["experiment"].iloc[0]])
-        rows.append(
-            {"folder": f"`{folder.removeprefix(f'{name}/')}`", "experiment": title, **measured(points)}
-        )
+        rows.append({"folder": f"`{folder.removeprefix(f'{name}/')}`", "experiment": title, **measured(points)})
     return document.markdown(pd.DataFrame(rows))
 
 
@@ -178,6 +168,5 @@ def measured(points: document.DataFrame) -> dict[str, Any]:
 
 
 PARTS = {
-    part.__name__: part
-    for part in (finding, kinds, beside, exactness, effects_of, findings, claims, verdicts, folders)
+    part.__name__: part for part in (finding, kinds, beside, exactness, effects_of, findings, claims, verdicts, folders)
 }

@@ -73,9 +73,7 @@ def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
         for column in [name for name, ms in frame.items() if name.startswith("pass.") and ms == ms]:
             _, part, name = column.split(".", 2)
             work = work_of(frame, name) or UNKNOWN
-            rows.append(
-                {**frame, **asdict(work), "stage": work.stage or name, "part": part, "ms": frame[column]}
-            )
+            rows.append({**frame, **asdict(work), "stage": work.stage or name, "part": part, "ms": frame[column]})
     if not rows:
         return pd.DataFrame(columns=COLUMNS)
     groups = pd.DataFrame(rows).groupby([*stage, "frame", "device_name"], sort=False)

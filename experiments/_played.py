@@ -71,9 +71,7 @@ class Played:
     memory  bytes that it held in arrays, as the caller counted them
     """
 
-    def __init__(
-        self, entry: Entry, prepared: Prepared, size: tuple[int, int], device: str, fresh: bool = False
-    ):
+    def __init__(self, entry: Entry, prepared: Prepared, size: tuple[int, int], device: str, fresh: bool = False):
         self.method = make_method(entry.method, dict(entry.settings))
         self.session = Session(self.method, prepared, *size, device)
         self.fresh = fresh
@@ -101,9 +99,7 @@ class Played:
             self.session.replay()
             wp.synchronize_device(self.session.device)
         if self.session.overflowed():
-            raise RuntimeError(
-                f"{self.method.name}: the buffer sizes that a frame needs change from run to run"
-            )
+            raise RuntimeError(f"{self.method.name}: the buffer sizes that a frame needs change from run to run")
         return self.session.frame.answers.to_host()
 
     def samples(self, before: Kept, this: Kept, count: int) -> list[tuple[float, float]]:

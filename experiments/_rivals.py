@@ -28,9 +28,7 @@ REBUILT = (
 REFITTED = (
     Entry("bvh2", {"update": "refit"}, "BVH2 refitted"),
     Entry("bvh2", {"update": "refit", "precision": "float32"}, "BVH2 refitted, float32"),
-    Entry(
-        "warp_bvh", {"update": "refit", "constructor": "cubql", "origin": "plain"}, "cubql refitted, plain"
-    ),
+    Entry("warp_bvh", {"update": "refit", "constructor": "cubql", "origin": "plain"}, "cubql refitted, plain"),
     Entry("warp_bvh", {"update": "refit", "constructor": "sah", "origin": "plain"}, "SAH refitted, plain"),
 )
 """Trees of the first frame whose boxes are refitted: they do less work than the others."""

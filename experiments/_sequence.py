@@ -58,13 +58,7 @@ class SceneRun:
     """
 
     def __init__(
-        self,
-        options: Options,
-        name: str,
-        report: Silent,
-        folder: ResultsFolder,
-        steps: Mapping[str, float],
-        first: str,
+        self, options: Options, name: str, report: Silent, folder: ResultsFolder, steps: Mapping[str, float], first: str
     ):
         self.options, self.preset, self.report, self.folder = options, options.preset, report, folder
         self.prepared = prepare(options.described(name))
@@ -120,11 +114,7 @@ class SceneRun:
                     self.report.done()
 
     def _warm(
-        self,
-        entry: Entry,
-        todo: list[int],
-        journals: Mapping[int, Journal],
-        expected: Mapping[int, dict[str, NDArray]],
+        self, entry: Entry, todo: list[int], journals: Mapping[int, Journal], expected: Mapping[int, dict[str, NDArray]]
     ) -> Played:
         """An entry's method with buffers large enough for all its points, each of which is noted as prepared."""
         tracker = Memory()
@@ -145,9 +135,7 @@ class SceneRun:
         """The frames of a step on the device, each with the one before it."""
         return {k: (one.keep(self.before[label][k]), one.keep(self.this[k])) for k in self.this}
 
-    def _prepared(
-        self, one: Played, label: str, expected: Mapping[int, dict[str, NDArray]]
-    ) -> dict[str, Any]:
+    def _prepared(self, one: Played, label: str, expected: Mapping[int, dict[str, NDArray]]) -> dict[str, Any]:
         """Run each frame after the one before it; compare its answers, and count the rays that were settled."""
         start, frames = time.perf_counter(), []
         for frame, this in self.this.items():
@@ -156,23 +144,14 @@ class SceneRun:
             pixels = len(answers["triangle"])
             rays = {"pixels": pixels, "ok": pixels - min(wrong, pixels), "true": wrong}
             check = "failed" if wrong else "ok"
-            score = {
-                "true_errors": wrong,
-                "excused_share": 0.0,
-                "check": check,
-                "primary": rays,
-                "shadow": [],
-            }
+            score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": rays, "shadow": []}
             counters = {**one.method.counters(), "shadowed rays": int((answers["shadowed"] == 1).sum())}
             frames.append({"frame": frame, "counters": counters, "score": score, "unscored": None})
         spent = time.perf_counter() - start
         return {"event": "prepared", "compile_s": 0.0, "first_frame_s": spent, "frames": frames}
 
     def _round(
-        self,
-        one: Played,
-        kept: Mapping[int, tuple[Kept, Kept]],
-        expected: Mapping[int, dict[str, NDArray]],
+        self, one: Played, kept: Mapping[int, tuple[Kept, Kept]], expected: Mapping[int, dict[str, NDArray]]
     ) -> dict[str, Any]:
         """One round of samples of every frame. Raises RuntimeError if a timed frame gives other answers."""
         started, frames = time.time(), []
@@ -216,7 +195,5 @@ class SceneRun:
 
 def differing(answers: Mapping[str, NDArray], expected: Mapping[str, NDArray]) -> int:
     """How many answers differ in any bit."""
-    pairs = (
-        (np.ascontiguousarray(answers[name]), np.ascontiguousarray(own)) for name, own in expected.items()
-    )
+    pairs = ((np.ascontiguousarray(answers[name]), np.ascontiguousarray(own)) for name, own in expected.items())
     return sum(int((a.view(f"u{a.itemsize}") != b.view(f"u{b.itemsize}")).sum()) for a, b in pairs)

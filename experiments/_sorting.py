@@ -81,9 +81,7 @@ def measure(options: Options, report: Silent, bits: Sequence[int]) -> list[Recor
         with folder.writing():
             made_in = keep(options.out, environment())
         report.steps(sum(len(bits) * part.rounds for part in parts))
-        return [
-            record for part in parts for record in _measured(options, part, report, bits, folder, made_in)
-        ]
+        return [record for part in parts for record in _measured(options, part, report, bits, folder, made_in)]
 
 
 def _measured(
@@ -129,12 +127,7 @@ def _prepared(trial: Trial, journal: Journal) -> dict[str, Any] | None:
     check = "failed" if wrong else "ok"
     score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": pixels, "shadow": []}
     frame = {"frame": 0, "counters": {"pairs": trial.pairs}, "score": score, "unscored": None}
-    return {
-        "event": "prepared",
-        "compile_s": 0.0,
-        "first_frame_s": time.perf_counter() - start,
-        "frames": [frame],
-    }
+    return {"event": "prepared", "compile_s": 0.0, "first_frame_s": time.perf_counter() - start, "frames": [frame]}
 
 
 def _round(trial: Trial, preset: Preset) -> dict[str, Any]:

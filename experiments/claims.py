@@ -78,9 +78,7 @@ def indirect_speed(evidence: Evidence) -> Finding:
     return judged(found["buddha"] >= 1.3, f"{found['buddha'] - 1:.0%} faster tracing of primary rays")
 
 
-@claim(
-    "... because the most triangles checked for a pixel drop by more than half", "3", "figure2", counted=True
-)
+@claim("... because the most triangles checked for a pixel drop by more than half", "3", "figure2", counted=True)
 def indirect_most(evidence: Evidence) -> Finding:
     most = columns("counter.primary tests, most")
     found = evidence.ratios({"label": INDIRECT}, {"label": DIRECT}, most, *BUDDHA)
@@ -172,9 +170,7 @@ def balancing(evidence: Evidence) -> Finding:
             slowest = own.loc[own["without"].idxmax()]
             without, left = (own[name].max() / own[name].min() for name in ("without", "best"))
             compensated.add(bool(slowest["without"] > 1.03 * slowest["best"] and left <= LEFT))
-            parts.append(
-                f"unclamped, slowest over fastest distance: {without:.2f} without, {left:.2f} with it"
-            )
+            parts.append(f"unclamped, slowest over fastest distance: {without:.2f} without, {left:.2f} with it")
     text = "; ".join(parts).replace(":;", ":")
     if not compensated:
         raise Lacking(f"traversal without load balancing (r = {UNBALANCED}) at two distances", text)
@@ -226,7 +222,9 @@ def large_triangles(evidence: Evidence) -> Finding:
         lacks = f"one of the six scenes with both {grids.get('label', 'the grids')} and the tree"
         found = evidence.ratios(grids, TREE, TOTAL, lacks, *LARGE, *SMALL)
         large, small = (geometric([found[scene] for scene in group]) for group in (LARGE, SMALL))
-        text = f"frame time over that of a tree rebuilt: {each(found)}; {large / small:.2f} times as much with large ones"
+        text = (
+            f"frame time over that of a tree rebuilt: {each(found)}; {large / small:.2f} times as much with large ones"
+        )
         return judged(large > 1.2 * small, text, fails=large < small)
 
     found = with_ours(judge)
@@ -280,9 +278,7 @@ def key_bits(evidence: Evidence) -> Finding:
     return judged(all(rises) and all(saves), "; ".join(parts), fails=not any(saves))
 
 
-@claim(
-    "Where the SIMD width is large, a tree does no better than a grid on reflected rays", "6", "reflection"
-)
+@claim("Where the SIMD width is large, a tree does no better than a grid on reflected rays", "6", "reflection")
 def reflected(evidence: Evidence) -> Finding:
     """Times of the passes that trace mirrored rays: on each scene the fastest grid over the fastest tree."""
     import pandas as pd
@@ -336,8 +332,5 @@ def against_rivals(evidence: Evidence) -> Finding:
 
 
 EXPERIMENT = Experiment(
-    name="claims",
-    title="The paper's claims, one by one",
-    presets={},
-    draw=partial(claims.draw, claims=CLAIMS),
+    name="claims", title="The paper's claims, one by one", presets={}, draw=partial(claims.draw, claims=CLAIMS)
 )

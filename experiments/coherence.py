@@ -28,13 +28,7 @@ NEXT = Entry("ray_grids", LAST, "last occluders first")
 FIRST = Entry("ray_grids", LAST, "the same, first frame")
 METHODS = (NONE, NEXT, FIRST)
 
-STEPS = {
-    "at rest": 0.0,
-    "1/64 step": 1 / 64,
-    "1/16 step": 1 / 16,
-    "1/4 step": 1 / 4,
-    "1 step": 1.0,
-}
+STEPS = {"at rest": 0.0, "1/64 step": 1 / 64, "1/16 step": 1 / 16, "1/4 step": 1 / 4, "1 step": 1.0}
 """Shares of the animation's step that light, camera and mesh have moved since the frame before."""
 
 ABOUT = (
@@ -61,13 +55,9 @@ def checked(options: Options) -> None:
     """
     for entry in options.preset.methods:
         if entry.method != NONE.method:
-            raise UserError(
-                f"--method {entry.method}: coherence measures ray_grids alone; leave out --method"
-            )
+            raise UserError(f"--method {entry.method}: coherence measures ray_grids alone; leave out --method")
         for name in options.preset.scenes:
-            reason = make_method(entry.method, dict(entry.settings)).applies(
-                options.described(name), options.device
-            )
+            reason = make_method(entry.method, dict(entry.settings)).applies(options.described(name), options.device)
             if reason is not None:
                 raise UserError(f"--scene {name}: {entry.method} cannot trace it: {reason}")
 
@@ -117,9 +107,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     steps = {step: own for step in STEPS if len(own := after[after["light_label"] == step])}
     told = [f"{sentences.mean(own, 'ratio')} times as long ({step})" for step, own in steps.items()]
     told = told if len(told) < 2 else [told[0], told[-1]]  # from rest to the longest step
-    finding = (
-        f"With the last frame's occluders a frame takes {sentences.listed(told)}{sentences.over(after)}."
-    )
+    finding = f"With the last frame's occluders a frame takes {sentences.listed(told)}{sentences.over(after)}."
     finding = finding if told else "The last frame's occluders were not measured."
     tables = {"Frame time over that without occluders": cells}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, [ABOUT])

@@ -42,8 +42,7 @@ def settings(
     """``base`` at every size on every scene with every number of lights; 0 lights: the light casts no shadow."""
     for side, name in itertools.product(sides, names):
         lightings = tuple(
-            Lighting(f"{n} lights", count=n) if n else Lighting("no shadows", count=1, shadows=False)
-            for n in counts
+            Lighting(f"{n} lights", count=n) if n else Lighting("no shadows", count=1, shadows=False) for n in counts
         )
         yield replace(base, width=side, height=side, scenes=(name,), lightings=lightings, also=())
 
@@ -130,17 +129,14 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     if maps:
         files.append(map_picture(maps, done, folder / "crossover-maps.svg"))
     tables = {
-        f"Fastest over {AXES[axis]} ({crossing(line, axis)})": winner_table(line, axis)
-        for axis, line in lines.items()
+        f"Fastest over {AXES[axis]} ({crossing(line, axis)})": winner_table(line, axis) for axis, line in lines.items()
     }
     notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
     notes += [ABOUT] * bool(len(done))
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, files, quiet, notes)
 
 
-ABOUT = (
-    "A tie: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
-)
+ABOUT = "A tie: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
 
 
 def finding(done: document.DataFrame) -> str:
@@ -166,9 +162,7 @@ def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
         for row in winners(own).itertuples():
             value = getattr(row, axis)
             texts = rows.setdefault(value, {AXES[axis]: counted(axis, value)})
-            texts[f"fastest, {kind}"] = (
-                f"{row.label}, {numbers.carried(row.total_ms, row.spread, numbers.TIME)} ms"
-            )
+            texts[f"fastest, {kind}"] = f"{row.label}, {numbers.carried(row.total_ms, row.spread, numbers.TIME)} ms"
             texts[f"next, {kind}"] = f"{row.next}, {beside(row)}" if row.next else "-"
     return pd.DataFrame([rows[value] for value in sorted(rows)])
 
@@ -226,10 +220,7 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
     looks = panels.looks(done)
     # Labels of one method have one colour: the later ones are lighter.
     place = done.drop_duplicates("label").set_index("label").groupby("method").cumcount()
-    tint = {
-        label: style.lightened(look["color"], min(0.8, 0.2 + 0.3 * place[label]))
-        for label, look in looks.items()
-    }
+    tint = {label: style.lightened(look["color"], min(0.8, 0.2 + 0.3 * place[label])) for label, look in looks.items()}
     kinds = {EXACT: done[done["exact"]], EVERY: done}
     size = (2 * style.COLUMN_WIDTH, 2.5 * len(maps) + 0.7)
     with panels.sheet(path, size, len(maps), 2, legend=3, grid="") as (figure, grid):
@@ -256,7 +247,9 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
                 axes.set_title(f"fastest, {kind}", loc="left")
                 axes.set_xlabel(AXES[pair[0]])
                 axes.set_ylabel(AXES[pair[1]])
-        about = "in a square: its time, and how many times longer the next one takes; two colours: a tie within the spread"
+        about = (
+            "in a square: its time, and how many times longer the next one takes; two colours: a tie within the spread"
+        )
         figure.supxlabel(about, fontsize=7)
     return path
 

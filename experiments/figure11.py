@@ -38,11 +38,7 @@ def entries(light_tiles: int, values: tuple[str, ...]) -> tuple[Entry, ...]:
             for r, precision in runs:
                 label = f"{clamp}, {'aimed' if aimed == 'true' else 'world'}, {precision}, r={r}"
                 # The exact test, so that the light's distance costs no answer; the other map is the subject of ablation.
-                changes = {
-                    "triangle_test": "exact",
-                    "light_map": "azimuth-elevation",
-                    "light_tiles": str(light_tiles),
-                }
+                changes = {"triangle_test": "exact", "light_map": "azimuth-elevation", "light_tiles": str(light_tiles)}
                 made.append(faithful(label, clamp=clamp, aimed=aimed, precision=precision, r=r, **changes))
     return tuple(made)
 
@@ -62,11 +58,7 @@ COUNTED = [
     "counter.light 0 pairs", TILES, "counter.light 0 chunks", "counter.light 0 most rays in a tile", LANES, RAYS,
     "counter.light 0 list, longest", "counter.shadow tests a hundred rays",
 ]  # fmt: skip
-BY_R = {
-    "traversal_ms": "shadow traversal, ms",
-    "counter.light 0 chunks": "blocks, C_total",
-    "lane_fill": "lane fill",
-}
+BY_R = {"traversal_ms": "shadow traversal, ms", "counter.light 0 chunks": "blocks, C_total", "lane_fill": "lane fill"}
 COLUMNS = [*document.COMMON, "set.clamp", "axes", "precision", "r", "traversal_ms", "lane_fill", *COUNTED]
 PANEL = ["title", "rectangle", "axes"]
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
@@ -103,7 +95,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         grown = (ends.last() / ends.first())[ends.count() > 1].rename("ratio").reset_index()
         grown = grown.assign(what=grown["title"] + ", " + grown["rectangle"])
         told = [f"{ratio} times as long ({what})" for what, ratio in sentences.means(grown, "ratio", "what")]
-        finding = f"From the farthest light, shadow traversal takes {sentences.listed(told)} as from one radius ({PRECISE})."
+        finding = (
+            f"From the farthest light, shadow traversal takes {sentences.listed(told)} as from one radius ({PRECISE})."
+        )
         finding = finding if told else "Shadow traversal was not measured at two distances."
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
     notes = finding, tables, pictures, quiet, [PAPER_SAYS]

@@ -64,9 +64,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         if INDIRECT in set(own["label"]) and len(own) > 1
     ]
     known = done[done["label"] == INDIRECT].dropna(subset="speed_up").head(1).to_dict("records")
-    told = [
-        TOLD.format(BLOCKS[x], r[f"most_share{n}"], r[f"told{n}"]) for n, x in BASES.items() for r in known
-    ]
+    told = [TOLD.format(BLOCKS[x], r[f"most_share{n}"], r[f"told{n}"]) for n, x in BASES.items() for r in known]
     text = "; ".join(told) or "not measured"
     finding = f"Indirect mapping (2x2 tiles of 8x8 pixels in a block of 16x16), {text}. "
     finding += "The paper: less than half as many, 1.3 to 1.5 times as fast."

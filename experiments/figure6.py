@@ -64,7 +64,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         found = sentences.means(spots, "over_plain", "light")
         told = [f"a {light} leaves {shares[light]} of the hit points a shadow ray and takes {ratio} of the time"
                 for light, ratio in dict([found[0], found[-1]]).items()]  # fmt: skip
-        finding = f"For light grid and shadow rays, {sentences.listed(told)} of a light everywhere (the paper has no times)."
+        finding = (
+            f"For light grid and shadow rays, {sentences.listed(told)} of a light everywhere (the paper has no times)."
+        )
     pictures = [path for path in drawn if path]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 

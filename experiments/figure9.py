@@ -44,7 +44,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["paper_triangles"] = table["scene"].map(printed)
     table["triangles_to_paper"] = table["triangles"] / table["paper_triangles"]
     scenes = table.drop_duplicates("scene")
-    title = f"Figure 9: the test scenes with shadows, traced by {table['method_title'].iloc[0]}, {document.where(table)}"
+    title = (
+        f"Figure 9: the test scenes with shadows, traced by {table['method_title'].iloc[0]}, {document.where(table)}"
+    )
     known = scenes["triangles_to_paper"].dropna()
     most = f"{(known - 1).abs().max():.1%}" if len(known) else "-"
     finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes, each with its number of triangles within {most}; "

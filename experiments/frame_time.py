@@ -56,9 +56,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables = {f"Time of {_rivals.OURS.label} over its floor": floor, **ranking.tables(done, _rivals.REBUILDS)}
     table = document.named(frames).join(done[["times", "low", "high"]].set_axis(RATIO, axis=1))
     table["in_each_frame"] = table["label"].map(_rivals.REBUILDS)
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), tables, files, quiet, notes
-    )
+    return document.write(folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), tables, files, quiet, notes)
 
 
 def over_floor(done: document.DataFrame, stages: document.DataFrame) -> document.DataFrame:

@@ -35,14 +35,7 @@ WORK = [
 ]  # fmt: skip
 """What explains a slow place: work counters."""
 
-FRAME = [
-    "frame",
-    "total_ms",
-    "iqr_ms",
-    "true_errors",
-    *(f"{part}_ms" for part in PART_COLUMNS.values()),
-    *WORK,
-]
+FRAME = ["frame", "total_ms", "iqr_ms", "true_errors", *(f"{part}_ms" for part in PART_COLUMNS.values()), *WORK]
 COLUMNS = [*document.COMMON, "frame", "turn", *WORK]
 TIMES = {"fastest": "min", "median": "median", "slowest": "max"}
 PAPER_SAYS = "The paper moves its lights too, and rebuilds everything each frame; it shows no path."

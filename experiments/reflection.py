@@ -29,16 +29,7 @@ LIGHTINGS = (
 """The scene's largest triangles are mirrors (:func:`.scene.surface_rules.largest_triangles`)."""
 
 MIRRORED = r"bounce \d+: mirrored rays"
-COLUMNS = [
-    *document.COMMON,
-    "mirrored_rays",
-    "primary_ns",
-    "mirrored_ns",
-    "loss",
-    "added_ms",
-    "ratio",
-    "memory_bytes",
-]
+COLUMNS = [*document.COMMON, "mirrored_rays", "primary_ns", "mirrored_ns", "loss", "added_ms", "ratio", "memory_bytes"]
 HEADINGS = {"title": "scene", "light_label": "mirrors"}
 KINDS = {**{entry.label: "grid" for entry in GRIDS}, **{entry.label: "tree" for entry in TREES}}
 
@@ -64,9 +55,7 @@ def read(folder: Path) -> document.DataFrame:
     table["mirrored_ns"] = stage_ms(table, "trace", MIRRORED) * 1e6 / rays
     table["mirrored_ns_spread"] = table["mirrored_spread"] * 1e6 / rays
     table["loss"] = table["mirrored_ns"] / table["primary_ns"]
-    shares = (table["mirrored_spread"] / table["mirrored_ms"]) ** 2 + (
-        table["traced_spread"] / table["traced_ms"]
-    ) ** 2
+    shares = (table["mirrored_spread"] / table["mirrored_ms"]) ** 2 + (table["traced_spread"] / table["traced_ms"]) ** 2
     table["loss_spread"] = table["loss"] * shares**0.5
     return table
 

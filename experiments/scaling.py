@@ -33,9 +33,7 @@ def lights(*counts: int) -> tuple[Lighting, ...]:
 def sweeps(base: Preset, scenes: tuple[str, ...], sides: tuple[int, ...], counts: tuple[int, ...]) -> Preset:
     """``base``'s one scene at other triangle counts, other sizes, and other numbers of lights."""
     sizes = tuple(replace(base, width=side, height=side) for side in sides)
-    return replace(
-        base, scenes=(*base.scenes, *scenes), also=(*sizes, replace(base, lightings=lights(*counts)))
-    )
+    return replace(base, scenes=(*base.scenes, *scenes), also=(*sizes, replace(base, lightings=lights(*counts))))
 
 
 COLUMNS = [*document.COMMON, "pixels", "sweep", "memory_bytes"]
@@ -74,9 +72,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
     every = pd.concat(lines.values())
     notes = [f"Scenes: {scenes}."] * bool(len(titles))
-    notes += [
-        f"Not measured: time against {x}." for x in SWEEPS if len(titles) and x not in set(every["sweep"])
-    ]
+    notes += [f"Not measured: time against {x}." for x in SWEEPS if len(titles) and x not in set(every["sweep"])]
     pictures = [panels.lines(
         folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=len(SWEEPS), whisker="spread",
         log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below="\n".join(notes),
@@ -85,17 +81,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     done = document.measured(every)
     groups = done.groupby(["label", "sweep"], sort=False)
     rows = pd.DataFrame([(*name, grown(own)) for name, own in groups], columns=["label", "sweep", "growth"])
-    tables = {
-        "Frame time and its exponent": document.cross_table(rows, {"label": "method"}, "sweep", "growth")
-    }
-    told = [
-        from_to(own, str(sweep)) for sweep, own in done[done["label"] == OURS].groupby("sweep", sort=False)
-    ]
-    finding = (
-        f"A frame of {OURS} takes {'; '.join(told[:2])}."
-        if told
-        else f"{OURS} was not measured along a sweep."
-    )
+    tables = {"Frame time and its exponent": document.cross_table(rows, {"label": "method"}, "sweep", "growth")}
+    told = [from_to(own, str(sweep)) for sweep, own in done[done["label"] == OURS].groupby("sweep", sort=False)]
+    finding = f"A frame of {OURS} takes {'; '.join(told[:2])}." if told else f"{OURS} was not measured along a sweep."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 

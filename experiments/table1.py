@@ -78,11 +78,7 @@ def read(folder: Path) -> document.DataFrame:
     several = int(table["device"].nunique() > 1)
     table["row"] = [
         ", ".join(
-            [
-                r.label,
-                *(x for x in r.settings.split(", ") if x not in usual.get(r.label, "-")),
-                *[r.device] * several,
-            ]
+            [r.label, *(x for x in r.settings.split(", ") if x not in usual.get(r.label, "-")), *[r.device] * several]
         )
         for r in table.itertuples()
     ]

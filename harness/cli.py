@@ -49,16 +49,13 @@ def run_(
     experiment: Annotated[
         str,
         typer.Argument(
-            help="Name of an experiment; see shadowbench list experiments.",
-            autocompletion=complete_experiment,
+            help="Name of an experiment; see shadowbench list experiments.", autocompletion=complete_experiment
         ),
     ],
     preset: Annotated[
         str | None,
         typer.Option(
-            "--preset",
-            metavar="NAME",
-            help="Name of a preset, such as quick or paper. Default: depends on the device.",
+            "--preset", metavar="NAME", help="Name of a preset, such as quick or paper. Default: depends on the device."
         ),
     ] = None,
     device: Device = None,
@@ -85,9 +82,7 @@ def run_(
     ] = None,
     size: Annotated[
         str | None,
-        typer.Option(
-            "--size", metavar="WxH", help="Image size, such as 256x256. Default: that of the preset."
-        ),
+        typer.Option("--size", metavar="WxH", help="Image size, such as 256x256. Default: that of the preset."),
     ] = None,
     frames: Annotated[
         str | None,
@@ -117,9 +112,7 @@ def run_(
     budget: Annotated[
         float | None,
         typer.Option(
-            "--budget",
-            metavar="SECONDS",
-            help="Time limit for the timing samples of a point. Default: the preset's.",
+            "--budget", metavar="SECONDS", help="Time limit for the timing samples of a point. Default: the preset's."
         ),
     ] = None,
     timeout: Annotated[
@@ -140,9 +133,7 @@ def run_(
     score: Annotated[
         bool, typer.Option("--score/--no-score", help="Compare the answers with the exact reference.")
     ] = True,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Measure points again that failed or timed out.")
-    ] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Measure points again that failed or timed out.")] = False,
     extra: Annotated[
         list[str] | None,
         typer.Option(
@@ -192,13 +183,7 @@ def run_(
             scene_dir,
             out,
             size,
-            {
-                "frames": count,
-                "samples": samples,
-                "rounds": rounds,
-                "budget_s": budget,
-                "timeout_s": timeout,
-            },
+            {"frames": count, "samples": samples, "rounds": rounds, "budget_s": budget, "timeout_s": timeout},
             seen,
             elsewhere,
             seed=seed,
@@ -211,9 +196,7 @@ def run_(
 
     if cluster is not None:
         if dry_run:
-            raise UserError(
-                "--dry-run --cluster: the points are known to the workers alone; leave out one of the two"
-            )
+            raise UserError("--dry-run --cluster: the points are known to the workers alone; leave out one of the two")
         return run_on_cluster(cluster, experiment, device, planned, as_json)
     options = planned()
     return dry(options, as_json) if dry_run else run(options, as_json)
@@ -221,14 +204,10 @@ def run_(
 
 @command("show", "shadowbench show table1 results/local/table1-quick")
 def show_(
-    experiment: Annotated[
-        str, typer.Argument(help="Name of an experiment.", autocompletion=complete_experiment)
-    ],
+    experiment: Annotated[str, typer.Argument(help="Name of an experiment.", autocompletion=complete_experiment)],
     folder: Annotated[
         Path | None,
-        typer.Argument(
-            help="A results folder. Default: the newest folder of this experiment in results/local."
-        ),
+        typer.Argument(help="A results folder. Default: the newest folder of this experiment in results/local."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -269,13 +248,7 @@ def list_(
     triangles and frames, its cameras and its lights."""
     from .commands.listing import rows_of, show
 
-    rows = rows_of(
-        kind,
-        files or [],
-        lambda: view_of(rate=rate, allow_missing=allow_missing),
-        scene_dir,
-        not as_json,
-    )
+    rows = rows_of(kind, files or [], lambda: view_of(rate=rate, allow_missing=allow_missing), scene_dir, not as_json)
     if as_json:
         print(json.dumps(rows, indent=1))
     else:
@@ -288,14 +261,11 @@ def list_(
 def render_(
     scene: Annotated[
         list[str],
-        typer.Argument(
-            help="Name of a scene, or a mesh file. With --animate there may be several, side by side."
-        ),
+        typer.Argument(help="Name of a scene, or a mesh file. With --animate there may be several, side by side."),
     ],
     method: OneMethod = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="PATH", help="PNG file to write; its folder is created if missing."),
+        Path | None, typer.Option("--out", metavar="PATH", help="PNG file to write; its folder is created if missing.")
     ] = None,
     animation: Annotated[
         Path | None,
@@ -319,9 +289,7 @@ def render_(
     seconds: Annotated[
         float | None,
         typer.Option(
-            "--seconds",
-            metavar="SECONDS",
-            help="Length of the animation. Default: as the file says, else 4.",
+            "--seconds", metavar="SECONDS", help="Length of the animation. Default: as the file says, else 4."
         ),
     ] = None,
     setting: Settings = None,

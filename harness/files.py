@@ -108,16 +108,7 @@ def array_hash(*arrays: NDArray) -> str:
     return digest.hexdigest()
 
 
-DAMAGED = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    NotImplementedError,
-    RuntimeError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+DAMAGED = (OSError, ValueError, KeyError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """Errors of reading a file of arrays that is damaged, or of another kind."""
 
 

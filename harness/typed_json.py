@@ -231,9 +231,7 @@ def to_json(value: Any) -> Any:
     """Dataclasses as objects, tuples as lists; everything else as it is."""
     if is_dataclass(value) and not isinstance(value, type):
         kept = (
-            one
-            for one in fields(value)
-            if "omitted" not in one.metadata or getattr(value, one.name) != one.default
+            one for one in fields(value) if "omitted" not in one.metadata or getattr(value, one.name) != one.default
         )
         return {one.name: to_json(getattr(value, one.name)) for one in kept}
     if isinstance(value, dict):

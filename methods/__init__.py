@@ -28,9 +28,7 @@ KINDS = {
 """The kind of structure of each method, for tables that show the best of each kind; others are a kind of their own."""
 
 FORMER_LABELS = {
-    **dict.fromkeys(
-        [f"perspective + spherical{end}" for end in ("", ", tuned", ", best")], "the paper's grids"
-    ),
+    **dict.fromkeys([f"perspective + spherical{end}" for end in ("", ", tuned", ", best")], "the paper's grids"),
     **dict.fromkeys(("bvh2", "BVH2 (rebuilt in the graph)"), "BVH2 rebuilt"),
     "bvh2, float32": "BVH2 rebuilt, float32",
     **dict.fromkeys(("Warp mesh", "BVH (Warp)"), "mesh rebuilt"),

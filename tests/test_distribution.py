@@ -49,10 +49,7 @@ def test_every_import_is_of_a_declared_package():
     """What is only there because another package needs it may go with the next version of that one."""
     declared = {
         name_of(one)
-        for one in [
-            *PROJECT["dependencies"],
-            *itertools.chain(*(EXTRAS[name] for name in EXTRAS if name not in TOOLS)),
-        ]
+        for one in [*PROJECT["dependencies"], *itertools.chain(*(EXTRAS[name] for name in EXTRAS if name not in TOOLS))]
     }
     owners = importlib.metadata.packages_distributions()
     undeclared = []
@@ -73,9 +70,7 @@ def test_every_package_of_a_list_has_its_hashes_and_its_pinned_version(path):
     found = pinned(path)
     for line in found.values():
         assert re.match(r"[\w.-]+==[\w.]+ (; .*)?--hash=sha256:[0-9a-f]{64}( |$)", line), line[:80]
-    pins = dict(
-        line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line
-    )
+    pins = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line)
     for name, version in pins.items():
         if plain(name) in found:
             assert re.search(r"==([\w.]+)", found[plain(name)])[1] == version, name

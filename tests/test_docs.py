@@ -81,9 +81,7 @@ def test_every_drawn_number_is_that_of_the_records():
     results = documents.Results(ROOT / "results")
     for path in documents.documents(ROOT):
         text = path.read_text()
-        assert documents.drawn(text, results, PARTS, path) == text, (
-            f"{path}: shadowbench report results --docs ."
-        )
+        assert documents.drawn(text, results, PARTS, path) == text, f"{path}: shadowbench report results --docs ."
 
 
 MEASURED = re.compile(r"\d (ms|times (as long|as fast|the time|that of)|frames per second)\b")
@@ -101,9 +99,7 @@ def test_a_measured_number_is_drawn_or_says_that_it_is_of_an_earlier_version(pat
 
 def test_the_table_of_the_readme_has_six_columns_at_most():
     (part,) = [
-        p["text"]
-        for p in documents.PART.finditer((ROOT / "README.md").read_text())
-        if p["name"].startswith("kinds")
+        p["text"] for p in documents.PART.finditer((ROOT / "README.md").read_text()) if p["name"].startswith("kinds")
     ]
     assert {line.count(" | ") for line in part.strip().splitlines()} == {5}
 
@@ -135,23 +131,17 @@ def test_the_site_fetches_nothing():
 
 def test_every_folder_of_code_is_a_package():
     """Only packages are distributed (setup.py)."""
-    folders = {
-        path.parent for room in ("harness", "methods", "experiments") for path in (ROOT / room).rglob("*.py")
-    }
+    folders = {path.parent for room in ("harness", "methods", "experiments") for path in (ROOT / room).rglob("*.py")}
     assert [folder for folder in folders if not (folder / "__init__.py").exists()] == []
 
 
 def test_every_dependency_is_pinned():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
-    pins = dict(
-        line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line
-    )
+    pins = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line)
     named = {re.match(r"[\w-]+", text)[0] for text in wanted}
     named.discard(project["name"])  # one extra may hold another
-    assert {name.lower().replace("_", "-") for name in named} <= {
-        name.lower().replace("_", "-") for name in pins
-    }
+    assert {name.lower().replace("_", "-") for name in named} <= {name.lower().replace("_", "-") for name in pins}
 
 
 def test_roles_in_docstrings_name_what_exists():

@@ -29,10 +29,7 @@ def place(module: str) -> int:
 
 def against_the_order(graph: dict[str, set[str]]) -> list[str]:
     return sorted(
-        f"{module} -> {other}"
-        for module, others in graph.items()
-        for other in others
-        if place(other) > place(module)
+        f"{module} -> {other}" for module, others in graph.items() for other in others if place(other) > place(module)
     )
 
 
@@ -88,10 +85,7 @@ def test_no_method_imports_another():
             "methods.hybrid.choice": {"methods.bvh2"},
         }
     )
-    assert found == [
-        "methods.kdtree.nodes -> methods.bvh2",
-        "methods.streams.queues -> methods.ray_grids.parameters",
-    ]
+    assert found == ["methods.kdtree.nodes -> methods.bvh2", "methods.streams.queues -> methods.ray_grids.parameters"]
 
 
 def test_a_folder_of_methods_holds_at_most_twelve_files():
@@ -120,11 +114,7 @@ NEUTRAL = {"embree"}
 @pytest.mark.parametrize(
     ("file", "line", "found"),
     [
-        (
-            "harness/scene/scene.py",
-            "from ..judge import score\n",
-            "harness.scene.scene -> harness.judge.score",
-        ),
+        ("harness/scene/scene.py", "from ..judge import score\n", "harness.scene.scene -> harness.judge.score"),
         ("harness/judge/score.py", "from ..cli import app\n", "harness.judge.score -> harness.cli"),
     ],
 )

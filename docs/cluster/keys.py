@@ -19,7 +19,5 @@ if __name__ == "__main__":
     settings = {"REQUIRE_ENCRYPTION": "true", "DEFAULT_SCHEME": "tls", "TLS__CA_FILE": files["cert"]}
     for role in ("SCHEDULER", "WORKER", "CLIENT"):
         settings |= {f"TLS__{role}__{what.upper()}": file for what, file in files.items()}
-    lines = [
-        f"export DASK_DISTRIBUTED__COMM__{name}={shlex.quote(str(value))}" for name, value in settings.items()
-    ]
+    lines = [f"export DASK_DISTRIBUTED__COMM__{name}={shlex.quote(str(value))}" for name, value in settings.items()]
     (folder / "settings").write_text("\n".join(lines) + "\n")

@@ -90,9 +90,7 @@ PEERS = (
 
 
 def _map(size: int, bias: str = "slope", filter: str = "nearest") -> Entry:
-    text = (
-        f"shadow map: {size}" + (f" {bias}" if bias != "slope" else "") + (" PCF" if filter == "pcf" else "")
-    )
+    text = f"shadow map: {size}" + (f" {bias}" if bias != "slope" else "") + (" PCF" if filter == "pcf" else "")
     return Entry("shadow_map", {"size": str(size), "bias": bias, "filter": filter}, text)
 
 

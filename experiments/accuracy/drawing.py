@@ -47,7 +47,9 @@ HEAT = (
     "distance of the light from the middle, in scene radii\nIn a cell: wrong answers, and its colour their share, on {}, "
     "{}x{}, scene not recentred; in brackets those that are excused, within rounding of an edge"
 )
-SAMPLED = "Of {} points a sample of the many answers that differ was judged; every other one counts as wrong, in no class."
+SAMPLED = (
+    "Of {} points a sample of the many answers that differ was judged; every other one counts as wrong, in no class."
+)
 LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 

@@ -57,11 +57,7 @@ def hard_rows(
 
 
 def keep_hard(
-    options: Options,
-    report: Silent,
-    entries: Sequence[Entry],
-    without: tuple[str, ...],
-    but: Sequence[str] = (),
+    options: Options, report: Silent, entries: Sequence[Entry], without: tuple[str, ...], but: Sequence[str] = ()
 ) -> None:
     """Judge the entries on the hard cases and write one row for each, unless that was done."""
     import pandas as pd

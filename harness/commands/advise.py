@@ -10,14 +10,7 @@ import typer
 
 from ..errors import UserError, did_you_mean
 from ..scene.overrides import Lighting
-from .options import (
-    Device,
-    Json,
-    MemoryLimit,
-    SceneDir,
-    complete_scene,
-    takes_view,
-)
+from .options import Device, Json, MemoryLimit, SceneDir, complete_scene, takes_view
 
 if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
@@ -35,15 +28,11 @@ MOST_LIGHTS = 1024
 
 @takes_view(but=["frames"])
 def advise(
-    scene: Annotated[
-        str, typer.Argument(help="Name of a scene, or a mesh file.", autocompletion=complete_scene)
-    ],
+    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.", autocompletion=complete_scene)],
     lights: Annotated[
         int | None,
         typer.Option(
-            "--lights",
-            metavar="N",
-            help="Number of lights: copies of the scene's first one, spread around it.",
+            "--lights", metavar="N", help="Number of lights: copies of the scene's first one, spread around it."
         ),
     ] = None,
     moves: Annotated[
@@ -57,16 +46,13 @@ def advise(
     ] = None,
     size: Annotated[
         str | None,
-        typer.Option(
-            "--size", metavar="WxH", help="Image size. Default: 256x256 on a CPU, 1024x1024 on a GPU."
-        ),
+        typer.Option("--size", metavar="WxH", help="Image size. Default: 256x256 on a CPU, 1024x1024 on a GPU."),
     ] = None,
     device: Device = None,
     scene_dir: SceneDir = None,
     memory_limit: MemoryLimit = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="PATH", help="Results folder. Default: one in results/local."),
+        Path | None, typer.Option("--out", metavar="PATH", help="Results folder. Default: one in results/local.")
     ] = None,
     as_json: Json = False,
     *,

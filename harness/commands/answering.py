@@ -48,13 +48,7 @@ def answer(
     from ..frame.registry import make_method
     from ..frame.session import Session
     from ..runner.measuring.measured_point import differing, hashes, own_bytes, within
-    from ..runner.measuring.memory import (
-        Memory,
-        bounded,
-        give_back_memory,
-        peak_resident_bytes,
-        reset_peak_resident,
-    )
+    from ..runner.measuring.memory import Memory, bounded, give_back_memory, peak_resident_bytes, reset_peak_resident
     from ..scene.effects import Limits
 
     method = make_method(name, settings)
@@ -70,9 +64,7 @@ def answer(
     tracker.start()
     try:
         with bounded(limits.memory, own_bytes(prepared, moment.width, moment.height)):
-            session = Session(
-                method, prepared, moment.width, moment.height, place, len(moment.lights), limits=limits
-            )
+            session = Session(method, prepared, moment.width, moment.height, place, len(moment.lights), limits=limits)
             answers = session.answers(moment)
             within(limits, tracker, session)
             reset_peak_resident()

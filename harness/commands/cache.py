@@ -44,16 +44,10 @@ def cache(action: Action = "show", as_json: Json = False) -> int:
             try:
                 shutil.rmtree(path)
             except OSError as error:
-                raise UserError(
-                    f"{path}: cannot be removed ({error.strerror}); correct its permissions"
-                ) from error
+                raise UserError(f"{path}: cannot be removed ({error.strerror}); correct its permissions") from error
     total = sum(count for _, count in found)
     if as_json:
-        print(
-            json.dumps(
-                {"folder": str(place), "modules": len(found), "bytes": total, "cleared": action == "clear"}
-            )
-        )
+        print(json.dumps({"folder": str(place), "modules": len(found), "bytes": total, "cleared": action == "clear"}))
     else:
         done = "removed from" if action == "clear" else "in"
         print(visible(f"{len(found)} compiled modules, {total / 1e6:.0f} MB, {done} {place}"))
@@ -72,6 +66,4 @@ def modules(place: Path) -> Iterator[Path]:
 
 def size(folder: Path) -> int:
     """Bytes of the files in a folder."""
-    return sum(
-        os.lstat(os.path.join(place, name)).st_size for place, _, names in os.walk(folder) for name in names
-    )
+    return sum(os.lstat(os.path.join(place, name)).st_size for place, _, names in os.walk(folder) for name in names)

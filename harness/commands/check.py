@@ -32,8 +32,7 @@ def check(
         ),
     ] = None,
     case: Annotated[
-        list[str] | None,
-        typer.Option("--case", metavar="NAME", help="Name of a hard case. Repeatable. Default: all."),
+        list[str] | None, typer.Option("--case", metavar="NAME", help="Name of a hard case. Repeatable. Default: all.")
     ] = None,
     as_json: Json = False,
 ) -> int:

@@ -63,8 +63,7 @@ FailOn = Annotated[
     ),
 ]
 All = Annotated[
-    bool,
-    typer.Option("--all", help="Name every round that was left out and every entry, not the first few."),
+    bool, typer.Option("--all", help="Name every round that was left out and every entry, not the first few.")
 ]
 Margin = Annotated[
     float, typer.Option("--margin", metavar="SHARE", help="A gap up to this share counts as no difference.")
@@ -92,11 +91,7 @@ def compare(
     runs = {name: Run.read(name, folder) for name, folder in folders.items()}
     refuse(runs, allow or ())
     found = two_runs.compared(
-        runs["A"].entries,
-        runs["B"].entries,
-        runs["again"].entries if again else None,
-        margin,
-        cores(runs.values()),
+        runs["A"].entries, runs["B"].entries, runs["again"].entries if again else None, margin, cores(runs.values())
     )
     if not found.rows:
         raise UserError(f"{a} and {b}: have no entry in common (experiment, scene, method, settings, size)")
@@ -110,9 +105,7 @@ def compare(
     return 1 if fails else 0
 
 
-def failures(
-    found: Comparison, fail_on: Collection[str], allow: Collection[str], most: int | None = None
-) -> list[str]:
+def failures(found: Comparison, fail_on: Collection[str], allow: Collection[str], most: int | None = None) -> list[str]:
     """Why the comparison fails, a line each. ``most``: as in :func:`notes_of`."""
     asked = [*fail_on, *(GUARDS if "slower" in fail_on else ())]
     points = {"missing": found.missing, "wrong": found.wrong}
@@ -150,9 +143,7 @@ def notes_of(
 def print_comparison(found: Comparison, notes: Iterable[str], margin: float, most: int | None = None) -> None:
     """The verdicts as a table, geometric means last; then what was left out. ``most``: as in :func:`notes_of`."""
     console = make_console()
-    table = make_table(
-        "scene", "method", "verdict", numbers=("A, ms", "B, ms", "gap", "95 %", "own", "wrong")
-    )
+    table = make_table("scene", "method", "verdict", numbers=("A, ms", "B, ms", "gap", "95 %", "own", "wrong"))
     for row in (*found.rows, *found.means):
         table.add_row(
             row.scene, row.label + " *" * row.changed, row.verdict, numbers.carried(row.a_ms), numbers.carried(row.b_ms),
@@ -223,9 +214,7 @@ def wrong(row: Row) -> str:
     return texts[0] if texts[0] == texts[1] else " ".join(texts)
 
 
-def as_data(
-    folders: Mapping[str, Path], found: Comparison, notes: Iterable[str], margin: float
-) -> dict[str, Any]:
+def as_data(folders: Mapping[str, Path], found: Comparison, notes: Iterable[str], margin: float) -> dict[str, Any]:
     """What ``--json`` prints: null where something is not known."""
 
     def row(one: Row) -> dict[str, Any]:
@@ -239,8 +228,7 @@ def as_data(
         "points": [row(one) for one in found.rows],
         "geometric_means": [row(one) for one in found.means],
         "left_out": [
-            {"run": run, "point": point, "round": number, "reason": why}
-            for run, point, number, why in found.left_out
+            {"run": run, "point": point, "round": number, "reason": why} for run, point, number, why in found.left_out
         ],
         "only": {name: list(points) for name, points in found.only.items()},
         "missing": list(found.missing),

@@ -45,10 +45,7 @@ class Run:
 
 def environments_of(record: Record) -> list[str]:
     """The names of the environments of a record: one, or several if a run was continued in another environment."""
-    names = [
-        record.environment,
-        *(str(one["environment"]) for one in record.rounds or () if "environment" in one),
-    ]
+    names = [record.environment, *(str(one["environment"]) for one in record.rounds or () if "environment" in one)]
     return list(dict.fromkeys(names))
 
 
@@ -56,9 +53,7 @@ def machine(facts: Mapping[str, Any]) -> str:
     """The device of a measurement, as a phrase."""
     gpus = [gpu.get("name", "?") for gpu in facts.get("gpus") or ()]
     cpu = facts.get("cpu") or {}
-    return " and ".join(
-        dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({cpu.get('usable_cores', '?')} cores)"])
-    )
+    return " and ".join(dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({cpu.get('usable_cores', '?')} cores)"]))
 
 
 def driver(facts: Mapping[str, Any]) -> str:
@@ -70,9 +65,7 @@ def driver(facts: Mapping[str, Any]) -> str:
 
 def cores(runs: Iterable[Run]) -> int | None:
     """The cores that all runs may use: the least that an environment has; None where none is known."""
-    known = [
-        (facts.get("cpu") or {}).get("usable_cores") for run in runs for facts in run.environments.values()
-    ]
+    known = [(facts.get("cpu") or {}).get("usable_cores") for run in runs for facts in run.environments.values()]
     return min((count for count in known if count), default=None)
 
 
@@ -113,11 +106,7 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
     if "versions" not in allow:
         for run in runs.values():
             for method in dict.fromkeys(record.method["name"] for record in run.entries.values()):
-                own = {
-                    r.method.get("source_sha256") or ""
-                    for r in run.entries.values()
-                    if r.method["name"] == method
-                }
+                own = {r.method.get("source_sha256") or "" for r in run.entries.values() if r.method["name"] == method}
                 if len(own) > 1:
                     named = " and ".join(sorted(version[:8] or "unknown" for version in own))
                     raise UserError(

@@ -12,16 +12,7 @@ import typer
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine.lock import MACHINE
-from .options import (
-    Device,
-    Frame,
-    Json,
-    Methods,
-    SceneDir,
-    Settings,
-    Size,
-    takes_view,
-)
+from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, takes_view
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -87,9 +78,7 @@ def explain(
         "pixel": [x, y],
         "frame": frame,
         "exact": exact_facts(of_reference),
-        "answers": [
-            {"method": "reference", "status": "ok", "reason": "", "known_inexact": None, **_row(of_reference)}
-        ],
+        "answers": [{"method": "reference", "status": "ok", "reason": "", "known_inexact": None, **_row(of_reference)}],
         "bounces": [{"bounce": bounce, "answers": []} for bounce in range(1, judge.effects.bounces + 1)],
     }
     for entry in entries:
@@ -106,10 +95,7 @@ def explain(
         primary, *mirrored = judge_frame(judge, answers_at(outcome.answers, y * width + x))
         facts["answers"].append({**row, **_row(primary)})
         for shown, found in zip(facts["bounces"], mirrored, strict=True):
-            if (
-                outcome.answers["bounce_active"][shown["bounce"] - 1][y * width + x] == 1
-                or _row(found)["wrong"]
-            ):
+            if outcome.answers["bounce_active"][shown["bounce"] - 1][y * width + x] == 1 or _row(found)["wrong"]:
                 shown["answers"].append({**row, **_row(found), "exact": exact_facts(found)})
     if as_json:
         print(json.dumps(facts, indent=1))
@@ -123,8 +109,7 @@ def answers_at(answers: dict[str, NDArray], index: int) -> dict[str, NDArray]:
     """The answers at one pixel of a frame, as the answers to a frame of only that pixel."""
     vectors = ("bounce_origin", "bounce_direction")
     return {
-        name: values[..., [index], :] if name in vectors else values[..., [index]]
-        for name, values in answers.items()
+        name: values[..., [index], :] if name in vectors else values[..., [index]] for name, values in answers.items()
     }
 
 
@@ -225,19 +210,14 @@ def _print_rows(console: Any, rows: list[dict[str, Any]]) -> None:
     """The answers, one row per method, then the reason of each method without an answer. Where each method has a ray
     of its own, the row also holds the exact triangle for that ray."""
     bounced = any("exact" in row for row in rows)
-    table = make_table(
-        *("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ()))
-    )
+    table = make_table(*("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ())))
     for row in rows:
         if "class" not in row:
             continue
         shadows = [
-            f"{bit} {kind or ''}".strip()
-            for bit, kind in zip(row["shadows"], row["shadow_classes"], strict=True)
+            f"{bit} {kind or ''}".strip() for bit, kind in zip(row["shadows"], row["shadow_classes"], strict=True)
         ]
-        numbers = [
-            f"{row[part]:.9g}" if isinstance(row[part], float) else row[part] for part in ("t", "u", "v")
-        ]
+        numbers = [f"{row[part]:.9g}" if isinstance(row[part], float) else row[part] for part in ("t", "u", "v")]
         cells = [row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows)]
         table.add_row(*cells, *((str(row["exact"]["triangle"]),) if bounced else ()))
     console.print(table)

@@ -28,10 +28,7 @@ DRAWN = (".csv", ".md", ".svg", ".png")
 
 Sources = Annotated[list[Path], typer.Argument(help="Results folders of one experiment.")]
 Out = Annotated[Path, typer.Option("--out", metavar="PATH", help="The folder to create.")]
-With = Annotated[
-    list[str] | None,
-    typer.Option("--with", metavar="WHAT", help="Also copy images or maps. Repeatable."),
-]
+With = Annotated[list[str] | None, typer.Option("--with", metavar="WHAT", help="Also copy images or maps. Repeatable.")]
 Replace = Annotated[bool, typer.Option("--replace", help="Replace the contents of --out.")]
 
 

@@ -96,11 +96,7 @@ def scenes() -> list[Row]:
             else:
                 found = resolve(name)
                 count = TRIANGLES[name] if found.stand_in else len(found.geometry().faces)
-                row |= {
-                    "stand_in": found.stand_in,
-                    "about": found.stand_in or found.notes,
-                    "triangles": count,
-                }
+                row |= {"stand_in": found.stand_in, "about": found.stand_in or found.notes, "triangles": count}
             row["title"] = f"{TITLES[name]}: {triangles(row['triangles'])}"
         except UserError as error:  # one broken original or a missing package must not hide the others
             row["title"] = f"{TITLES[name]}: {error}"
@@ -179,6 +175,4 @@ def show(rows: list[Row]) -> None:
             rule = f" ({known['allowed']})" if known["allowed"] else ""
             details.append(f"{known['name']} = {known['default']}{rule}\n    {known['meaning']}")
         for text in details:
-            console.print(
-                Padding(Text("\n".join(map(visible, text.split("\n")))), (0, 0, 0, 2), expand=False)
-            )
+            console.print(Padding(Text("\n".join(map(visible, text.split("\n")))), (0, 0, 0, 2), expand=False))

@@ -99,11 +99,7 @@ def contents(name: str) -> dict[str, str]:
 def filled(text: str, name: str) -> str:
     """The text with @NAME@, @CLASS@ and @TITLE@ replaced by the method's name, the name of its class and its title."""
     words = [word for word in name.split("_") if word]
-    marks = {
-        "NAME": name,
-        "CLASS": "".join(map(str.capitalize, words)),
-        "TITLE": " ".join(words).capitalize(),
-    }
+    marks = {"NAME": name, "CLASS": "".join(map(str.capitalize, words)), "TITLE": " ".join(words).capitalize()}
     for mark, value in marks.items():
         text = text.replace(f"@{mark}@", value)
     return text

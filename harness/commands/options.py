@@ -68,12 +68,10 @@ OneMethod = Annotated[
     ),
 ]
 Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="METHOD.PARAM=VALUE", help="Parameter of a method. Repeatable."),
+    list[str] | None, typer.Option("--set", metavar="METHOD.PARAM=VALUE", help="Parameter of a method. Repeatable.")
 ]
 Device = Annotated[
-    str | None,
-    typer.Option("--device", metavar="DEVICE", help="cpu or cuda:0. Default: cuda:0 if present, else cpu."),
+    str | None, typer.Option("--device", metavar="DEVICE", help="cpu or cuda:0. Default: cuda:0 if present, else cpu.")
 ]
 Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Image size, such as 512x512.")]
 Frame = Annotated[int, typer.Option("--frame", metavar="N", help="Frame of an animated scene, from 0.")]
@@ -111,9 +109,7 @@ Fov = Annotated[
 Lights = Annotated[
     list[str] | None,
     typer.Option(
-        "--light",
-        metavar="X,Y,Z",
-        help="Position of a point light that replaces the scene's lights. Repeatable.",
+        "--light", metavar="X,Y,Z", help="Position of a point light that replaces the scene's lights. Repeatable."
     ),
 ]
 
@@ -153,8 +149,7 @@ FrameRate = Annotated[
 AllowMissing = Annotated[
     bool,
     typer.Option(
-        "--allow-missing",
-        help="Leave out what a missing file would have held, instead of refusing the scene.",
+        "--allow-missing", help="Leave out what a missing file would have held, instead of refusing the scene."
     ),
 ]
 
@@ -186,9 +181,7 @@ def takes_view(but: Iterable[str] = ()) -> Callable[[Command], Command]:
         ]
         kind = inspect.Parameter.KEYWORD_ONLY
         more = [
-            inspect.Parameter(
-                name, kind, annotation=VIEW[name], default=False if name == "allow_missing" else None
-            )
+            inspect.Parameter(name, kind, annotation=VIEW[name], default=False if name == "allow_missing" else None)
             for name in names
         ]
         called.__signature__ = inspect.Signature([*own, *more], return_annotation=int)  # type: ignore[attr-defined]

@@ -23,16 +23,7 @@ from ..scene.facts import triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from .listing import place_text
-from .options import (
-    Device,
-    Frame,
-    Json,
-    Methods,
-    SceneDir,
-    Settings,
-    Size,
-    takes_view,
-)
+from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, takes_view
 from .tables import table_blocks
 
 if TYPE_CHECKING:
@@ -141,12 +132,7 @@ def shadow_rays(scene: Scene) -> str:
 def change_sets(light_count: int) -> dict[str, frozenset[str]]:
     """The kinds of frame that are listed: for each, the names of the inputs that changed since the last frame."""
     lights = {f"light {i}": frozenset({f"light/{i}"}) for i in range(light_count)}
-    return {
-        "camera": frozenset({"camera"}),
-        **lights,
-        "geometry": frozenset({"points"}),
-        "nothing": frozenset(),
-    }
+    return {"camera": frozenset({"camera"}), **lights, "geometry": frozenset({"points"}), "nothing": frozenset()}
 
 
 def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, device: str) -> dict[str, Any]:
@@ -169,8 +155,7 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
         facts["cannot"] = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return facts
     after = {
-        label: steps(session.all_passes, changed)
-        for label, changed in change_sets(len(prepared.scene.lights)).items()
+        label: steps(session.all_passes, changed) for label, changed in change_sets(len(prepared.scene.lights)).items()
     }
     wanted = wanted_of(session.effects)
     facts["device"] = place
@@ -222,9 +207,7 @@ def show(found: dict[str, Any]) -> None:
         if isinstance(value, bool):
             value = "yes" if value else "no"
         console.print(
-            Padding(
-                f"{key}: {', '.join(value) if isinstance(value, list) else value}", (0, 0, 0, 2), expand=False
-            )
+            Padding(f"{key}: {', '.join(value) if isinstance(value, list) else value}", (0, 0, 0, 2), expand=False)
         )
     console.print(
         "\nThe columns after the first frame are later frames in which only the named input has changed. A cell names what "
@@ -247,9 +230,7 @@ def show(found: dict[str, Any]) -> None:
 
 def _tables(method: dict[str, Any], changes: list[str], width: int) -> list[Table]:
     passes = method["passes"]
-    rows = [
-        [work["name"], work["first"], *(_cause(work["after"][label]) for label in changes)] for work in passes
-    ]
+    rows = [[work["name"], work["first"], *(_cause(work["after"][label]) for label in changes)] for work in passes]
     runs = [sum(work["after"][label]["runs"] for work in passes) for label in changes]
     rows.append(["passes that run", str(len(passes)), *map(str, runs)])
     return table_blocks(["pass", "first frame", *changes], rows, width)

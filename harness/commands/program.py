@@ -42,13 +42,11 @@ def show_version(wanted: bool) -> None:
 @app.callback()
 def everywhere(
     version: Annotated[
-        bool,
-        typer.Option("--version", help="Print the version.", callback=show_version, is_eager=True),
+        bool, typer.Option("--version", help="Print the version.", callback=show_version, is_eager=True)
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
     no_wait: Annotated[
-        bool,
-        typer.Option("--no-wait", help="Stop with an error if another run on this machine is measuring."),
+        bool, typer.Option("--no-wait", help="Stop with an error if another run on this machine is measuring.")
     ] = False,
 ) -> None:
     if debug:
@@ -103,9 +101,7 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
             "Every command also takes --debug (print the traceback of an error) and --no-wait (stop with an error "
             "if another run on this machine is measuring)."
         )
-        app.command(name, short_help=SHORT[name], help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(
-            checked
-        )
+        app.command(name, short_help=SHORT[name], help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(checked)
         return work
 
     return register

@@ -25,12 +25,9 @@ DEFAULT = "report.html"
 DOCS = Path("build/site")
 """Where ``make docs`` writes the documentation."""
 
-Folder = Annotated[
-    Path, typer.Argument(help="A results folder, or a folder of results folders, however deep.")
-]
+Folder = Annotated[Path, typer.Argument(help="A results folder, or a folder of results folders, however deep.")]
 Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="PATH", help=f"The file to write. Default: {DEFAULT} in the folder."),
+    Path | None, typer.Option("--out", metavar="PATH", help=f"The file to write. Default: {DEFAULT} in the folder.")
 ]
 Site = Annotated[
     Path | None,
@@ -50,9 +47,7 @@ Docs = Annotated[
 ]
 
 
-def report(
-    folder: Folder, out: Out = None, site: Site = None, docs: Docs = None, as_json: Json = False
-) -> int:
+def report(folder: Folder, out: Out = None, site: Site = None, docs: Docs = None, as_json: Json = False) -> int:
     """Write one HTML file to explore results with: tables, curves, pictures, claims and records. It works offline.
 
     Nothing is measured. The page loads nothing from a network.

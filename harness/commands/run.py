@@ -78,9 +78,7 @@ def plan_run(
     for extra in options.get("extras", ()):
         if extra not in declared.extras:
             known = ", ".join(declared.extras) or "nothing"
-            raise UserError(
-                f"--with {extra}: {experiment} offers {known}{did_you_mean(extra, declared.extras)}"
-            )
+            raise UserError(f"--with {extra}: {experiment} offers {known}{did_you_mean(extra, declared.extras)}")
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     own = tuple(entry for part in chosen.parts() for entry in part.methods)
     refuse_own_settings(declared.name, list(settings), own)
@@ -103,9 +101,7 @@ def plan_run(
         # Pictures and tables identify a scene by its name.
         other = named.setdefault(seen.resolved(scene, where).name, scene)
         if other != scene:
-            raise UserError(
-                f"--scene {scene}: has the same name as {other}; rename one of them, or run it separately"
-            )
+            raise UserError(f"--scene {scene}: has the same name as {other}; rename one of them, or run it separately")
     return Options(
         experiment=declared,
         preset_name=name,
@@ -123,9 +119,7 @@ def dry(options: Options, as_json: bool = False) -> int:
     if options.experiment.measure is not None:
         raise UserError(f"--dry-run: {options.experiment.name} cannot list its points; leave out --dry-run")
     points = survey.survey(options)
-    print(
-        json.dumps(survey.as_json(options, points), indent=1) if as_json else survey.as_text(options, points)
-    )
+    print(json.dumps(survey.as_json(options, points), indent=1) if as_json else survey.as_text(options, points))
     return 0
 
 
@@ -147,11 +141,7 @@ def run(options: Options, as_json: bool = False) -> int:
 
 
 def run_on_cluster(
-    cluster: str,
-    experiment: str,
-    device: str | None,
-    planned: Callable[[str], Options],
-    as_json: bool = False,
+    cluster: str, experiment: str, device: str | None, planned: Callable[[str], Options], as_json: bool = False
 ) -> int:
     """Run on the workers of ``cluster`` and draw. ``planned``: the options for the device that its workers have."""
     from ..runner.cluster.head import ClusterRun

@@ -81,9 +81,7 @@ def scenes(
         try:
             scene_dir.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise UserError(
-                f"--scene-dir {scene_dir}: cannot write ({error.strerror}); choose another"
-            ) from error
+            raise UserError(f"--scene-dir {scene_dir}: cannot write ({error.strerror}); choose another") from error
     folder = catalogue.folder(scene_dir)
     if folder is None:
         raise UserError(f"scenes fetch: give --scene-dir FOLDER, or set {catalogue.FOLDER_VARIABLE}")
@@ -111,9 +109,7 @@ def fetched(name: str, folder: Path) -> bool:
             tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place,
         ):
             files = in_order(unpack(archive, source.files, Path(place)))
-            _ = (
-                load(files[0]) if len(files) == 1 else load_sequence(files)
-            )  # nothing unreadable is put in place
+            _ = load(files[0]) if len(files) == 1 else load_sequence(files)  # nothing unreadable is put in place
             for number, file in enumerate(files, 1):
                 ending = "" if len(files) == 1 else f"_{number:03}"
                 file.replace(folder / f"{name}{ending}{file.suffix.lower()}")

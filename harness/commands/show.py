@@ -25,9 +25,7 @@ def show(experiment: str, folder: Path | str, quiet: bool = False, out: Path | N
         raise UserError(f"{folder}: no such folder; name a folder that `shadowbench run {experiment}` wrote")
     require_plain(folder)
     if declared.draw is None:
-        raise UserError(
-            f"{experiment}: this experiment has no drawing; its records are in {folder / 'records'}"
-        )
+        raise UserError(f"{experiment}: this experiment has no drawing; its records are in {folder / 'records'}")
     draw: Callable[..., list[Path]] = declared.draw
     if declared.presets:
         refuse_others(experiment, folder)

@@ -18,18 +18,7 @@ from ..runner.machine.lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
-from .options import (
-    Device,
-    Frame,
-    Json,
-    MemoryLimit,
-    Methods,
-    SceneDir,
-    Settings,
-    Size,
-    checked_limit,
-    takes_view,
-)
+from .options import Device, Frame, Json, MemoryLimit, Methods, SceneDir, Settings, Size, checked_limit, takes_view
 from .verify_tables import print_reports, print_scores
 
 if TYPE_CHECKING:
@@ -51,10 +40,7 @@ def verify(
     size: Size = "256x256",
     frame: Frame = 0,
     everything: Annotated[
-        bool,
-        typer.Option(
-            "--every-pixel", help="Decide every pixel exactly, not only those where two answers differ."
-        ),
+        bool, typer.Option("--every-pixel", help="Decide every pixel exactly, not only those where two answers differ.")
     ] = False,
     memory_limit: MemoryLimit = None,
     scene_dir: SceneDir = None,
@@ -170,9 +156,7 @@ def _verify_scene(
 @MACHINE.restored()
 def score(
     folder: Annotated[Path, typer.Argument(help="A results folder with saved answers.")],
-    again: Annotated[
-        bool, typer.Option("--again", help="Also score answers that already have a score.")
-    ] = False,
+    again: Annotated[bool, typer.Option("--again", help="Also score answers that already have a score.")] = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:

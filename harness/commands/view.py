@@ -10,14 +10,7 @@ import typer
 
 from ..errors import UserError
 from ..runner.machine.lock import MACHINE
-from .options import (
-    Device,
-    OneMethod,
-    SceneDir,
-    Settings,
-    Size,
-    takes_view,
-)
+from .options import Device, OneMethod, SceneDir, Settings, Size, takes_view
 
 if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
@@ -33,14 +26,11 @@ def view(
     setting: Settings = None,
     size: Size = "256x256",
     frame: Annotated[
-        int | None,
-        typer.Option("--frame", metavar="N", help="Frame to begin with, from 0. Default: the middle."),
+        int | None, typer.Option("--frame", metavar="N", help="Frame to begin with, from 0. Default: the middle.")
     ] = None,
     device: Device = None,
     scene_dir: SceneDir = None,
-    port: Annotated[
-        int, typer.Option("--port", metavar="PORT", help="Port on 127.0.0.1. Default: a free one.")
-    ] = 0,
+    port: Annotated[int, typer.Option("--port", metavar="PORT", help="Port on 127.0.0.1. Default: a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     *,
     view: ChosenView,
@@ -82,9 +72,7 @@ def view(
         }  # fmt: skip
         server = Server(shown, facts, listening)
         print(server.address, flush=True)
-        print(
-            "open this address in a browser; closing the page ends the command", file=sys.stderr, flush=True
-        )
+        print("open this address in a browser; closing the page ends the command", file=sys.stderr, flush=True)
         if browser:
             import webbrowser
 

@@ -21,9 +21,7 @@ def find_device(name: str | None) -> str:
     known = ["cpu", *(device.alias for device in wp.get_cuda_devices())]
     chosen = "cuda:0" if name == "cuda" else name
     if chosen not in known:
-        raise UserError(
-            f"no device {name!r} on this machine; it has {' and '.join(known)}: give --device {known[-1]}"
-        )
+        raise UserError(f"no device {name!r} on this machine; it has {' and '.join(known)}: give --device {known[-1]}")
     return chosen
 
 

@@ -49,9 +49,7 @@ def lost_in_sum(a: wp.vec3d, b: wp.vec3d, sum: wp.vec3d) -> wp.vec3d:
 @wp.func
 def lost_in_product(a: wp.vec3d, b: wp.vec3d, product: wp.vec3d) -> wp.vec3d:
     """a b - product, component by component, where product is :func:`rounded_product`."""
-    return wp.vec3d(
-        fused(a[0], b[0], -product[0]), fused(a[1], b[1], -product[1]), fused(a[2], b[2], -product[2])
-    )
+    return wp.vec3d(fused(a[0], b[0], -product[0]), fused(a[1], b[1], -product[1]), fused(a[2], b[2], -product[2]))
 
 
 @wp.func

@@ -49,9 +49,7 @@ class Answers:
 
     def to_host(self) -> dict[str, NDArray]:
         """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only if the scene has mirrors."""
-        result = {
-            name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "shadowed")
-        }
+        result = {name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "shadowed")}
         if self.bounces.active.size:
             result |= {f"bounce_{name}": np.array(getattr(self.bounces, name).numpy()) for name in BOUNCED}
         return result
@@ -90,13 +88,7 @@ class Frame:
     """
 
     def __init__(
-        self,
-        prepared: Prepared,
-        width: int,
-        height: int,
-        light_count: int,
-        device: str,
-        effects: Effects | None = None,
+        self, prepared: Prepared, width: int, height: int, light_count: int, device: str, effects: Effects | None = None
     ):
         limited = effects is not None and any(effects.has_receivers(i) for i in range(light_count))
         bounces = effects.bounces if effects is not None else 0
@@ -141,9 +133,7 @@ class Frame:
             self.color = wp.zeros(self.pixels if colored else 0, dtype=wp.vec3f)
             self.tint = wp.zeros(max(1, self.triangle_count) if colored else 0, dtype=wp.vec3f)
             self.lamps = wp.zeros((light_count, LAMP) if colored else (0, 0), dtype=wp.float64)
-        self.mesh = filled(
-            Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=self.valid
-        )
+        self.mesh = filled(Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=self.valid)
         self.camera = filled(
             Camera, width=width, height=height, eye=self.eye, axes=self.axes, tangents=self.tangents,
             column=self.column, row=self.row,
@@ -165,9 +155,7 @@ class Frame:
             ]
         for b in range(bounces):
             self._hits.append(filled(Hits, triangle=of.triangle[b], t=of.t[b], u=of.u[b], v=of.v[b]))
-            self._rays.append(
-                filled(Rays, origin=of.origin[b], direction=of.direction[b], active=of.active[b])
-            )
+            self._rays.append(filled(Rays, origin=of.origin[b], direction=of.direction[b], active=of.active[b]))
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)
@@ -180,9 +168,7 @@ class Frame:
                 self.tint.assign(reflectances(prepared))
             if light_count:
                 lights = (*prepared.scene.lights, *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
-                self.lamps.assign(
-                    lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count))
-                )
+                self.lamps.assign(lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count)))
 
     def rays(self, bounce: int) -> Any:
         """The mirrored rays of a bounce, counted from 1 (:class:`.geometry.Rays`). Those of bounce 0 are the primary rays of
@@ -237,9 +223,7 @@ class Frame:
         if self.light_count:
             self.lights.assign(moment.lights)
             if self.proxy_positions is not self.lights:
-                self.proxy_positions.assign(
-                    moment.lights if moment.proxy_positions is None else moment.proxy_positions
-                )
+                self.proxy_positions.assign(moment.lights if moment.proxy_positions is None else moment.proxy_positions)
             spots = np.zeros(self.spots.shape)
             spots[: len(moment.spots)] = moment.spots
             self.spots.assign(spots)

@@ -33,9 +33,7 @@ class LimitedAllocator:
     @contextlib.contextmanager
     def within(self) -> Iterator[None]:
         """Arrays of the device that are made inside count. Raises :class:`CapacityRejected` for one that is too large."""
-        on_gpu = (
-            wp.get_device(self.device).ordinal >= 0
-        )  # not ``is_cuda``: an emulated GPU has the CPU's memory
+        on_gpu = wp.get_device(self.device).ordinal >= 0  # not ``is_cuda``: an emulated GPU has the CPU's memory
         with wp.ScopedAllocator(self.device, self) if on_gpu else contextlib.nullcontext():
             yield
 

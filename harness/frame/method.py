@@ -160,12 +160,8 @@ class SimpleMethod(BaseMethod):
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self.prepare(frame)
         passes = [
-            Pass(
-                "build", "build", ("points", "triangles"), ("structure",), lambda: self.build_structure(frame)
-            ),
-            Pass(
-                "primary rays", "trace", ("structure", "camera"), ("hits",), lambda: self.trace_primary(frame)
-            ),
+            Pass("build", "build", ("points", "triangles"), ("structure",), lambda: self.build_structure(frame)),
+            Pass("primary rays", "trace", ("structure", "camera"), ("hits",), lambda: self.trace_primary(frame)),
         ]
         for i, wanted in enumerate(effects.shadows):
             if wanted:

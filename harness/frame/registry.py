@@ -86,9 +86,7 @@ def method_class(name: str) -> type[Method]:
     points = _entry_points()
     if name in points:
         if not NAME.fullmatch(name):  # files are called by it
-            raise UserError(
-                f"method {name!r}: a name has letters, digits, - and _ alone; correct its package"
-            )
+            raise UserError(f"method {name!r}: a name has letters, digits, - and _ alone; correct its package")
         try:
             with contextlib.chdir("."):  # a package that goes elsewhere does not take this process with it
                 return points[name].load()
@@ -163,11 +161,7 @@ def parameters(cls: type[Method]) -> list[Parameter]:
             text = meanings.get(name, "")
             found.append(
                 Parameter(
-                    name,
-                    getattr(block, name),
-                    getattr(kind, "__name__", str(kind)),
-                    text,
-                    _allowed(block, name, kind),
+                    name, getattr(block, name), getattr(kind, "__name__", str(kind)), text, _allowed(block, name, kind)
                 )
             )
     return found

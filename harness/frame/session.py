@@ -169,9 +169,7 @@ class Session(PassRunner):
                 if self.passes is self.all_passes:
                     self.made = self.frame.host
                 return
-        raise RuntimeError(
-            f"{self.method.name}: buffers still overflow after {GROWTH_LIMIT} repeats of one frame"
-        )
+        raise RuntimeError(f"{self.method.name}: buffers still overflow after {GROWTH_LIMIT} repeats of one frame")
 
     def overflowed(self) -> bool:
         """Whether the last frame exceeded a capacity. If so, the capacity is raised and the frame must be run again."""
@@ -221,10 +219,7 @@ def changes(before: Moment | None, after: Moment) -> frozenset[str]:
     if before is None:
         return frozenset(inputs_of(len(after.lights)))
     changed = set()
-    if not (
-        np.array_equal(before.points, after.points, equal_nan=True)
-        and np.array_equal(before.valid, after.valid)
-    ):
+    if not (np.array_equal(before.points, after.points, equal_nan=True) and np.array_equal(before.valid, after.valid)):
         changed.add("points")
     views = ((m.eye, m.axes, m.tangents, m.column, m.row) for m in (before, after))
     if not all(np.array_equal(a, b) for a, b in zip(*views, strict=True)):

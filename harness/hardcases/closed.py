@@ -75,9 +75,7 @@ def on_rays(towards: tuple[float, float, float], half: float, deepest: int, side
     return closed_behind((points, faces), -np.asarray(towards) * 2.0 ** (deepest + 1))
 
 
-def odd_vertices(
-    towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False
-) -> Trial:
+def odd_vertices(towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False) -> Trial:
     """Every ray of the image meets a vertex of :func:`on_rays`. Without lights; :func:`odd_lights` has them."""
     mesh = on_rays(towards, half, deepest)
     return view(
@@ -86,9 +84,7 @@ def odd_vertices(
     )  # fmt: skip
 
 
-def odd_lights(
-    towards: tuple[float, float, float], half: float, deepest: int, side: int, behind: bool = True
-) -> Trial:
+def odd_lights(towards: tuple[float, float, float], half: float, deepest: int, side: int, behind: bool = True) -> Trial:
     """The same with a light at the eye, and with ``behind`` one more behind the eye.
 
     The deeper the surface, the more grazing some rays meet their triangle. If a hit point is wrong along such a ray by
@@ -152,9 +148,7 @@ def snapped_sphere(eye: tuple[float, float, float]) -> Mesh:
     x = pixel_centres(SIDE)
     before = (depth[:, 0] > 0) & (np.abs(arms[:, :2]) < 63 / 64 * depth).all(axis=1)
     # Even places of a row of pixels: x[0], x[2], ...
-    place = np.clip(
-        np.round((arms[before, :2] / depth[before] - x[0]) / (2 * (x[1] - x[0]))), 0, SIDE // 2 - 1
-    )
+    place = np.clip(np.round((arms[before, :2] / depth[before] - x[0]) / (2 * (x[1] - x[0]))), 0, SIDE // 2 - 1)
     on_ray = x[2 * place.astype(int)]
     arms[before] = np.concatenate([on_ray, -np.ones((len(on_ray), 1))], axis=1) * depth[before]
     return arms + eye, faces
@@ -193,9 +187,7 @@ def far_inside(radii: float) -> Trial:
 
 def far_light_inside(radii: float) -> Trial:
     """A distant light inside the shell, and a floor behind the patch, seen from behind: the floor is all in shadow."""
-    floor = [
-        (-2.0 * AXES[0] + 0.75 * (i * AXES[1] + j * AXES[2])) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    ]
+    floor = [(-2.0 * AXES[0] + 0.75 * (i * AXES[1] + j * AXES[2])) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     return view(
         joined(far_shell(radii), quad(*floor)), [tuple((AXES[0] * radii).tolist())], (AXES[0] * -4).tolist(),
         AXES[0].tolist(), 0.25, (24, 24), up=AXES[2].tolist(), watertight=True, stated=Counts(576, (576,)),

@@ -65,11 +65,7 @@ def moments(prepared: Prepared) -> list[Moment]:
     width, height = SIZE
     found = [prepared.moment(k, width, height) for k in range(FRAMES)]
     elsewhere = prepared.moment(
-        1,
-        width,
-        height,
-        Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)),
-        (Light((0, 40, 3)), Light((0.0, 0.05, 0.0))),
+        1, width, height, Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), (Light((0, 40, 3)), Light((0.0, 0.05, 0.0)))
     )
     return [*found, elsewhere, found[0]]
 
@@ -171,9 +167,7 @@ def _in_turns(
         moment = prepared.moment(frame, width, height, camera, placed)
         session.advance(moment)
         wp.synchronize_device(device)
-        unlike = _unlike(
-            session.frame.answers.to_host(), _session(make_method, prepared, device).answers(moment)
-        )
+        unlike = _unlike(session.frame.answers.to_host(), _session(make_method, prepared, device).answers(moment))
         if unlike:
             return Check(name, "error", f"after {label}: {', '.join(unlike)} differ from a complete frame")
     return Check(name)
@@ -187,9 +181,7 @@ def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, d
     found = _replayed(name, make_method, prepared, device, moments(prepared))
     spotted = _spotted(make_method, prepared, device)
     if found.status == "ok" and spotted is not None:
-        unseen = [
-            spotted.moment(frame, *SIZE, camera, lights) for _, (frame, camera, lights) in _turns_away()
-        ]
+        unseen = [spotted.moment(frame, *SIZE, camera, lights) for _, (frame, camera, lights) in _turns_away()]
         found = _replayed(name, make_method, spotted, device, unseen)
     return found
 
@@ -209,9 +201,7 @@ def _replayed(
         session.replay()
         if session.overflowed():
             return Check(
-                name,
-                "error",
-                f"frame {k}: its replay overflowed buffers that were large enough for the frame",
+                name, "error", f"frame {k}: its replay overflowed buffers that were large enough for the frame"
             )
         wp.synchronize_device(device)
         unlike = _unlike(session.frame.answers.to_host(), eager)
@@ -241,16 +231,10 @@ def _unasked(name: str, make_method: Callable[[], Method], prepared: Prepared, d
     """Lights without shadows do not change the closest hits, and their shadow bits are 0."""
     moment = moments(prepared)[0]
     both = _session(make_method, prepared, device).answers(moment)
-    one = Session(make_method(), prepared, *SIZE, device, effects=Effects(shadows=(False, True))).answers(
-        moment
-    )
+    one = Session(make_method(), prepared, *SIZE, device, effects=Effects(shadows=(False, True))).answers(moment)
     both["shadowed"][0] = 0
     unlike = _unlike(one, both)
-    return (
-        Check(name, "error", f"without light 0's shadows {', '.join(unlike)} differ")
-        if unlike
-        else Check(name)
-    )
+    return Check(name, "error", f"without light 0's shadows {', '.join(unlike)} differ") if unlike else Check(name)
 
 
 def counted_allocations(work: Callable[[], None]) -> tuple[int, str]:

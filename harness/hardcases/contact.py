@@ -13,21 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from .case import (
-    F64,
-    Counts,
-    HardCase,
-    Mesh,
-    Trial,
-    float32_of,
-    icosphere,
-    joined,
-    plane,
-    quad,
-    sheet,
-    triangles,
-    view,
-)
+from .case import F64, Counts, HardCase, Mesh, Trial, float32_of, icosphere, joined, plane, quad, sheet, triangles, view
 
 PLACES = ("vertex", "edge", "plane")
 
@@ -163,10 +149,7 @@ def _cases() -> Iterator[HardCase]:
     for place in PLACES:
         for seed in range(4 if place == "vertex" else 2):
             yield HardCase(
-                f"P34 {place} {seed}",
-                f"eye on the {place} of a triangle",
-                behind,
-                partial(eye_on, seed, place),
+                f"P34 {place} {seed}", f"eye on the {place} of a triangle", behind, partial(eye_on, seed, place)
             )
         variants: tuple[tuple[str, Callable[[], Trial]], ...] = (
             ("small", partial(eye_on, 5, place, 2.0**-30)),
@@ -177,9 +160,7 @@ def _cases() -> Iterator[HardCase]:
         for suffix, make in variants:
             yield HardCase(f"P34 {place} {suffix}", f"the same, {suffix}", behind, make)
         if place == "vertex":
-            yield HardCase(
-                "P34 vertex off", "the same, off the origin", behind, partial(eye_on, 9, place, 1.0, 0, 3.7)
-            )
+            yield HardCase("P34 vertex off", "the same, off the origin", behind, partial(eye_on, 9, place, 1.0, 0, 3.7))
         for seed, scale, turn in ((0, 1.0, 0), (1, 2.0**-30, 1), (2, 2.0**40, 2)):
             yield HardCase(
                 f"S36 {place} {seed}", f"light on the {place} of a triangle", "a surface at the light shadows all",
@@ -191,9 +172,7 @@ def _cases() -> Iterator[HardCase]:
             partial(light_off_plane, height, turn),
         )  # fmt: skip
     for seed in range(3):
-        yield HardCase(
-            f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, partial(eye_on_mesh, seed)
-        )
+        yield HardCase(f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, partial(eye_on_mesh, seed))
     yield HardCase("M07", "eye on a vertex of mirrors", behind, partial(mirrors_at_the_eye, 3))
     lost = "a tolerance from the lengths of edges, or from where the eye is, is wider than the gap"
     for distance, width in ((1e5, 1e-4), (1e3, 1e-5), (1e7, 1e-4), (1e4, 1e-6)):

@@ -29,13 +29,7 @@ def far_light(radii: float, turn: int) -> Trial:
     """A ball on a floor, and a light so far away that its directions to the scene are the same in float32."""
     x, y, z = (radii * c for c in (0.36, 0.8, 0.48))
     return view(
-        ball_on_floor(),
-        [(x, y, z), (-z, 0.7 * y, -x)],
-        (0.3, 1.7, 3.1),
-        (-0.1, -0.45, -1),
-        0.5,
-        (24, 24),
-        turn=turn,
+        ball_on_floor(), [(x, y, z), (-z, 0.7 * y, -x)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24), turn=turn
     )
 
 
@@ -115,9 +109,7 @@ def behind_the_light(seed: int, scale: float) -> Trial:
     height = 2.0 ** -random.uniform(3, 14)
     roof = triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0))
     points, faces = joined(roof, plane(2, -1, 4))
-    light, eye, towards = (
-        tuple(axes @ place) for place in ((0.25, 0.125, height), (0.0, 0.0, -6.0), (0.0, 0.0, 1.0))
-    )
+    light, eye, towards = (tuple(axes @ place) for place in ((0.25, 0.125, height), (0.0, 0.0, -6.0), (0.0, 0.0, 1.0)))
     return view(
         (points @ axes.T, faces), [light], eye, towards, 0.125, scale=scale, stated=Counts(256, (256,))
     )  # fmt: skip
@@ -185,14 +177,9 @@ def _cases() -> Iterator[HardCase]:
     )  # fmt: skip
     for turn, axis in enumerate("xyz"):
         flushed = "subnormal numbers flushed to 0"
+        yield HardCase(f"V subnormal {axis}", "ball on a floor, scale 2^-131", flushed, partial(subnormal_scene, turn))
         yield HardCase(
-            f"V subnormal {axis}", "ball on a floor, scale 2^-131", flushed, partial(subnormal_scene, turn)
-        )
-        yield HardCase(
-            f"V among {axis}",
-            "vertices off a plane by subnormal numbers",
-            flushed,
-            partial(among_subnormals, turn),
+            f"V among {axis}", "vertices off a plane by subnormal numbers", flushed, partial(among_subnormals, turn)
         )
         for eye in (2.0**-148, 2.0**-130):
             yield HardCase(
@@ -200,10 +187,7 @@ def _cases() -> Iterator[HardCase]:
                 partial(one_step_from_zero, eye, turn),
             )  # fmt: skip
         yield HardCase(
-            f"V zeros {axis}",
-            "vertices at 0 and -0",
-            "0 and -0 taken for two vertices",
-            partial(two_zeros, turn),
+            f"V zeros {axis}", "vertices at 0 and -0", "0 and -0 taken for two vertices", partial(two_zeros, turn)
         )
     for seed in MIXED_SEEDS:
         yield HardCase(

@@ -38,21 +38,12 @@ def across_the_eye(turn: int = 0) -> Trial:
 
 def many_across() -> Trial:
     """Two hundred triangles of all sizes around the eye; many are partly behind it."""
-    return view(
-        soup(31, 200, 1.5, 0.5), [(0.1, 0.05, -0.1), (30, 20, 10)], ORIGIN, (0.2, 0.1, -1), 1.0, (24, 24)
-    )
+    return view(soup(31, 200, 1.5, 0.5), [(0.1, 0.05, -0.1), (30, 20, 10)], ORIGIN, (0.2, 0.1, -1), 1.0, (24, 24))
 
 
 def behind_the_eye() -> Trial:
     """A triangle entirely behind the eye."""
-    return view(
-        triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)),
-        [ABOVE],
-        ORIGIN,
-        (0, 0, -1),
-        1.0,
-        stated=Counts(0, (0,)),
-    )
+    return view(triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)), [ABOVE], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0, (0,)))
 
 
 def inside_a_box() -> Trial:
@@ -65,9 +56,7 @@ def inside_a_box() -> Trial:
 
 def into_a_corner() -> Trial:
     """The central ray goes exactly through a corner of the box, where three walls meet."""
-    return view(
-        box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), watertight=True, stated=Counts(289, (0,))
-    )
+    return view(box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), watertight=True, stated=Counts(289, (0,)))
 
 
 def layers() -> Mesh:
@@ -100,18 +89,14 @@ def in_the_plane() -> Trial:
     x = pixel_centres(8)
     points, faces = sheet(x, x, 1.0)
     flat = points + np.array([0, 0, 1.0])
-    return view(
-        (flat, faces), [(0, 0, 2)], (3, 0, 0), (-1, 0, 0), 0.25, (9, 9), up=(0, 0, 1), stated=Counts(0, (0,))
-    )
+    return view((flat, faces), [(0, 0, 2)], (3, 0, 0), (-1, 0, 0), 0.25, (9, 9), up=(0, 0, 1), stated=Counts(0, (0,)))
 
 
 def diagonal_cells(start: float) -> Trial:
     """The central ray goes along x = y = z, through the corners of cells; each diagonal cell has triangles across it."""
     cells = np.arange(1.0, 5.0)
     corners = [p for k in cells for p in ((k + 1, k, k), (k, k + 1, k), (k, k, k + 1))]
-    return view(
-        triangles(*corners), [(-1, -1, -1), (8, 8, 8), (3, 3, 0)], (start,) * 3, (1, 1, 1), 0.25, (9, 9)
-    )
+    return view(triangles(*corners), [(-1, -1, -1), (8, 8, 8), (3, 3, 0)], (start,) * 3, (1, 1, 1), 0.25, (9, 9))
 
 
 def on_a_wall() -> Trial:
@@ -137,9 +122,7 @@ def touching() -> Trial:
 
 def far_away() -> Trial:
     """An eye 1e5 scene sizes away."""
-    return view(
-        joined(box(-1, 1), ball(1.2, ORIGIN)), [(2, 3, 4)], (1e5, 1e5, 1e5), (-1, -1, -1), 1e-5, (16, 16)
-    )
+    return view(joined(box(-1, 1), ball(1.2, ORIGIN)), [(2, 3, 4)], (1e5, 1e5, 1e5), (-1, -1, -1), 1e-5, (16, 16))
 
 
 def up_along_the_view() -> Trial:
@@ -158,12 +141,7 @@ def along_a_floor(height: float) -> Trial:
     floor = triangles((-9, -3 * y, -3 * z), (9, -3 * y, -3 * z), (0.3, 6 * y, 6 * z))
     x = 0.5 + 2.0 * np.arange(400) / 400
     strips = [
-        quad(
-            *(
-                (p, 0.5 * z + q * y, -0.5 * y + q * z)
-                for p, q in ((a, -1), (a + 0.0025, -1), (a + 0.0025, 1), (a, 1))
-            )
-        )
+        quad(*((p, 0.5 * z + q * y, -0.5 * y + q * z) for p, q in ((a, -1), (a + 0.0025, -1), (a + 0.0025, 1), (a, 1))))
         for a in x.tolist()
     ]
     return view(

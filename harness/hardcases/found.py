@@ -17,11 +17,7 @@ from .case import HardCase, Trial
 
 
 def found(
-    points: Sequence[Vector],
-    faces: Sequence[Sequence[int]],
-    camera: Camera,
-    light: Light,
-    size: tuple[int, int],
+    points: Sequence[Vector], faces: Sequence[Sequence[int]], camera: Camera, light: Light, size: tuple[int, int]
 ) -> Trial:
     """A trial from exact numbers."""
     mesh = np.array(points), np.array(faces)

@@ -55,13 +55,7 @@ def in_duplicates() -> Trial:
     """Two squares in one place: where one has a hole, the other is opaque. No light passes from behind."""
     mesh = joined(square(-1, 1.5), square(-1, 1.5), square(-3, 8))
     return view(
-        mesh,
-        [(0, 0, -2)],
-        (0, 0, 0),
-        (0, 0, -1),
-        1.0,
-        alpha=chequered(mesh, 1 / 4, 4, 2),
-        stated=Counts(256, (0,)),
+        mesh, [(0, 0, -2)], (0, 0, 0), (0, 0, -1), 1.0, alpha=chequered(mesh, 1 / 4, 4, 2), stated=Counts(256, (0,))
     )
 
 

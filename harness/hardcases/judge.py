@@ -100,9 +100,7 @@ class Judged:
         triangle = self.exact["triangle"]
         return len(triangle) + int((triangle >= 0).sum()) * int(self.judge.wanted.sum())
 
-    def count(
-        self, answers: Answers, shadows: bool = True
-    ) -> tuple[dict[str, int], list[dict[str, Any]], int]:
+    def count(self, answers: Answers, shadows: bool = True) -> tuple[dict[str, int], list[dict[str, Any]], int]:
         """Counts of the classes other than ok, examples, and wrong shadow bits that do not count as errors.
 
         ``shadows``: whether wrong shadow bits count as errors.
@@ -201,9 +199,7 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
         finding.got = finding.reason = f"{type(error).__name__}: {error}"
         return finding
     finding.got = str(counts_of(answers, lights))
-    finding.classes, finding.examples, finding.bits_outside = judged.count(
-        answers, every_bit or SHADOWS not in outside
-    )
+    finding.classes, finding.examples, finding.bits_outside = judged.count(answers, every_bit or SHADOWS not in outside)
     finding.excused = sum(finding.classes.get(kind.key, 0) for kind in EXCUSED)
     finding.rays, finding.pixels = judged.rays, len(judged.exact["triangle"])
     finding.hits = int((judged.exact["triangle"] >= 0).sum())
@@ -215,7 +211,9 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
         finding.status = "error"
     elif finding.excused > case.excusable * finding.rays:
         finding.status = "excused"
-        most = f"{finding.excused / finding.rays:.1%} of its rays are excused, more than the {case.excusable:.1%} allowed"
+        most = (
+            f"{finding.excused / finding.rays:.1%} of its rays are excused, more than the {case.excusable:.1%} allowed"
+        )
         finding.reason = f"{finding.reason}; {most}" if finding.reason else most
     return finding
 

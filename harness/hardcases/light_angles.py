@@ -94,31 +94,11 @@ def spot_ahead(turn: int = 0) -> Trial:
 
 
 BUILDERS = (
-    (
-        "S01",
-        "wall across the azimuth's seam",
-        "a box of azimuths wraps to the full circle or its complement",
-        seam,
-    ),
-    (
-        "S02",
-        "pole inside a triangle",
-        "bounds that are not the full circle of azimuth up to the pole",
-        pole_inside,
-    ),
+    ("S01", "wall across the azimuth's seam", "a box of azimuths wraps to the full circle or its complement", seam),
+    ("S02", "pole inside a triangle", "bounds that are not the full circle of azimuth up to the pole", pole_inside),
     ("S03", "nadir under a ceiling light", "a pole of the spherical map among the receivers", nadir),
-    (
-        "S04",
-        "edge through the pole",
-        "azimuths that differ by exactly pi, with two ways round",
-        edge_through_pole,
-    ),
-    (
-        "S05",
-        "bulge of a great circle",
-        "the box of the vertices misses every ray: great arcs bulge beyond it",
-        bulge,
-    ),
+    ("S04", "edge through the pole", "azimuths that differ by exactly pi, with two ways round", edge_through_pole),
+    ("S05", "bulge of a great circle", "the box of the vertices misses every ray: great arcs bulge beyond it", bulge),
     ("S17", "spot over the seam", "a rectangle stored as (min, max) has min > max", spot_over_seam),
     (
         "S17r",
@@ -126,12 +106,7 @@ BUILDERS = (
         "nothing by itself: compared with the spot over the seam",
         spot_ahead,
     ),
-    (
-        "S18",
-        "walls all around the light",
-        "seam, both poles and every face of a cube at once",
-        around_the_light,
-    ),
+    ("S18", "walls all around the light", "seam, both poles and every face of a cube at once", around_the_light),
 )
 
 CASES = tuple(

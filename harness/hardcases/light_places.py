@@ -7,20 +7,7 @@ from functools import partial
 import numpy as np
 
 from ..scene.scene import Light
-from .case import (
-    Counts,
-    HardCase,
-    Trial,
-    ball,
-    box,
-    joined,
-    pixel_centres,
-    plane,
-    quad,
-    sheet,
-    triangles,
-    view,
-)
+from .case import Counts, HardCase, Trial, ball, box, joined, pixel_centres, plane, quad, sheet, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -40,9 +27,7 @@ def light_on_vertex() -> Trial:
     tip, base = (0, 0, 0), [(1, 1, -1), (-1, 1, -1), (-1, -1, -1), (1, -1, -1)]
     roof = triangles(*[corner for i in range(4) for corner in (tip, base[i], base[(i + 1) % 4])])
     lights = [ORIGIN, (0.5, 0.5, -0.5)]
-    return view(
-        joined(roof, plane(2, -3, 8)), lights, (0, 0, -7), (0, 0, 1), 0.25, stated=Counts(256, (0, None))
-    )
+    return view(joined(roof, plane(2, -3, 8)), lights, (0, 0, -7), (0, 0, 1), 0.25, stated=Counts(256, (0, None)))
 
 
 def box_from_within() -> Trial:
@@ -64,17 +49,13 @@ def box_from_without() -> Trial:
 def thin_slab() -> Trial:
     """A light inside a slab 2e-6 thick; receivers beyond it."""
     slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
-    return view(
-        joined(slab, plane(2, 1, 4)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.5, stated=Counts(256, (256,))
-    )
+    return view(joined(slab, plane(2, 1, 4)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.5, stated=Counts(256, (256,)))
 
 
 def onto_thin_slab() -> Trial:
     """The slab itself as receiver: its upper face is lit by a light inside, 1e-6 away, and shadowed from one below."""
     slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
-    return view(
-        slab, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True
-    )
+    return view(slab, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True)
 
 
 def far_light(distance: float) -> Trial:
@@ -98,9 +79,7 @@ def tiny_occluder() -> Trial:
     """A square 2e-5 wide, 1e-4 from the light; receivers at distance 1."""
     half = 1e-5
     speck = quad((-half, -half, 1e-4), (half, -half, 1e-4), (half, half, 1e-4), (-half, half, 1e-4))
-    return view(
-        joined(speck, plane(2, 1, 2)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.0625, stated=Counts(256, (36,))
-    )
+    return view(joined(speck, plane(2, 1, 2)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.0625, stated=Counts(256, (36,)))
 
 
 def grazing_floor() -> Trial:
@@ -122,9 +101,7 @@ def two_sheets(above: bool, steps: int) -> Trial:
     eye, towards = ((0, 0, 3), (0, 0, -1)) if above else ((0, 0, -1), (0, 0, 1))
     lights = [(0.3, 0.2, 2.5), (0.3, 0.2, -0.5)]
     stated = Counts(64, (0, 64)) if above else Counts(64, (64, 0))
-    return view(
-        joined(plane(2, low, 2), plane(2, high, 2)), lights, eye, towards, 0.25, (8, 8), stated=stated
-    )
+    return view(joined(plane(2, low, 2), plane(2, high, 2)), lights, eye, towards, 0.25, (8, 8), stated=stated)
 
 
 def on_their_plane(steps: int, turn: int) -> Trial:
@@ -165,11 +142,7 @@ def wall_on_floor() -> Trial:
 def same_place() -> Trial:
     """Three lights, two of them at one place: their rows of bits are the same."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
-    lights: list[Light | tuple[float, float, float]] = [
-        (1, 3, 1),
-        (-2, 1, 0.5),
-        Light((1, 3, 1), intensity=0.5),
-    ]
+    lights: list[Light | tuple[float, float, float]] = [(1, 3, 1), (-2, 1, 0.5), Light((1, 3, 1), intensity=0.5)]
     return view(
         joined(floor, ball(0.5, (0, 0.6, 0))), lights, (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24),
         same_lights=((0, 2),),

@@ -50,9 +50,7 @@ def broken_triangles(only: bool) -> Trial:
     mesh: Mesh = (np.array(odd), np.array(faces))
     if not only:
         mesh = joined(mesh, plane(2, -2, 4))
-    return view(
-        mesh, [(0, 0, -1), (0.5, 0, 2)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0 if only else 256, (0, 0))
-    )
+    return view(mesh, [(0, 0, -1), (0.5, 0, 2)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0 if only else 256, (0, 0)))
 
 
 def three_of_each() -> Trial:
@@ -145,12 +143,7 @@ def patches(shadow: bool) -> Trial:
 def one_triangle_missed() -> Trial:
     """One triangle beside the view."""
     return view(
-        triangles((9, 0, -1), (9, 1, -1), (9, 0, -2)),
-        [(0, 3, 0)],
-        ORIGIN,
-        (0, 0, -1),
-        0.5,
-        stated=Counts(0, (0,)),
+        triangles((9, 0, -1), (9, 1, -1), (9, 0, -2)), [(0, 3, 0)], ORIGIN, (0, 0, -1), 0.5, stated=Counts(0, (0,))
     )
 
 
@@ -173,13 +166,7 @@ def teapot_in_stadium() -> Trial:
     ground = quad((-1e3, -1e3, -2e-3), (1e3, -1e3, -2e-3), (1e3, 1e3, -2e-3), (-1e3, 1e3, -2.5e-3))
     lights = [(3, 2, 5), (1e-3, 0, 4e-3), (400, -300, 20)]
     return view(
-        joined(ground, soup(3, 300, 2e-4, 1e-3)),
-        lights,
-        (0, -4e-3, 3e-3),
-        (0, 4, -3),
-        0.5,
-        (24, 24),
-        up=(0, 0, 1),
+        joined(ground, soup(3, 300, 2e-4, 1e-3)), lights, (0, -4e-3, 3e-3), (0, 4, -3), 0.5, (24, 24), up=(0, 0, 1)
     )
 
 
@@ -272,12 +259,7 @@ def through_every_cell() -> Trial:
         ((-5, -4, -3), (5, 4.1, 2.9), (4, -5, 4)),
     )  # fmt: skip
     return view(
-        joined(slanted, soup(5, 400, 0.05, 3.0)),
-        [(0.1, 0.2, 6)],
-        (0.5, 0.4, 9),
-        (-0.5, -0.4, -9),
-        0.6,
-        (24, 24),
+        joined(slanted, soup(5, 400, 0.05, 3.0)), [(0.1, 0.2, 6)], (0.5, 0.4, 9), (-0.5, -0.4, -9), 0.6, (24, 24)
     )
 
 

@@ -49,17 +49,13 @@ def duplicates() -> Trial:
     """Two mirrors in one place with opposite orientation: a ray that starts on one starts on both."""
     square = [(-3, -3, -1), (3, -3, -1), (3, 3, -1), (-3, 3, -1)]
     mesh = joined(quad(*square), quad(*square[::-1]), plane(2, 3, 16))
-    return view(
-        mesh, [(0, 0, 2)], (0, 0, 0), (0, 0, -1), 1.0, mirror=first(4), bounces=2, stated=Counts(256, (0,))
-    )
+    return view(mesh, [(0, 0, 2)], (0, 0, 0), (0, 0, -1), 1.0, mirror=first(4), bounces=2, stated=Counts(256, (0,)))
 
 
 def behind_the_eye() -> Trial:
     """A square and its shadow on a wall, both visible only in a mirror."""
     mesh = joined(plane(2, -1, 4), quad((-1, -1, 2), (1, -1, 2), (1, 1, 2), (-1, 1, 2)), plane(2, 4, 16))
-    return view(
-        mesh, [(0, 0, 1)], (0, 0, 0), (0, 0, -1), 0.5, mirror=first(2), bounces=1, stated=Counts(256, (0,))
-    )
+    return view(mesh, [(0, 0, 1)], (0, 0, 0), (0, 0, -1), 0.5, mirror=first(2), bounces=1, stated=Counts(256, (0,)))
 
 
 def splinters(seed: int) -> Trial:

@@ -87,9 +87,7 @@ def _cases() -> Iterator[HardCase]:
     zero = "division by 0; rays in walls and through corners"
     for turn, axis in enumerate("xyz"):
         for kind in ("edges", "faces"):
-            yield HardCase(
-                f"O01 {kind} {axis}", f"down on boxes, {kind}", zero, partial(onto_towers, kind, turn)
-            )
+            yield HardCase(f"O01 {kind} {axis}", f"down on boxes, {kind}", zero, partial(onto_towers, kind, turn))
         for kind in ("integers", "halves"):
             yield HardCase(
                 f"O02 tinybvh#168 {kind} {axis}",
@@ -98,22 +96,13 @@ def _cases() -> Iterator[HardCase]:
                 partial(integer_ball, kind, turn),
             )
         yield HardCase(
-            f"O03 {axis}",
-            "vertical rays onto a height field",
-            zero,
-            partial(vertical_rays, turn),
-            excusable=0.0,
+            f"O03 {axis}", "vertical rays onto a height field", zero, partial(vertical_rays, turn), excusable=0.0
         )
         yield HardCase(
-            f"O04 {axis}",
-            "rays that start in a box",
-            "a near plane; t = 0 taken for a hit",
-            partial(from_within, turn),
+            f"O04 {axis}", "rays that start in a box", "a near plane; t = 0 taken for a hit", partial(from_within, turn)
         )
     for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
-        yield HardCase(
-            f"O01 {name}", f"down on boxes, {name}", zero, partial(onto_towers, "edges", 0, scale, offset)
-        )
+        yield HardCase(f"O01 {name}", f"down on boxes, {name}", zero, partial(onto_towers, "edges", 0, scale, offset))
     eye = "bounds that count on one eye"
     for scale in (1.0, 1e-6, 1e6):
         yield HardCase(f"O05 x{scale:g}", f"ball on a floor, scale {scale:g}", eye, partial(oblique, scale))

@@ -13,19 +13,7 @@ from functools import partial
 import numpy as np
 
 from ..scene.scene import Light
-from .case import (
-    F64,
-    Counts,
-    HardCase,
-    Trial,
-    closed_behind,
-    icosphere,
-    joined,
-    plane,
-    sheet,
-    triangles,
-    view,
-)
+from .case import F64, Counts, HardCase, Trial, closed_behind, icosphere, joined, plane, sheet, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 START = np.array([0x3E6A2C13, 0x3FAD24CE, 0x3E6A2C13], dtype=np.uint32).view(np.float32).astype(np.float64)

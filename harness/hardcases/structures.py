@@ -15,22 +15,7 @@ import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light
-from .case import (
-    F64,
-    Counts,
-    HardCase,
-    Mesh,
-    Trial,
-    ball,
-    box,
-    joined,
-    plane,
-    quad,
-    sheet,
-    soup,
-    triangles,
-    view,
-)
+from .case import F64, Counts, HardCase, Mesh, Trial, ball, box, joined, plane, quad, sheet, soup, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 FLOAT32_HALVINGS = 148
@@ -150,12 +135,9 @@ def after_nothing(order: str) -> Trial:
     valid ones."""
     points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
     whole = view((points, faces), [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
-    frames = [
-        {"n": np.full_like(points, np.nan), "i": np.full_like(points, np.inf), "w": points}[c] for c in order
-    ]
+    frames = [{"n": np.full_like(points, np.nan), "i": np.full_like(points, np.inf), "w": points}[c] for c in order]
     scene = replace(
-        whole.prepared.scene,
-        geometry=lambda: Geometry(faces.astype(np.int32), lambda k: frames[k], len(frames)),
+        whole.prepared.scene, geometry=lambda: Geometry(faces.astype(np.int32), lambda k: frames[k], len(frames))
     )
     prepared = prepare(scene)
     moments = [prepared.moment(k, 16, 16) for k in range(len(frames))]
@@ -166,8 +148,7 @@ def so_many(count: int, turn: int = 0) -> Trial:
     """A number of triangles at the end of a block or of a warp; the last ones are large and in front of the others."""
     points, faces = soup(count, count - 2, 0.2)
     front = triangles(
-        ((-0.5, -0.6, 1.5), (0.4, -0.3, 1.6), (0.1, 0.5, 1.7)),
-        ((0.5, 0.1, 1.4), (0.9, 0.2, 1.4), (0.6, 0.8, 1.5)),
+        ((-0.5, -0.6, 1.5), (0.4, -0.3, 1.6), (0.1, 0.5, 1.7)), ((0.5, 0.1, 1.4), (0.9, 0.2, 1.4), (0.6, 0.8, 1.5))
     )
     return view(
         joined((points, faces), front), [(0.3, 0.4, 5), (0.1, -0.2, 0.3)], (0.3, 0.2, 3), (0, 0, -1), 0.5, turn=turn
@@ -181,8 +162,7 @@ def full_screen(count: int, same: bool, turn: int = 0, scale: float = 1.0) -> Tr
     angle = random.uniform(0, 2 * np.pi, (count, 1)) + 2 * np.pi / 3 * np.arange(3)
     radius = 64 * random.uniform(1, 4, (count, 1))
     corners = np.stack(
-        [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(-depth[:, None], angle.shape)],
-        axis=2,
+        [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(-depth[:, None], angle.shape)], axis=2
     )
     last = 0 if same else None
     return view(
@@ -240,16 +220,10 @@ def _cases() -> Iterator[HardCase]:
         (" off", {"offset": 3.7}), (" far off", {"offset": 1e4}),
     ]  # fmt: skip
     for suffix, given in one:
-        yield HardCase(
-            f"P38{suffix}", "500 triangles with one centroid", depth, partial(one_centroid, 500, **given)
-        )
+        yield HardCase(f"P38{suffix}", "500 triangles with one centroid", depth, partial(one_centroid, 500, **given))
     for count in (10_000, 100_000):
         yield HardCase(
-            f"P38 {count}",
-            f"{count:,} triangles with one centroid",
-            depth,
-            partial(one_centroid, count),
-            large=True,
+            f"P38 {count}", f"{count:,} triangles with one centroid", depth, partial(one_centroid, count), large=True
         )
 
     stack = "the deepest tree: stacks that overflow"
@@ -262,10 +236,7 @@ def _cases() -> Iterator[HardCase]:
         ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0),
     ):  # fmt: skip
         yield HardCase(
-            f"P39 {name}",
-            f"sizes 2^{first} to 2^{last}, eye at {eye:.0e}",
-            stack,
-            partial(halving, first, last, eye),
+            f"P39 {name}", f"sizes 2^{first} to 2^{last}, eye at {eye:.0e}", stack, partial(halving, first, last, eye)
         )
     for name, turn, scale in (("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)):
         yield HardCase(f"P39 {name}", "96 chains of halved sizes", stack, partial(many_chains, turn, scale))

@@ -97,8 +97,7 @@ def thin_axis(power: int, turn: int, mesh: Mesh) -> Trial:
     its columns are all but one."""
     factors = np.array([1.0, 1.0, 2.0**power])
     eye, towards, *lights = (
-        vector(np.array(p) * factors)
-        for p in ((0.3, 1.7, 1.5), (-0.2, -1.3, -1.5), (1, 2.5, 0.5), (-0.4, 0.1, 0.7))
+        vector(np.array(p) * factors) for p in ((0.3, 1.7, 1.5), (-0.2, -1.3, -1.5), (1, 2.5, 0.5), (-0.4, 0.1, 0.7))
     )
     return view(
         (mesh[0] * factors, mesh[1]), lights, eye, towards, 2.0**power, (2, 128), up=(0, 0, 1), turn=turn,

@@ -34,9 +34,7 @@ def small_scene(scale: float, offset: float) -> Trial:
 def soup_scene(scale: float, offset: float) -> Trial:
     """A triangle soup of mixed sizes with a light inside."""
     place = np.array([-0.3, 0.9, 0.7]) * offset * 3 * scale
-    return view(
-        soup(77, 80), [(0.3, 0.4, 0.2), (4, 5, 6)], (0.3, 0.2, 3), (0, 0, -1), 0.5, scale=scale, offset=place
-    )
+    return view(soup(77, 80), [(0.3, 0.4, 0.2), (4, 5, 6)], (0.3, 0.2, 3), (0, 0, -1), 0.5, scale=scale, offset=place)
 
 
 def vertex_sheet(scale: float, offset: float) -> Trial:
@@ -45,13 +43,7 @@ def vertex_sheet(scale: float, offset: float) -> Trial:
     depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
     place = np.array([0.6, 0.1, -0.9]) * offset * 4 * scale
     return view(
-        sheet(x, x, depth),
-        [(0.25, 0.125, 0.5), (0, 0, -4)],
-        (0, 0, 0),
-        (0, 0, -1),
-        1.0,
-        scale=scale,
-        offset=place,
+        sheet(x, x, depth), [(0.25, 0.125, 0.5), (0, 0, -4)], (0, 0, 0), (0, 0, -1), 1.0, scale=scale, offset=place
     )
 
 

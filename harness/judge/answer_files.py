@@ -92,9 +92,7 @@ def read_raw(
     try:
         with opened_arrays(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
-            named = {
-                name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)
-            }
+            named = {name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)}
             answers = {name: stored[at] for name, at in named.items()}
             # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
@@ -104,9 +102,7 @@ def read_raw(
     if facts["frame"] >= prepared.frame_count:
         raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
     points, valid = prepared.points(facts["frame"])
-    moment = Moment(
-        index=facts["frame"], points=points, valid=valid, facing=bool(facts.get("facing")), **tables
-    )
+    moment = Moment(index=facts["frame"], points=points, valid=valid, facing=bool(facts.get("facing")), **tables)
     if mirrored:
         prepared = replace(prepared, mirror=answers.pop("mirror"))
     pixels = moment.width * moment.height
@@ -123,18 +119,14 @@ def read_raw(
     return prepared, moment, answers, facts
 
 
-def score_raw(
-    path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None
-) -> Scored:
+def score_raw(path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None) -> Scored:
     """The score of answers saved by :func:`save_raw`.
 
     Raises :class:`UserError` for a file that does not have raw answers, or a mesh that is not the one traced.
     ``scene_dir``: where originals of the catalogue's scenes are. ``folder``: stores the reference's answers.
     """
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
-    effects = Effects(
-        tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
-    )
+    effects = Effects(tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0))
     return score_answers(Judge.of(prepared, moment, effects, folder), answers)
 
 

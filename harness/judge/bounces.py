@@ -83,9 +83,7 @@ def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> NDArra
     before = mirrored(prepared, moment, answers, bounce - 1) if bounce > 1 else moment
     triangle = bounce_answers(answers, bounce - 1)["triangle"]
     active = answers["bounce_active"][bounce - 1]
-    origin, direction = (
-        answers[f"bounce_{name}"][bounce - 1].astype(np.float64) for name in ("origin", "direction")
-    )
+    origin, direction = (answers[f"bounce_{name}"][bounce - 1].astype(np.float64) for name in ("origin", "direction"))
     expected = (triangle >= 0) & (triangle < prepared.triangle_count)
     expected[expected] = prepared.mirror[triangle[expected]] == 1
     pixels = np.nonzero(expected)[0]
@@ -122,8 +120,7 @@ def reflected(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
     gamma = 7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)
     reach = apart.max(axis=(1, 2))
     step = FINE * (reach + np.abs(h).max(axis=1) + np.abs(o).max(axis=1)) + gamma * (
-        _dots(np.abs(side), np.abs(h) + apart.max(axis=1))
-        + reach * np.abs(_dots(side, way)) / np.abs(way).max(axis=1)
+        _dots(np.abs(side), np.abs(h) + apart.max(axis=1)) + reach * np.abs(_dots(side, way)) / np.abs(way).max(axis=1)
     )
     start = h + step[:, None] * side
     start += np.sign(side) * 2.0**-23 * np.abs(start)

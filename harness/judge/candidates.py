@@ -185,9 +185,7 @@ class Candidates:
             self._in_planes[key] = in_planes(self._corners, np.asarray(light, dtype=np.float32))
         return self._in_planes[key]
 
-    def _lists(
-        self, kernel: wp.Kernel, inputs: Sequence, outputs: Sequence
-    ) -> tuple[Lists, NDArray[np.int32]]:
+    def _lists(self, kernel: wp.Kernel, inputs: Sequence, outputs: Sequence) -> tuple[Lists, NDArray[np.int32]]:
         """Run a collecting kernel twice, to count and to write; lists for each ray, and its last output."""
         n = len(inputs[0])
         counts = wp.zeros(n, dtype=wp.int32, device=self.device)

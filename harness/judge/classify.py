@@ -75,9 +75,7 @@ def decide(judge: Judge, selection: Selection) -> Exact:
     return judge.referee.answers(origins, directions, moment.lights, judge.wanted)
 
 
-def classify(
-    judge: Judge, checked: Checked, agreement: Agreement, selection: Selection, exact: Exact
-) -> Classes:
+def classify(judge: Judge, checked: Checked, agreement: Agreement, selection: Selection, exact: Exact) -> Classes:
     """The classes of answers of a method, or of the reference."""
     given, judged = checked.answers["triangle"], selection.judged
     triangle = judge.referee.classify_primary(exact.hits, given[judged])

@@ -83,11 +83,7 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
 
 
 def _check_hits(
-    prepared: Prepared,
-    moment: Moment,
-    answers: dict[str, NDArray],
-    pixels: NDArray[np.intp],
-    result: Checked,
+    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], pixels: NDArray[np.intp], result: Checked
 ) -> None:
     corners = moment.points[prepared.faces[answers["triangle"][pixels]]].astype(np.float64)
     d = moment.directions(pixels).astype(np.float64)
@@ -109,8 +105,6 @@ def _check_hits(
         # A coplanar ray has no t on this triangle: the referee judges the triangle, there is nothing to compare.
         real = steep > 2.0**-45 * speed
         result.t_wrong[pixels] = real & ~(error * steep <= T_UNITS * UNIT * exact_t * steep + slack)
-        result.uv_wrong[pixels] = real & ~(
-            uv_error <= T_UNITS * UNIT + slack * speed / steep * longest / area
-        )
+        result.uv_wrong[pixels] = real & ~(uv_error <= T_UNITS * UNIT + slack * speed / steep * longest / area)
         result.t_error[pixels] = np.where(real & (exact_t > 0), error / exact_t, 0.0)
     result.uv_error[pixels] = np.where(real, uv_error, 0.0)

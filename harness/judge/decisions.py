@@ -51,13 +51,7 @@ class Decisions:
         return 0.0 if ratio is None else ratio[0] / ratio[1]
 
     def between(
-        self,
-        o: F32,
-        d: F32,
-        ratio: Ratio | None,
-        light: F32,
-        triangles: NDArray[np.int32],
-        holes: bool = True,
+        self, o: F32, d: F32, ratio: Ratio | None, light: F32, triangles: NDArray[np.int32], holes: bool = True
     ) -> list[int]:
         """The triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
 
@@ -67,11 +61,7 @@ class Decisions:
             return []
         _, ints = integers_of(o, d, light, self.points[self.faces[triangles]])
         over, under = ratio
-        p = (
-            ints[0] * under + ints[3] * over,
-            ints[1] * under + ints[4] * over,
-            ints[2] * under + ints[5] * over,
-        )
+        p = (ints[0] * under + ints[3] * over, ints[1] * under + ints[4] * over, ints[2] * under + ints[5] * over)
         rest = [x * under for x in ints[6:]]
         place = (rest[0], rest[1], rest[2])
         way = [x - y for x, y in zip(place, p, strict=True)]

@@ -53,10 +53,7 @@ def _settled(
     far = np.nonzero(np.abs(triangles).max(axis=(1, 2)) > FAR * near)[0]
     if len(far):
         exact_squares, exact_shares = measure(*(_fractions(part[far]) for part in (p, q, triangles)))
-        distances[far], shares[far] = (
-            [_root(square) for square in exact_squares],
-            exact_shares.astype(np.float64),
-        )
+        distances[far], shares[far] = ([_root(square) for square in exact_squares], exact_shares.astype(np.float64))
     return distances, shares
 
 

@@ -33,21 +33,13 @@ def widen(v: wp.vec3f) -> wp.vec3d:
 
 @wp.func
 def permanent(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
-    return (
-        a[0] * (b[1] * c[2] + b[2] * c[1])
-        + a[1] * (b[2] * c[0] + b[0] * c[2])
-        + a[2] * (b[0] * c[1] + b[1] * c[0])
-    )
+    return a[0] * (b[1] * c[2] + b[2] * c[1]) + a[1] * (b[2] * c[0] + b[0] * c[2]) + a[2] * (b[0] * c[1] + b[1] * c[0])
 
 
 @wp.func
 def triple(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, ea: wp.float64, eb: wp.float64, ec: wp.float64) -> wp.vec2d:
     """a . (b x c) and a bound on its error, where the components of a, b, c have errors of up to ea, eb, ec."""
-    value = (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+    value = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     pa = wp.vec3d(wp.abs(a[0]), wp.abs(a[1]), wp.abs(a[2]))
     pb = wp.vec3d(wp.abs(b[0]), wp.abs(b[1]), wp.abs(b[2]))
     pc = wp.vec3d(wp.abs(c[0]), wp.abs(c[1]), wp.abs(c[2]))
@@ -103,9 +95,7 @@ def filter_ray(o: wp.vec3d, d: wp.vec3d, va: wp.vec3d, vb: wp.vec3d, vc: wp.vec3
 
 
 @wp.func
-def filter_segment(
-    p: wp.vec3d, light: wp.vec3d, va: wp.vec3d, vb: wp.vec3d, vc: wp.vec3d, e: wp.float64
-) -> wp.int32:
+def filter_segment(p: wp.vec3d, light: wp.vec3d, va: wp.vec3d, vb: wp.vec3d, vc: wp.vec3d, e: wp.float64) -> wp.int32:
     """An open segment whose start has an error of up to e per component: 0 misses, 1 certainly meets, 2 uncertain."""
     zero = wp.float64(0.0)
     near = sign_of(triple(va - p, vb - va, vc - va, e, zero, zero))
@@ -122,14 +112,7 @@ def filter_segment(
 
 @wp.func
 def opacity(
-    alpha: Alpha,
-    i: wp.int32,
-    d: wp.vec3d,
-    a: wp.vec3d,
-    b: wp.vec3d,
-    c: wp.vec3d,
-    ed: wp.float64,
-    e: wp.float64,
+    alpha: Alpha, i: wp.int32, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, ed: wp.float64, e: wp.float64
 ) -> wp.int32:
     """Of triangle i where the line along d certainly crosses it: 1 opaque, 0 transparent, 2 uncertain."""
     if alpha.masked.shape[0] == 0:
@@ -152,9 +135,7 @@ def opacity(
 
 
 @wp.func
-def slab(
-    o: wp.vec3d, d: wp.vec3d, low: wp.vec3f, high: wp.vec3f, pad: wp.float64, limit: wp.float64
-) -> wp.bool:
+def slab(o: wp.vec3d, d: wp.vec3d, low: wp.vec3f, high: wp.vec3f, pad: wp.float64, limit: wp.float64) -> wp.bool:
     """False only where no point o + t d with 0 <= t <= limit lies in the box grown by pad."""
     enter = wp.float64(0.0)
     leave = limit
@@ -224,10 +205,7 @@ def find_nearest(
                     b = widen(points[f[1]])
                     c = widen(points[f[2]])
                     r = filter_ray(o, d, a, b, c)
-                    if (
-                        r[0] == wp.float64(1.0)
-                        and opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1
-                    ):
+                    if r[0] == wp.float64(1.0) and opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1:
                         limit = wp.min(limit, r[2])
             node = after(node)
     best[i] = limit

@@ -42,9 +42,7 @@ class Holes:
         texels = []
         for axis, size in ((1, rows), (0, columns)):
             over, under = 0, 1
-            for weight, coordinate in zip(
-                weights, self.mask.coordinates[triangle, :, axis].tolist(), strict=True
-            ):
+            for weight, coordinate in zip(weights, self.mask.coordinates[triangle, :, axis].tolist(), strict=True):
                 n, d = coordinate.as_integer_ratio()
                 over, under = over * d + weight * n * under, under * d
             texel, rest = divmod(over * size, under * total)
@@ -92,7 +90,6 @@ class Holes:
         first = np.ceil(place - reach - 1.0).astype(np.int64)
         last = np.floor(place + reach).astype(np.int64)
         chosen = [
-            np.unique(np.arange(a, b + 1) % size)
-            for a, b, size in zip(first, last, bitmap.shape[::-1], strict=True)
+            np.unique(np.arange(a, b + 1) % size) for a, b, size in zip(first, last, bitmap.shape[::-1], strict=True)
         ]
         return bitmap[np.ix_(chosen[1], chosen[0])]

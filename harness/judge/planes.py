@@ -33,9 +33,7 @@ def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
         u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
         v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
         edges = np.linalg.norm(e, axis=1) * np.linalg.norm(f, axis=1)
-        doubt = np.abs(edges * np.linalg.norm(d, axis=1) / under) + np.abs(
-            edges * np.linalg.norm(a - o, axis=1) / over
-        )
+        doubt = np.abs(edges * np.linalg.norm(d, axis=1) / under) + np.abs(edges * np.linalg.norm(a - o, axis=1) / over)
         sure = ROUNDING * np.maximum(doubt, edges / area) <= SURE
     for i in np.nonzero(~sure)[0]:
         t[i], u[i], v[i], slope[i] = _exactly(corners[i], o[i], d[i])

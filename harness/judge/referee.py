@@ -105,9 +105,7 @@ class Referee:
             occluders[i] = self.occluders(hits, lights[i])
         return Exact(hits, occluders)
 
-    def all_hits(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> list[list[tuple[float, int]]]:
+    def all_hits(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> list[list[tuple[float, int]]]:
         """Every exact hit of each ray as (t, triangle), unordered."""
         result: list[list[tuple[float, int]]] = []
         for rows, candidates in self._candidates.along(origins, directions, nearest=False):
@@ -125,9 +123,7 @@ class Referee:
         rows = np.nonzero(hits.triangle >= 0)[0]
         for part in np.array_split(rows, max(1, -(-len(rows) // BATCH))):
             some = hits.take(part)
-            candidates, sure = self._candidates.between(
-                self.hit_points(some), some.triangle, light, every=False
-            )
+            candidates, sure = self._candidates.between(self.hit_points(some), some.triangle, light, every=False)
             result[part] = sure
             for i, certain, triangles in zip(part, sure, candidates, strict=True):
                 if certain < 0 and len(triangles):
@@ -172,11 +168,7 @@ class Referee:
         return verdicts
 
     def classify_shadow(
-        self,
-        hits: Hits,
-        light: NDArray[np.float32],
-        bits: NDArray[np.integer],
-        exact_bits: NDArray | None = None,
+        self, hits: Hits, light: NDArray[np.float32], bits: NDArray[np.integer], exact_bits: NDArray | None = None
     ) -> NDArray[np.int8]:
         """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0).
 
@@ -256,9 +248,7 @@ class Referee:
         if not len(hits):
             return verdicts
         p = self.hit_points(hits)
-        margin = (
-            exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(p).max(axis=1), self._candidates.tree.reach)
-        )
+        margin = exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(p).max(axis=1), self._candidates.tree.reach)
         candidates, _ = self._candidates.between(p, hits.triangle, light, every=True, margin=margin)
         for index, k in _rounds(candidates, verdicts, Verdict.ACNE):
             own = np.array([j in hits.ties[i] for i, j in zip(index, k.tolist(), strict=True)], dtype=bool)
@@ -297,12 +287,7 @@ class Referee:
     # --- parts ---
 
     def _between(
-        self,
-        hits: Hits,
-        i: int,
-        light: NDArray[np.float32],
-        triangles: NDArray[np.int32],
-        holes: bool = True,
+        self, hits: Hits, i: int, light: NDArray[np.float32], triangles: NDArray[np.int32], holes: bool = True
     ) -> list[int]:
         """The triangles that exactly meet the open segment from hit point i to the light (:class:`.Decisions`)."""
         o, d = hits.origins[i], hits.directions[i]
@@ -313,11 +298,7 @@ class Referee:
         return self.points[self.faces[triangles]].astype(np.float64)
 
     def ray_to(
-        self,
-        o: NDArray[np.float64],
-        d: NDArray[np.float64],
-        triangles: NDArray[np.integer],
-        edges_only: bool = False,
+        self, o: NDArray[np.float64], d: NDArray[np.float64], triangles: NDArray[np.integer], edges_only: bool = False
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Distance of rays from triangles (or their edges), the t at which it is smallest, and the bound; each [n]."""
         corners = self.corners(triangles)
@@ -346,6 +327,4 @@ def _rounds(
             found = [candidates[i][first : first + step] for i in part]
             yield np.repeat(part, [len(one) for one in found]), np.concatenate(found)
         first, step = first + step, 8 * step
-        rows = np.array(
-            [i for i in rows if verdicts[i] == undecided and len(candidates[i]) > first], dtype=np.intp
-        )
+        rows = np.array([i for i in rows if verdicts[i] == undecided and len(candidates[i]) > first], dtype=np.intp)

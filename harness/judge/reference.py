@@ -101,11 +101,7 @@ def exact_reference(
     For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip.
     """
     shadows = _shadow_flags(prepared, moment, effects)
-    provenance: dict[str, Any] = {
-        "reference": EXACT,
-        "shadows": list(shadows),
-        **input_hashes(prepared, moment),
-    }
+    provenance: dict[str, Any] = {"reference": EXACT, "shadows": list(shadows), **input_hashes(prepared, moment)}
     if referee.holes.mask is not None:
         provenance["why"] = NO_FILTER
     provenance["key"] = hashlib.sha256(json.dumps(provenance, sort_keys=True).encode()).hexdigest()
@@ -132,11 +128,7 @@ def _decide(
 
 
 def reference_for(
-    prepared: Prepared,
-    moment: Moment,
-    referee: Referee,
-    effects: Effects,
-    folder: Path | str | None = None,
+    prepared: Prepared, moment: Moment, referee: Referee, effects: Effects, folder: Path | str | None = None
 ) -> Reference:
     """Embree's answers; the referee's own where Embree is not installed, or where triangles have holes."""
     if effects.alpha or not embree_installed():
@@ -172,10 +164,7 @@ def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
 
 
 def shadow_origins(
-    corners: NDArray[np.float32],
-    eye: NDArray[np.float32],
-    directions: NDArray[np.float32],
-    light: NDArray[np.float32],
+    corners: NDArray[np.float32], eye: NDArray[np.float32], directions: NDArray[np.float32], light: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Origins of shadow rays [n, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved off the surface.
 
@@ -215,9 +204,7 @@ def _shadow_flags(prepared: Prepared, moment: Moment, effects: Effects | None) -
     return tuple(flags[i] if i < len(flags) else False for i in range(count))
 
 
-def _trace(
-    prepared: Prepared, moment: Moment, shadows: Sequence[bool], provenance: dict[str, Any]
-) -> Reference:
+def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool], provenance: dict[str, Any]) -> Reference:
     pixels = moment.width * moment.height
     triangle = np.full(pixels, -1, dtype=np.int32)
     t = np.full(pixels, np.inf, dtype=np.float32)
@@ -301,9 +288,7 @@ def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> 
     return facts
 
 
-def _stored(
-    folder: Path | str | None, provenance: dict[str, Any], make: Callable[[], Reference]
-) -> Reference:
+def _stored(folder: Path | str | None, provenance: dict[str, Any], make: Callable[[], Reference]) -> Reference:
     """The reference stored in ``folder`` for these inputs, else a new one, which is then stored. None: not stored."""
     if folder is None:
         return make()

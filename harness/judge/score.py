@@ -146,8 +146,7 @@ def _count(found: Judgement) -> RayCounts:
             )
             for i in lights
         ),
-        true_errors=int(np.isin(classes.primary, ERRORS).sum() + np.isin(classes.shadow, ERRORS).sum())
-        + unjudged,
+        true_errors=int(np.isin(classes.primary, ERRORS).sum() + np.isin(classes.shadow, ERRORS).sum()) + unjudged,
         reference_errors=_count_reference(found, lights),
     )
 
@@ -162,9 +161,7 @@ def _count_reference(found: Judgement, lights: list[int]) -> ReferenceErrors:
         uv_wrong=int(checked.uv_wrong[judged].sum()),
     )
     bits = classes.shadow[:, judged]
-    shadow = [
-        ReferenceShadow(light=i, judged=int((bits[i] >= 0).sum()), **_tally(bits[i], SHADOW)) for i in lights
-    ]
+    shadow = [ReferenceShadow(light=i, judged=int((bits[i] >= 0).sum()), **_tally(bits[i], SHADOW)) for i in lights]
     return ReferenceErrors(primary=primary, shadow=tuple(shadow))
 
 

@@ -80,7 +80,5 @@ def neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np.
     """The pixels of the 3 x 3 blocks around the given ones, inside the image."""
     x, y = pixels % width, pixels // width
     steps = (-1, 0, 1)
-    blocks = [
-        np.clip(y + dy, 0, height - 1) * width + np.clip(x + dx, 0, width - 1) for dy in steps for dx in steps
-    ]
+    blocks = [np.clip(y + dy, 0, height - 1) * width + np.clip(x + dx, 0, width - 1) for dy in steps for dx in steps]
     return np.unique(np.concatenate(blocks))

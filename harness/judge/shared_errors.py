@@ -91,8 +91,7 @@ def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:
     for name, group in groups.items():
         pixels, first = np.unique(np.concatenate([one.pixels for one in group]), return_index=True)
         hit, primary, shadow = (
-            np.concatenate([getattr(one, part) for one in group])[first]
-            for part in ("hit", "primary", "shadow")
+            np.concatenate([getattr(one, part) for one in group])[first] for part in ("hit", "primary", "shadow")
         )
         whole = Disputes("", name, group[0].width, np.zeros(0, np.uint8), pixels, hit, primary, shadow)
         result[name] = whole, len(group)
@@ -156,11 +155,7 @@ def _open(own: Disputes, whole: Disputes) -> Disputes:
 
 
 def _count(
-    own: Disputes,
-    left: Disputes,
-    score: Score,
-    changes: dict[str, int],
-    examples: list[dict[str, Any]],
+    own: Disputes, left: Disputes, score: Score, changes: dict[str, int], examples: list[dict[str, Any]]
 ) -> None:
     """Add the counts of the pixels of ``left`` to ``changes`` (path of a count in the score: increment)."""
 

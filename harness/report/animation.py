@@ -35,9 +35,7 @@ def check_animation(width: int, height: int, frames: int) -> None:
 
 def beside(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     """The pictures in a row, tops aligned, on one sheet: uint8 [height, width, 3]."""
-    sheet = np.empty(
-        (max(p.shape[0] for p in pictures), sum(p.shape[1] for p in pictures), 3), dtype=np.uint8
-    )
+    sheet = np.empty((max(p.shape[0] for p in pictures), sum(p.shape[1] for p in pictures), 3), dtype=np.uint8)
     sheet[:] = PAPER
     left = 0
     for picture in pictures:

@@ -243,9 +243,7 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
     lines = [
         f"# Claims of the paper, measured here\n\n{told.get(HOLDS, 0)} hold, {told.get(FAILS, 0)} do not hold, "
         f"{told.get(OPEN, 0)} cannot be told from these records.\n\n{document.where(points)}. {ABOUT}\n",
-        *document.markdown(
-            shown.rename(columns={"number": "", "numbers": "measured", "judged_from": "judged from"})
-        ),
+        *document.markdown(shown.rename(columns={"number": "", "numbers": "measured", "judged_from": "judged from"})),
         f"\nOf {len(points)} points measured {errors.get(numbers.WRONG, 0)} have wrong answers and "
         f"{errors.get(numbers.UNSCORED, 0)} are unscored.\n",
     ]

@@ -109,11 +109,7 @@ def apart(table: DataFrame) -> list[str]:
     lines: dict[str, list[str]] = {}
     for title, own in table[table["total_ms"].notna()].groupby("scene_title", sort=False):
         split = own.groupby("label")["run"].nunique() > 1  # such a method is named with its lightings
-        lights = (
-            own["light_label"]
-            .where(own["label"].map(split), "")
-            .groupby([own["run"], own["label"]], sort=False)
-        )
+        lights = own["light_label"].where(own["label"].map(split), "").groupby([own["run"], own["label"]], sort=False)
         lit = lights.agg(lambda found: ", ".join(dict.fromkeys(found)))
         names = lit.index.get_level_values("label") + lit.where(lit == "", ": " + lit)
         between = "; " if (lit != "").any() else ", "

@@ -38,18 +38,12 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
     repeats = samples(folder)
     for name, which in passes.items():
         ms, around = stage_ms(table, *which), pass_spread(repeats, *which).reindex(table["key"])
-        made = {
-            f"{name}_ms": ms,
-            f"{name}_spread": around,
-            f"{name}_text": numbers.carry(ms, around, numbers.TIME),
-        }
+        made = {f"{name}_ms": ms, f"{name}_spread": around, f"{name}_text": numbers.carry(ms, around, numbers.TIME)}
         table = table.assign(**made)
     return table
 
 
-def cross_table(
-    table: DataFrame, rows: Sequence[str] | Mapping[str, str], columns: str, value: str
-) -> DataFrame:
+def cross_table(table: DataFrame, rows: Sequence[str] | Mapping[str, str], columns: str, value: str) -> DataFrame:
     """``value`` with ``rows`` down (columns, or {column: heading}) and ``columns`` across; of several in a cell the last."""
     down = list(rows)
     wide = table.groupby([*down, columns], sort=False, dropna=False)[value].last().unstack(columns)
@@ -133,9 +127,7 @@ def markdown(table: DataFrame) -> list[str]:
     """A table of texts in Markdown: its index is not shown; missing values are dashes."""
     texts = table.astype(object).where(table.notna(), "-").astype(str)
     lines = [[str(name) for name in table.columns], ["---"] * len(table.columns), *texts.to_numpy().tolist()]
-    return [
-        "| " + " | ".join(for_markdown(cell).replace("|", "\\|") for cell in line) + " |" for line in lines
-    ]
+    return ["| " + " | ".join(for_markdown(cell).replace("|", "\\|") for cell in line) + " |" for line in lines]
 
 
 def measured(table: DataFrame) -> DataFrame:

@@ -152,9 +152,7 @@ def lines(
     return path
 
 
-def line(
-    axes: Any, own: DataFrame, x: str, y: str, whisker: str, label: str, look: Mapping[str, Any]
-) -> None:
+def line(axes: Any, own: DataFrame, x: str, y: str, whisker: str, label: str, look: Mapping[str, Any]) -> None:
     """One line; the legend names the status of rows without a ``y``."""
     known = own[own[y].notna()]
     ends = known[whisker].fillna(0.0) if whisker else None
@@ -237,9 +235,7 @@ def dots(
     lane = {value: (i + 0.5) / len(drawn) - 0.5 for i, value in enumerate(drawn)}
     heights = own[rows].map(names.index) + 0.84 * own[hue].map(lane)
     high, wide = BAND * len(names) + 0.3, 0.45 + 0.55 * across
-    with facets(
-        path, own, facet, across, high, wide, legend=legend, grid="x", below=below, sharey=True
-    ) as shown:
+    with facets(path, own, facet, across, high, wide, legend=legend, grid="x", below=below, sharey=True) as shown:
         for axes, title, part in shown:
             for k in range(0, len(names), 2):
                 axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)

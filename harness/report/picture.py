@@ -85,9 +85,7 @@ def display(radiance: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(srgb * 255).astype(np.uint8)
 
 
-def png_bytes(
-    picture: NDArray[np.uint8], colours: int = 256, shows: str = "", inks: Sequence[str] = ()
-) -> bytes:
+def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "", inks: Sequence[str] = ()) -> bytes:
     """A compact PNG of uint8 [height, width, 3], ``shows`` in it: at most ``colours``, or greys and ``inks`` ("#rrggbb")."""
     image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
     exact = image.getcolors(colours)
@@ -150,9 +148,7 @@ def scene_picture(
     return save_png(captioned(picture, scene.title, facts, scene.stand_in), path, shows)
 
 
-def captioned(
-    picture: NDArray[np.uint8], title: str, facts: str, stand_in: str | None = None
-) -> NDArray[np.uint8]:
+def captioned(picture: NDArray[np.uint8], title: str, facts: str, stand_in: str | None = None) -> NDArray[np.uint8]:
     """The picture with a strip of text below it: title and facts, and what a stand-in stands in for."""
     high, width = picture.shape[0], max(NARROWEST, picture.shape[1])
     size = max(13, width // 34)

@@ -40,10 +40,7 @@ def best(frames: DataFrame, points: DataFrame) -> Series:
     right = right[scene["key"].transform("size") > 1]
     if right.empty:
         return points["key"].isin(())
-    frames, same = (
-        frames[frames["key"].isin(right["key"])],
-        [name for name in compare.SAME if name != "device"],
-    )
+    frames, same = (frames[frames["key"].isin(right["key"])], [name for name in compare.SAME if name != "device"])
     group = right.groupby(["title", "light_label"], sort=False).ngroup()
     first = right["total_ms"].groupby(group).idxmin()
     for _ in range(2):  # the one with the least mean may have been measured over other frames
@@ -95,9 +92,7 @@ def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
             "ms": own["ms"],
             "ratio": numbers.carry(own["times"], own["times_spread"]),
             "answers": own["error"],
-            "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map(
-                "{:.1f}".format, na_action="ignore"
-            ),
+            "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map("{:.1f}".format, na_action="ignore"),
             "in each frame": in_each_frame(own, rebuilt),
         }
     )
@@ -116,12 +111,7 @@ def as_json(table: DataFrame, rebuilt: Mapping[str, str]) -> list[dict[str, Any]
              "true_errors": "true_errors", "unscored": "unscored", "memory_bytes": "memory_bytes"}  # fmt: skip
     found = []
     for setting, own in settings(table):
-        rows = (
-            own[[*names]]
-            .rename(columns=names)
-            .assign(in_each_frame=own["label"].map(rebuilt))
-            .astype("object")
-        )
+        rows = own[[*names]].rename(columns=names).assign(in_each_frame=own["label"].map(rebuilt)).astype("object")
         methods = [plain(row) for row in rows.where(rows.notna(), None).to_dict("records")]
         found.append({"scene": setting, "sentences": sentences(own), "methods": methods})
     return found
@@ -193,9 +183,7 @@ def most_wins(tally: Counter[str], count: int, what: str = "scene") -> str:
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
     """The exact method that comes closest to the fastest of a scene and is of another kind, as a sentence."""
-    kinds = {
-        rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]
-    }
+    kinds = {rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]}
     others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
     return told(others, "The nearest exact one of another kind is {} on {}: {} times as long.")
 
@@ -203,8 +191,7 @@ def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> 
 def wrong_ones(table: DataFrame) -> str:
     """The fastest method that is not exact, over the fastest that is, as a sentence."""
     return told(
-        table[~table["exact"]],
-        "Of those that are not exact, {} on {} comes closest: {} times as long, and {}.",
+        table[~table["exact"]], "Of those that are not exact, {} on {} comes closest: {} times as long, and {}."
     )
 
 
@@ -213,9 +200,7 @@ def told(table: DataFrame, form: str) -> str:
     if not len(known := table[table["times"].notna()]):
         return ""
     row = known.loc[known["times"].idxmin()]
-    return form.format(
-        row["label"], row["setting"], numbers.carried(row["times"], row["times_spread"]), wrong(row)
-    )
+    return form.format(row["label"], row["setting"], numbers.carried(row["times"], row["times_spread"]), wrong(row))
 
 
 def wrong(row: Mapping[str, Any]) -> str:

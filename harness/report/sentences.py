@@ -15,9 +15,7 @@ def mean(table: DataFrame, ratio: str) -> str:
     """The geometric mean of a column of ratios, with the digits that their spreads (column RATIO_spread) carry."""
     values, spreads = table[ratio].astype("float64"), table.get(f"{ratio}_spread", table[ratio] * 0.0)
     middle = geometric(values)
-    return numbers.carried(
-        middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values)
-    )
+    return numbers.carried(middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values))
 
 
 def means(table: DataFrame, ratio: str, by: str) -> list[tuple[str, str]]:

@@ -57,9 +57,7 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
     cells = body.astype(object).where(body.notna(), "-").astype(str).rename(columns=str)
     # The heading may take three lines or so.
     least = {name: max(len(name) // 3 + 1, *map(len, name.split())) for name in cells}
-    widths = {
-        name: max([n, *(cell_len(styled(cell).plain) for cell in cells[name])]) for name, n in least.items()
-    }
+    widths = {name: max([n, *(cell_len(styled(cell).plain) for cell in cells[name])]) for name, n in least.items()}
     needed = {name: min(width, SENTENCE) + GAP for name, width in widths.items()}
     told = [n for n in range(1, min(3, len(widths)) + 1) if not cells.iloc[:, :n].duplicated().any()]
     keys = list(cells)[: told[0] if told else 1]

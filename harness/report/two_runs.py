@@ -236,9 +236,7 @@ def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
     )  # fmt: skip
     for run, one in (("A", a), ("B", b)):
         if one.record.status != "ok":
-            return replace(
-                row, reason=f"{one.record.status} in {run}: {one.record.reason or 'no reason given'}"
-            )
+            return replace(row, reason=f"{one.record.status} in {run}: {one.record.reason or 'no reason given'}")
     repeat = again and (_values(again[0]), _values(again[1]))
     return _tested(row, _values(a), _values(b), repeat)
 
@@ -252,9 +250,7 @@ def _unjudged(a: Timed, b: Timed) -> bool:
     return a.wrong is not None and b.wrong is None
 
 
-def _means(
-    pairs: Mapping[tuple, tuple[Timed, Timed]], repeats: Mapping[tuple, tuple[Timed, Timed]]
-) -> list[Row]:
+def _means(pairs: Mapping[tuple, tuple[Timed, Timed]], repeats: Mapping[tuple, tuple[Timed, Timed]]) -> list[Row]:
     """A row for each method with its settings, lights, device and size: the geometric mean over its scenes, round by
     round, over the rounds that all have.
     """
@@ -293,9 +289,7 @@ def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, F64] | None) -> Row:
     row = replace(row, a_ms=float(np.median(a)), b_ms=float(np.median(b)))
     if min(len(a), len(b)) < ROUNDS:
         few = " and ".join(f"{len(x)} in {run}" for run, x in (("A", a), ("B", b)) if len(x) < ROUNDS)
-        return replace(
-            row, gap=gap_between(a, b)[0], reason=f"{few} of {ROUNDS} rounds; run with --rounds {ROUNDS}"
-        )
+        return replace(row, gap=gap_between(a, b)[0], reason=f"{few} of {ROUNDS} rounds; run with --rounds {ROUNDS}")
     gap, low, high = gap_between(a, b)
     spread = max(own_spread(a), own_spread(b))
     if repeat and min(map(len, repeat)) >= 2:

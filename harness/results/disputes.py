@@ -34,11 +34,7 @@ def disputes_path(folder: Path, key: str, frame: int) -> Path:
 def write_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disputes]) -> None:
     """Write the disputes of a frame's score, atomically. Their size is about a hundredth of the frame's answers."""
     path = disputes_path(folder, key, frame)
-    facts = {
-        "key": key,
-        "frame": frame,
-        "of": [{name: getattr(one, name) for name in FACTS} for one in disputes],
-    }
+    facts = {"key": key, "frame": frame, "of": [{name: getattr(one, name) for name in FACTS} for one in disputes]}
     arrays = {f"{i}_{name}": getattr(one, name) for i, one in enumerate(disputes) for name in ARRAYS}
     write_arrays(path, {"facts": np.array(json.dumps(facts)), **arrays})
 

@@ -39,15 +39,10 @@ def require_plain(folder: Path) -> None:
     publish one. Folders may be links, such as those to a larger disk.
     """
     for place in (folder, *(folder / name for name in PARTS)):
-        with (
-            contextlib.suppress(OSError),
-            os.scandir(place) as entries,
-        ):  # who reads or writes there says what is wrong
+        with contextlib.suppress(OSError), os.scandir(place) as entries:  # who reads or writes there says what is wrong
             odd = [one.path for one in entries if not (one.is_file(follow_symlinks=False) or one.is_dir())]
             if odd:
-                raise UserError(
-                    f"{min(odd)}: a link, or no file at all; put a file in its place, or remove it"
-                )
+                raise UserError(f"{min(odd)}: a link, or no file at all; put a file in its place, or remove it")
 
 
 class ResultsFolder:
@@ -68,16 +63,12 @@ class ResultsFolder:
             (self.path / ".lock").touch()
             file = open_regular(self.path / ".lock", update=True)
         except OSError as error:
-            raise UserError(
-                f"{self.path}: cannot write there ({error.strerror}); choose another --out"
-            ) from error
+            raise UserError(f"{self.path}: cannot write there ({error.strerror}); choose another --out") from error
         with file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
-                raise UserError(
-                    f"{self.path}: another run is writing there; wait or choose another --out"
-                ) from error
+                raise UserError(f"{self.path}: another run is writing there; wait or choose another --out") from error
             self.remove_partial()
             yield
 

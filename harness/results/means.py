@@ -46,18 +46,7 @@ def points(table: DataFrame) -> DataFrame:
 
     groups = table.groupby("key", sort=False)
     means = [c for c in table if c in PER_FRAME or c.startswith(SERIES)]
-    apart = {
-        *means,
-        *GREATEST,
-        *SUMS,
-        "key",
-        "frame",
-        "samples",
-        "check",
-        *RAYS,
-        "true_errors",
-        "unscored",
-    }
+    apart = {*means, *GREATEST, *SUMS, "key", "frame", "samples", "check", *RAYS, "true_errors", "unscored"}
     found = pd.concat(
         [
             groups[[c for c in table if c not in apart]].first(),
@@ -85,9 +74,7 @@ def points(table: DataFrame) -> DataFrame:
     rays["frame"] = rays["primary"] + rays["shadow"]
     ms = {"primary": found["trace_ms"], "shadow": found["shadow_ms"], "frame": found["total_ms"]}
     rates = {
-        f"{name}_mrays_per_s": rays[name].astype("float64").where(rays[name] > 0)
-        / ms[name].where(ms[name] > 0)
-        / 1e3
+        f"{name}_mrays_per_s": rays[name].astype("float64").where(rays[name] > 0) / ms[name].where(ms[name] > 0) / 1e3
         for name in ms
     }
     derived = {
@@ -128,9 +115,7 @@ def _errors(table: DataFrame) -> list[Series]:
     groups = table.groupby("key", sort=False)
     frames, known, wrong = groups["frame"].count(), groups["true_errors"].count(), groups["true_errors"].sum()
     all_of_them = (known == frames) & (known > 0)
-    reason = (
-        table["unscored"].where(table["unscored"] != "").groupby(table["key"], sort=False).first().fillna("")
-    )
+    reason = table["unscored"].where(table["unscored"] != "").groupby(table["key"], sort=False).first().fillna("")
     counted = known.astype(str) + " of " + frames.astype(str) + " frames scored: " + reason
     return [
         wrong.where((wrong > 0) | all_of_them).rename("true_errors"),

@@ -186,14 +186,10 @@ class Frame:
     def __post_init__(self) -> None:
         for name in ("wall_ms", "round"):
             if len(getattr(self, name)) != len(self.total_ms):
-                raise ValueError(
-                    f"{name} has {len(getattr(self, name))} entries, total_ms {len(self.total_ms)}"
-                )
+                raise ValueError(f"{name} has {len(getattr(self, name))} entries, total_ms {len(self.total_ms)}")
         for step in self.passes:
             if len(step.ms) != len(self.stage_round):
-                raise ValueError(
-                    f"{step.name} has {len(step.ms)} samples, stage_round {len(self.stage_round)}"
-                )
+                raise ValueError(f"{step.name} has {len(step.ms)} samples, stage_round {len(self.stage_round)}")
 
     @property
     def measured(self) -> bool:
@@ -234,11 +230,7 @@ class Record:
         for frame in self.measured:
             times = [step.ms for step in frame.passes]
             # On CUDA the passes of one sample add up to a measured frame, whatever the noise of the single ones.
-            lowest = (
-                [sum(one) for one in zip(*times, strict=True)]
-                if cuda
-                else [ms for own in times for ms in own]
-            )
+            lowest = [sum(one) for one in zip(*times, strict=True)] if cuda else [ms for own in times for ms in own]
             if min(lowest, default=0.0) < 0:
                 what = "passes add up to" if cuda else "a pass takes"
                 raise ValueError(f"frame {frame.frame}: {what} {min(lowest):g} ms, less than 0")

@@ -152,11 +152,7 @@ def _typed(rows: list[dict[str, Any]]) -> DataFrame:
     import pandas as pd
 
     table = pd.DataFrame(rows)
-    for names, kind, missing in (
-        (COUNTS, "Int64", None),
-        (NUMBERS, "float64", np.nan),
-        (TEXTS, "object", ""),
-    ):
+    for names, kind, missing in ((COUNTS, "Int64", None), (NUMBERS, "float64", np.nan), (TEXTS, "object", "")):
         kinds = {name: table[name].astype(kind) if name in table else missing for name in names}
         table = table.assign(**kinds)
     table[TEXTS] = table[TEXTS].fillna("")
@@ -216,9 +212,7 @@ def _series(record: Record) -> list[_Samples]:
         lines += [(step.part, step.name, frame.stage_round, step.ms) for step in frame.passes]
         for part, name, rounds, ms in lines:
             numbers = np.array(rounds, dtype=np.int64)
-            found.append(
-                _Samples(record.key, frame.frame, part, name, numbers, np.array(ms, dtype=np.float64))
-            )
+            found.append(_Samples(record.key, frame.frame, part, name, numbers, np.array(ms, dtype=np.float64)))
     return found
 
 

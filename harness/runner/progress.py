@@ -74,9 +74,7 @@ class Bar(Silent):
             TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TaskProgressColumn(),
             TimeElapsedColumn(), TextColumn("{task.fields[left]}", markup=False),
         )  # fmt: skip
-        self.bar = Progress(
-            *columns, console=self.console, transient=True, disable=not self.console.is_terminal
-        )
+        self.bar = Progress(*columns, console=self.console, transient=True, disable=not self.console.is_terminal)
         self.task = self.bar.add_task("starting", total=None, left="")
         self.started = time.monotonic()
         self.said, self.last = self.started, ""

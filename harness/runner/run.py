@@ -331,10 +331,6 @@ class Run:
 
     def _note(self, job: Job, event: dict[str, Any]) -> None:
         event.pop("ok", None)
-        who = {
-            "environment": self.environment,
-            "run": self.name,
-            **({"card": self.card} if self.card else {}),
-        }
+        who = {"environment": self.environment, "run": self.name, **({"card": self.card} if self.card else {})}
         with self.folder.writing():
             job.journal.append({**event, **who, "noted": time.time()})

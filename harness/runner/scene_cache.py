@@ -43,9 +43,7 @@ def _scene_id(load: dict[str, Any]) -> str:
     # A declared scene may use the mesh of any stand-in.
     makers = [one for one in NAMES if name == one or Path(name).suffix.lower() == SUFFIX]
     code = closure_hash([*MAKING, *(f"{HARNESS}.scene.standins.{one}" for one in makers)])
-    what = {
-        key: load[key] for key in ("scene", "frames", "width", "height", "lighting", "view") if key in load
-    }
+    what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting", "view") if key in load}
     source = ChosenView.read(load.get("view")).resolved(name, folder).source
     text = f"{what} {source} {code} {np.__version__}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -40,22 +40,16 @@ def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
             f"{name}: alpha mask flags {masked.shape} for {triangle_count} triangles; give one flag a triangle"
         )
     if coordinates.shape != (triangle_count, 3, 2):
-        raise UserError(
-            f"{name}: texture coordinates have shape {coordinates.shape}; give ({triangle_count}, 3, 2)"
-        )
+        raise UserError(f"{name}: texture coordinates have shape {coordinates.shape}; give ({triangle_count}, 3, 2)")
     if opaque.ndim != 2 or not opaque.size:
-        raise UserError(
-            f"{name}: the alpha bitmap has shape {opaque.shape}; give at least one texel, rows first"
-        )
+        raise UserError(f"{name}: the alpha bitmap has shape {opaque.shape}; give at least one texel, rows first")
     rounded = np.ascontiguousarray(coordinates, dtype=np.float32)
     if not np.isfinite(rounded).all():
         raise UserError(f"{name}: a texture coordinate is not finite; mend the mask")
     if np.abs(rounded).max(initial=0.0) * max(opaque.shape) >= MOST_TEXELS:
         raise UserError(f"{name}: texture coordinates repeat the bitmap too often; bring them nearer to zero")
     return AlphaMask(
-        np.ascontiguousarray(masked != 0, dtype=np.uint8),
-        rounded,
-        np.ascontiguousarray(opaque != 0, dtype=np.uint8),
+        np.ascontiguousarray(masked != 0, dtype=np.uint8), rounded, np.ascontiguousarray(opaque != 0, dtype=np.uint8)
     )
 
 

@@ -45,9 +45,7 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
                     raise UserError(f"{archive}: more than {MOST_MEMBERS} files; it is not unpacked")
                 path = PurePosixPath(member.name.replace("\\", "/"))
                 if path.is_absolute() or ".." in path.parts or ":" in path.parts[0:1]:
-                    raise UserError(
-                        f"{archive}: the path {member.name!r} leaves its folder; it is not unpacked"
-                    )
+                    raise UserError(f"{archive}: the path {member.name!r} leaves its folder; it is not unpacked")
                 if not fnmatch.fnmatch(str(path).lower(), pattern):
                     continue
                 if not member.plain:
@@ -57,16 +55,12 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
                     while block := source.read(BLOCK):
                         left -= len(block)
                         if left < 0:
-                            raise UserError(
-                                f"{archive}: unpacks to more than {most_bytes:,} bytes; it is not unpacked"
-                            )
+                            raise UserError(f"{archive}: unpacks to more than {most_bytes:,} bytes; it is not unpacked")
                         target.write(block)
     except FileExistsError as error:
         raise UserError(f"{archive}: holds two files {made[-1].name!r}; it is not unpacked") from error
     except BROKEN as error:
-        raise UserError(
-            f"{archive}: damaged ({' '.join(str(error).split())}); remove it and fetch again"
-        ) from error
+        raise UserError(f"{archive}: damaged ({' '.join(str(error).split())}); remove it and fetch again") from error
     if not made:
         raise UserError(f"{archive}: has no file {pattern!r}; the archive has changed")
     return sorted(made)
@@ -76,9 +70,7 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
 def _opened(archive: Path) -> Iterator:
     """The members of an archive in order, and a function that opens one of them."""
     if not (zipfile.is_zipfile(archive) or tarfile.is_tarfile(archive)):
-        raise UserError(
-            f"{archive}: no archive but {_beginning(archive)}; the server may have sent a page instead"
-        )
+        raise UserError(f"{archive}: no archive but {_beginning(archive)}; the server may have sent a page instead")
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as packed:
             infos = [info for info in packed.infolist() if not info.is_dir()]

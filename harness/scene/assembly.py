@@ -46,9 +46,7 @@ class Part:
     matrix: MATRIX
 
 
-def declared_parts(
-    path: Path, tables: Any, resolve: Callable[[str, Wanted], Scene], wanted: Wanted
-) -> list[Part]:
+def declared_parts(path: Path, tables: Any, resolve: Callable[[str, Wanted], Scene], wanted: Wanted) -> list[Part]:
     """The meshes of ``[[meshes]]``. ``resolve`` finds each; ``wanted``: what is asked of all. Raises :class:`UserError`."""
     parts = []
     for i, table in enumerate(listed(path, "meshes", tables)):
@@ -70,9 +68,7 @@ def declared_parts(
             raise UserError(
                 f"{path}: {where}: has holes or mirrors of its own; declare [alpha] and [mirror] here instead"
             )
-        parts.append(
-            Part(table["file"], scene, matrix_of(path, f"{where}.transform", table.get("transform", {})))
-        )
+        parts.append(Part(table["file"], scene, matrix_of(path, f"{where}.transform", table.get("transform", {}))))
     if not parts:
         raise UserError(f"{path}: meshes: give at least one")
     return parts
@@ -93,11 +89,7 @@ def matrix_of(path: Path, where: str, table: Any) -> MATRIX:
             raise UserError(f"{path}: {where}.matrix: its last row must be 0, 0, 0, 1")
         return matrix
     scale = table.get("scale", 1.0)
-    scale = (
-        vector(path, f"{where}.scale", scale)
-        if isinstance(scale, list)
-        else number(path, f"{where}.scale", scale)
-    )
+    scale = vector(path, f"{where}.scale", scale) if isinstance(scale, list) else number(path, f"{where}.scale", scale)
     matrix[:3, :3] = np.diag(np.broadcast_to(scale, 3))
     for axis, degrees in enumerate(vector(path, f"{where}.rotate", table.get("rotate", (0.0, 0.0, 0.0)))):
         matrix[:3, :3] = _turn(axis, degrees) @ matrix[:3, :3]
@@ -127,9 +119,7 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
     scenes = [part.scene for part in parts]
     shape = shape_of(geometry, scenes[0].camera.up)
     if max(-shape.low.min(), shape.high.max()) > LARGEST:
-        raise UserError(
-            f"{path}: meshes: have coordinates too large for float32 rays; choose other transforms"
-        )
+        raise UserError(f"{path}: meshes: have coordinates too large for float32 rays; choose other transforms")
     camera, lights = view(shape)
     sources = [scene.source for scene in scenes]
     named = [one.file or scene.name for one, scene in zip(sources, scenes, strict=True)]

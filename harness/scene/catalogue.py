@@ -72,9 +72,7 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None, wanted: Wante
     return replace(scene, source=replace(scene.source, left_out=left_out))
 
 
-def _found(
-    name: str | Path, scene_dir: str | Path | None, wanted: Wanted, within: tuple[Path, ...] = ()
-) -> Scene:
+def _found(name: str | Path, scene_dir: str | Path | None, wanted: Wanted, within: tuple[Path, ...] = ()) -> Scene:
     """What :func:`resolve` finds. ``within``: the declarations that refer to this one, to detect a cycle."""
     text = str(name)
     if text in scene_names():
@@ -96,9 +94,7 @@ def _found(
             raise UserError(f"{path}: cannot read ({' '.join(str(error).split())})") from error
         if here in within:
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
-        scene = declared_scene(
-            path, lambda mesh, asked: _found(mesh, scene_dir, asked, (*within, here)), wanted
-        )
+        scene = declared_scene(path, lambda mesh, asked: _found(mesh, scene_dir, asked, (*within, here)), wanted)
         return replace(scene, name=name_in(path))
     if is_pattern(text):
         return _from_files(matching(text, READERS), _plain(plain_name(text)), visible(path.name), wanted)
@@ -109,11 +105,7 @@ def _found(
 
 def is_of_files(name: str) -> bool:
     """Whether :func:`resolve` takes a name for a file, a folder of frames, or a pattern of their names."""
-    return (
-        name not in scene_names()
-        and balls.count_of(name) is None
-        and (exists(Path(name)) or is_pattern(name))
-    )
+    return name not in scene_names() and balls.count_of(name) is None and (exists(Path(name)) or is_pattern(name))
 
 
 def _without_file(name: str, wanted: Wanted) -> None:
@@ -130,9 +122,7 @@ def folder(scene_dir: str | Path | None = None) -> Path | None:
         return None
     path = Path(given)
     if not path.is_dir():
-        way_out = (
-            "give an existing folder" if scene_dir is not None else f"correct or unset {FOLDER_VARIABLE}"
-        )
+        way_out = "give an existing folder" if scene_dir is not None else f"correct or unset {FOLDER_VARIABLE}"
         raise UserError(f"{path}: no such folder of scenes; {way_out}")
     return path
 
@@ -198,9 +188,7 @@ def bunny_file() -> Path:
     """The bunny of the warp-lang package. Raises :class:`UserError` where it is missing or cannot be read."""
     spec = importlib.util.find_spec("warp")
     if spec is None or not spec.submodule_search_locations:
-        raise UserError(
-            f"bunny: it is part of the package warp-lang, which is not installed; {install('warp-lang')}"
-        )
+        raise UserError(f"bunny: it is part of the package warp-lang, which is not installed; {install('warp-lang')}")
     path = Path(next(iter(spec.submodule_search_locations))) / "examples" / "assets" / "bunny.usd"
     if not path.is_file():
         raise UserError(

@@ -59,9 +59,7 @@ class ChosenView:
         if self.camera is None and self.fov is None:
             return scene
         if self.fov is not None and scene.camera.height is not None:
-            raise UserError(
-                "--fov does not apply to an orthographic camera; set its height where it is declared"
-            )
+            raise UserError("--fov does not apply to an orthographic camera; set its height where it is declared")
         seen = scene.camera if self.fov is None else replace(scene.camera, fov=self.fov)
         if self.camera is not None:
             eye, target = self.camera

@@ -88,10 +88,7 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
         table = tomllib.loads(data.decode("utf-8-sig"))  # some editors write a byte order mark
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # wrong syntax or encoding, a number too long, nesting too deep
+    except (ValueError, RecursionError) as error:  # wrong syntax or encoding, a number too long, nesting too deep
         raise UserError(f"{path}: not valid TOML: {' '.join(str(error).split())}") from error
     known(path, "", table, TOP)
     base = _base(path, table, resolve, wanted)
@@ -100,17 +97,13 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
         "closed": typed(path, "closed", table.get("closed", base.closed), bool),
         "facing": typed(path, "facing", table.get("facing", base.facing), bool),
         "source": dataclasses.replace(
-            base.source,
-            file=f"{visible(path.name)}: {base.source.file or base.name}",
-            sha256=_hash(base, data),
+            base.source, file=f"{visible(path.name)}: {base.source.file or base.name}", sha256=_hash(base, data)
         ),
     }
     if "outputs" in table:
         fields["outputs"] = _outputs(path, table["outputs"])
     if "cameras" in table:
-        base = dataclasses.replace(
-            base, cameras={**base.cameras, **named_cameras(path, table["cameras"], base)}
-        )
+        base = dataclasses.replace(base, cameras={**base.cameras, **named_cameras(path, table["cameras"], base)})
         fields["cameras"] = base.cameras
     if "camera" in table:
         known(path, "camera", table["camera"], (*CAMERA, "moves"))
@@ -147,9 +140,7 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
     return dataclasses.replace(base, **fields)
 
 
-def _base(
-    path: Path, table: dict[str, Any], resolve: Callable[[str, Wanted], Scene], wanted: Wanted
-) -> Scene:
+def _base(path: Path, table: dict[str, Any], resolve: Callable[[str, Wanted], Scene], wanted: Wanted) -> Scene:
     """The scene of the declaration's mesh or meshes, to which it adds."""
 
     def beside(name: str, wanted: Wanted) -> Scene:

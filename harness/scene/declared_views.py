@@ -78,9 +78,7 @@ def _light(path: Path, where: str, given: dict[str, Any], base: Scene) -> Light:
         start = _named(path, where, base.title, "light", base.lamps, given.pop("of"))
         given = {**{field.name: getattr(start, field.name) for field in dataclasses.fields(Light)}, **given}
     if "position" not in given:
-        raise UserError(
-            f"{path}: {where}: add its position (of a directional light: the direction towards it)"
-        )
+        raise UserError(f"{path}: {where}: add its position (of a directional light: the direction towards it)")
     if isinstance(given.get("spot"), dict):
         known(path, f"{where}.spot", given["spot"], tuple(field.name for field in dataclasses.fields(Spot)))
         spot = made(path, f"{where}.spot", Spot, given["spot"])

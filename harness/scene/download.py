@@ -105,11 +105,7 @@ def downloaded(url: str, folder: Path, pinned: str | None = None) -> Iterator[Pa
     expected = pinned or recorded(folder).get(url)
     try:
         path = pooch.retrieve(
-            url,
-            f"sha256:{expected}" if expected else None,
-            name,
-            folder,
-            downloader=Resumed(folder / f"{name}.part"),
+            url, f"sha256:{expected}" if expected else None, name, folder, downloader=Resumed(folder / f"{name}.part")
         )
     except requests.exceptions.RequestException as error:
         reason = " ".join(str(error).split())[:200]

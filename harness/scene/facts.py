@@ -79,9 +79,7 @@ def never_hit(count: int, valid: int) -> str:
     why = "no area, or a corner that is not a finite number"
     if valid:
         return f"{count - valid:,} of {triangles(count)} can never be hit ({why})"
-    return (
-        f"warning: none of {triangles(count)} can ever be hit ({why}): this checked misses, and nothing else"
-    )
+    return f"warning: none of {triangles(count)} can ever be hit ({why}): this checked misses, and nothing else"
 
 
 def few_hits(hits: int, rays: int) -> str:
@@ -98,9 +96,7 @@ def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
     """Hashes of everything that an answer depends on: mesh, rays, lights, and the alpha mask if there is one."""
     hashes = {
         "mesh": array_hash(moment.points, prepared.faces, moment.valid),
-        "rays": array_hash(
-            moment.eye, moment.column, moment.row, *([moment.axes] if moment.orthographic else [])
-        ),
+        "rays": array_hash(moment.eye, moment.column, moment.row, *([moment.axes] if moment.orthographic else [])),
         "lights": array_hash(moment.lights),
     }
     if prepared.alpha is not None:

@@ -51,9 +51,7 @@ def spread(light: Light, centre: Vector, count: int, axis: Vector = (0.0, 1.0, 0
     if count < 1:
         raise ValueError(f"{count} lights: there must be at least 1")
     path = Orbit(centre, axis)
-    return tuple(
-        replace(path.at((light,), i / count)[0], intensity=light.intensity / count) for i in range(count)
-    )
+    return tuple(replace(path.at((light,), i / count)[0], intensity=light.intensity / count) for i in range(count))
 
 
 def at_distance(light: Light, middle: Vector, distance: float) -> Light:

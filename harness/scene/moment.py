@@ -94,9 +94,7 @@ def max_coordinate_of(starts: F32, extent: float) -> F32:
     return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)
 
 
-def ray_tables(
-    camera: Camera, width: int, height: int, centre: NDArray[np.float64]
-) -> tuple[F32, F32, F32, F32, F32]:
+def ray_tables(camera: Camera, width: int, height: int, centre: NDArray[np.float64]) -> tuple[F32, F32, F32, F32, F32]:
     """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
 
     Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical.

@@ -126,13 +126,10 @@ class Lighting:
             lights = tuple(at_distance(light, middle, self.distance * prepared.radius) for light in lights)
         if self.target is not None:
             lights = tuple(
-                as_spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff)
-                for light in lights
+                as_spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff) for light in lights
             )
         if self.spot:
-            lights = tuple(
-                as_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights
-            )
+            lights = tuple(as_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
         if self.directional:
             lights = tuple(as_directional(light, middle) for light in lights)
         if not self.shadows:

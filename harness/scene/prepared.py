@@ -76,12 +76,7 @@ class Prepared:
         return len(self.weld)
 
     def moment(
-        self,
-        frame: int,
-        width: int,
-        height: int,
-        camera: Camera | None = None,
-        lights: tuple[Light, ...] | None = None,
+        self, frame: int, width: int, height: int, camera: Camera | None = None, lights: tuple[Light, ...] | None = None
     ) -> Moment:
         """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path."""
         from .spotlight import spot_rows
@@ -226,9 +221,7 @@ def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
     """Raise :class:`UserError` unless every index is that of a vertex."""
     if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
         bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
-        raise UserError(
-            f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; correct the file"
-        )
+        raise UserError(f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; correct the file")
 
 
 def finite_bounds(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -40,20 +40,13 @@ def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
     return _into_box(shape, *opening) if opening else outside(shape)
 
 
-def outside(
-    shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION
-) -> tuple[Camera, tuple[Light, ...]]:
+def outside(shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> tuple[Camera, tuple[Light, ...]]:
     """The three-quarter view from outside, everything just inside a square image; the light high at its left.
 
     Where that sees planes edge-on, it is turned.
     """
     azimuth = next(
-        (
-            turned
-            for turned in _turns(azimuth)
-            if shape.facing(_direction(shape, turned, elevation)) > _EDGE_ON
-        ),
-        azimuth,
+        (turned for turned in _turns(azimuth) if shape.facing(_direction(shape, turned, elevation)) > _EDGE_ON), azimuth
     )
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
     middle = (shape.low + shape.high) / 2
@@ -131,6 +124,4 @@ def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Came
     eye[shape.up] = target[shape.up] = shape.low[shape.up] + height * extent[shape.up]
     target[axis] = shape.low[axis] + 0.6 * extent[axis]
     light[shape.up] = shape.low[shape.up] + 0.6 * extent[shape.up]
-    return Camera(vector(eye), vector(target), vector(np.eye(3)[shape.up]), WITHIN_FOV), (
-        Light(vector(light)),
-    )
+    return Camera(vector(eye), vector(target), vector(np.eye(3)[shape.up]), WITHIN_FOV), (Light(vector(light)),)

@@ -41,9 +41,7 @@ class AccuracyLadder(BaseMethod):
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         constructor = "sah" if wp.get_device(frame.device).is_cpu else "lbvh"
-        self._tree = tree = BoxTree(
-            frame, constructor, self.build.leaf_size, PADDED_UNITS[self.build.padding]
-        )
+        self._tree = tree = BoxTree(frame, constructor, self.build.leaf_size, PADDED_UNITS[self.build.padding])
         rung = tree.boxes(Rung, scheme=ORIGINS.index(self.trace.origin), box=tree.box)
         kernels = make_kernels(self.trace.test, self.build.fast_math)
         rays = PixelRays(frame, effects, rung, *kernels, block=QUERY_BLOCK)

@@ -13,16 +13,7 @@ from ..common.box_tree import traverse, walk
 from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
 from ..common.pixels import pixel_of
 from ..exact.hit_point import hit_point, plane_distance
-from ..exact.ray_queries import (
-    SLACK,
-    Found,
-    Segment,
-    any_hit,
-    closest_hit,
-    nothing_found,
-    shadow_segment,
-    with_hit,
-)
+from ..exact.ray_queries import SLACK, Found, Segment, any_hit, closest_hit, nothing_found, shadow_segment, with_hit
 from ..exact.segment import occludes
 from ..exact.triangle import nearer_of, to_float64, write_miss
 from ..rays.kernels import make_primary_kernel
@@ -51,9 +42,7 @@ def closest_hit_by(test: str) -> Any:
     triangle_test = TESTS[test]
 
     @wp.func
-    def closest_hit_of_ray(
-        records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
-    ) -> Found:
+    def closest_hit_of_ray(records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
         hit = triangle_test(ray, corners_in(records, i), weld_in(records, i))
         if hit[0] > wp.float64(0.0) and nearer_of(triangles_in(records), hit[0], i, found.t, found.triangle):
             found = with_hit(found, i, hit[0])
@@ -73,9 +62,7 @@ def any_hit_by(test: str) -> Any:
     triangle_test = TESTS[test]
 
     @wp.func
-    def any_hit_of_ray(
-        records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
-    ) -> Found:
+    def any_hit_of_ray(records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
         if i != segment.own:
             ray = Ray(segment.start, segment.light - segment.start)
             hit = triangle_test(ray, corners_in(records, i), weld_in(records, i))
@@ -86,9 +73,7 @@ def any_hit_by(test: str) -> Any:
 
 
 @wp.func
-def any_hit_in_float64(
-    records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
-) -> Found:
+def any_hit_in_float64(records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
     """:func:`..exact.ray_queries.any_hit` without its test in float32."""
     if i != segment.own:
         found.done = occludes(
@@ -98,9 +83,7 @@ def any_hit_in_float64(
 
 
 @wp.func
-def write_found(
-    hits: Hits, hit_points: wp.array(dtype=wp.vec3d), pixel: wp.int32, ray: Ray, found: Found, mesh: Mesh
-):
+def write_found(hits: Hits, hit_points: wp.array(dtype=wp.vec3d), pixel: wp.int32, ray: Ray, found: Found, mesh: Mesh):
     """Write a hit with the distance and the weights that its test gave. Its hit point does not depend on them, so that each
     parameter changes one thing."""
     if found.triangle < 0:
@@ -121,9 +104,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     write = None if test in EXACT_TESTS else write_found
     primary_kernel = make_primary_kernel(Rung, walk, 0, closest_hit_by(test), write, fast_math)
 
-    @wp.kernel(
-        enable_backward=False, grid_stride=False, module="unique", module_options={"fast_math": fast_math}
-    )
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", module_options={"fast_math": fast_math})
     def shadow_kernel(
         light: wp.int32,
         rung: Rung,
@@ -150,9 +131,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         if rung.scheme != HIT_POINT:
             found_at = wp.vec3f(hits.t[pixel], hits.u[pixel], hits.v[pixel])
             corners = corners_of(mesh, own)
-            segment.start = start_of(
-                rung.scheme, ray, found_at, corners, segment.light, rung.box, wp.static(sheared)
-            )
+            segment.start = start_of(rung.scheme, ray, found_at, corners, segment.light, rung.box, wp.static(sheared))
             segment.hit = to_float64(segment.start)
             segment.error = 0.0
             segment.origin_size = wp.float64(0.0)

@@ -10,9 +10,7 @@ from ..trees.builders import check_build
 PRECISIONS = ("exact", "float32")
 PRIMARIES = ("packet", "single")
 
-FLOAT32_INEXACT = (
-    "float32 triangle tests without a bound; shadow rays end 1e-4 of their length before the hit point"
-)
+FLOAT32_INEXACT = "float32 triangle tests without a bound; shadow rays end 1e-4 of their length before the hit point"
 
 
 @dataclass(frozen=True)

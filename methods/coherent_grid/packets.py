@@ -20,14 +20,7 @@ from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry
 from ..grids.cells import Cells
 from ..grids.grid import Grid, cell_index, cell_of, to_grid
-from ..streams.camera.pixels import (
-    Candidate,
-    edge_planes,
-    inverse_depth,
-    is_outside,
-    sign_bound,
-    test_pixel_or_queue,
-)
+from ..streams.camera.pixels import Candidate, edge_planes, inverse_depth, is_outside, sign_bound, test_pixel_or_queue
 from ..streams.queues import Queue
 
 SPREAD = wp.constant(wp.float64(2.0**-20))
@@ -83,9 +76,7 @@ def cells_within(res: wp.int32, low: wp.float64, high: wp.float64, slack: wp.flo
 @wp.func
 def frustum_of(grid: Grid, camera: Camera, box: wp.vec4i) -> Frustum:
     f = Frustum()
-    middle = wp.cw_mul(
-        to_float64(direction_at(camera, (box[0] + box[2]) // 2, (box[1] + box[3]) // 2)), grid.scale
-    )
+    middle = wp.cw_mul(to_float64(direction_at(camera, (box[0] + box[2]) // 2, (box[1] + box[3]) // 2)), grid.scale)
     f.axis = 0
     if wp.abs(middle[1]) > wp.abs(middle[0]):
         f.axis = 1

@@ -87,9 +87,7 @@ class Parts(Generic[Part]):
         # The function, not the method: the object whose method it is has these parts, and the two would keep one another,
         # with all arrays of the object, until garbage is collected.
         known = (getattr(launch, "__func__", launch), *arguments)
-        launch_parts(
-            [functools.partial(launch, part, *arguments) for part in self.parts], known in self._compiled
-        )
+        launch_parts([functools.partial(launch, part, *arguments) for part in self.parts], known in self._compiled)
         self._compiled.add(known)
 
 

@@ -52,12 +52,7 @@ def lower_box(box: wp.array(dtype=wp.float32), lane: wp.int32, low: wp.vec3f, hi
 
 
 @wp.kernel(enable_backward=False)
-def bounds_kernel(
-    count: wp.int32,
-    blocks: wp.int32,
-    mesh: Mesh,
-    box: wp.array(dtype=wp.float32),
-):
+def bounds_kernel(count: wp.int32, blocks: wp.int32, mesh: Mesh, box: wp.array(dtype=wp.float32)):
     """Minimum over valid triangles of x, y, z, -x, -y, -z: one reduction per block, then six atomics."""
     block, lane = wp.tid()
     low = wp.vec3f(wp.INF, wp.INF, wp.INF)
@@ -154,9 +149,7 @@ def boxes_kernel(
     store_record(records, i, corners, weld)
 
 
-def launch_boxes(
-    frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: Any, units: float
-) -> None:
+def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: Any, units: float) -> None:
     """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` and the frame's ``box``, as
     :func:`launch_bounds` does."""
     launch_bounds(frame, box)

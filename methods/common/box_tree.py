@@ -85,9 +85,7 @@ def walk(
 ) -> Found:
     """:func:`traverse` for the kernels of :mod:`..rays.kernels`."""
     found = nothing_found(wp.float32(end) * SLACK)
-    return traverse(
-        test, boxes.tree, boxes.records, alpha, to_float32(start), to_float32(direction), query, found
-    )
+    return traverse(test, boxes.tree, boxes.records, alpha, to_float32(start), to_float32(direction), query, found)
 
 
 class BoxTree:

@@ -34,7 +34,5 @@ def miss_passes(frame: Frame, effects: Effects) -> list[Pass]:
                     effect=f"shadows/{i}",
                 )
             )
-    passes += traced_bounces(
-        effects, (), lambda b: write_misses(frame, b), lambda i, b: frame.bits(b)[i].zero_()
-    )
+    passes += traced_bounces(effects, (), lambda b: write_misses(frame, b), lambda i, b: frame.bits(b)[i].zero_())
     return passes

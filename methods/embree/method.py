@@ -95,9 +95,7 @@ class Embree(BaseMethod):
     name = "embree"
     title = "Embree"
     simulates = frozenset({"shadows", "receivers", "directional", "mirror", "orthographic"})
-    cannot = MappingProxyType(
-        {"alpha": "holes need a filter function that decides them in float64; none is written"}
-    )
+    cannot = MappingProxyType({"alpha": "holes need a filter function that decides them in float64; none is written"})
     capturable = False
     devices = ("cpu",)
     known_inexact = (
@@ -128,15 +126,11 @@ class Embree(BaseMethod):
         self._stretches = ranges(frame.pixels, parts)
         passes = []
         if self.build.update == "rebuild":
-            passes.append(
-                Pass("copy and commit", "build", ("points", "triangles"), ("embree",), self._rebuild)
-            )
+            passes.append(Pass("copy and commit", "build", ("points", "triangles"), ("embree",), self._rebuild))
         else:
             self._first_tree()
             if self.build.update == "refit":
-                passes.append(
-                    Pass("copy and refit", "build", ("points", "triangles"), ("embree",), self._refit)
-                )
+                passes.append(Pass("copy and refit", "build", ("points", "triangles"), ("embree",), self._refit))
         passes.append(Pass("primary rays", "trace", ("embree", "camera"), ("hits",), self._closest))
         passes += shadow_ray_passes(effects, ("embree", "hits", "camera"), self._shadow)
         passes += traced_bounces(effects, ("embree", "points", "triangles"), self._closest, self._shadow)
@@ -199,9 +193,7 @@ class Embree(BaseMethod):
         if self._scene is not None:
             self._scene.commit(points)
 
-    def _on_threads(
-        self, what: str, work: Callable[[tuple[int, int]], None], parts: Sequence[tuple[int, int]]
-    ) -> None:
+    def _on_threads(self, what: str, work: Callable[[tuple[int, int]], None], parts: Sequence[tuple[int, int]]) -> None:
         """Call ``work`` for each part, on the threads. The first call may compile, so it runs alone before them."""
         if what not in self._compiled:
             self._compiled.add(what)

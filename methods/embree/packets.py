@@ -131,9 +131,7 @@ class Query:
 
 
 @wp.func_native(CLOSEST)
-def closest_of_block(
-    block: wp.int32, query: Query, bounced: wp.bool, camera: Camera, rays: Rays, hits: Hits
-): ...
+def closest_of_block(block: wp.int32, query: Query, bounced: wp.bool, camera: Camera, rays: Rays, hits: Hits): ...
 
 
 @wp.func_native(ANY)

@@ -17,14 +17,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.digits import (
-    fused,
-    lost_in_sum,
-    precise_product,
-    wide_hit_point,
-    wide_side,
-    wide_slope,
-)
+from ...harness.frame.digits import fused, lost_in_sum, precise_product, wide_hit_point, wide_side, wide_slope
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Ray
 from ...harness.frame.vectors import largest, to_float32, to_float64, total

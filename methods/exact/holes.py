@@ -47,13 +47,7 @@ def opaque_at_hit(alpha: Alpha, i: wp.int32, ray: Ray, corners: Corners, weld: w
 
 @wp.func
 def opaque_to_light(
-    alpha: Alpha,
-    i: wp.int32,
-    h: wp.vec3d,
-    light: wp.vec3f,
-    corners: Corners,
-    weld: wp.vec3i,
-    origin_size: wp.float64,
+    alpha: Alpha, i: wp.int32, h: wp.vec3d, light: wp.vec3f, corners: Corners, weld: wp.vec3i, origin_size: wp.float64
 ) -> wp.bool:
     """Whether triangle i is opaque where the segment from the hit point h to the light crosses it.
 

@@ -142,7 +142,5 @@ def any_opaque_hit(mesh: Any, alpha: Alpha, i: wp.int32, segment: Segment, found
         if may_occlude(segment.start, segment.light, corners, segment.error):
             weld = weld_in(mesh, i)
             if occludes(segment.hit, segment.light, corners, weld, segment.origin_size):
-                found.done = opaque_to_light(
-                    alpha, i, segment.hit, segment.light, corners, weld, segment.origin_size
-                )
+                found.done = opaque_to_light(alpha, i, segment.hit, segment.light, corners, weld, segment.origin_size)
     return found

@@ -117,9 +117,7 @@ def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin
 
 
 @wp.func
-def occludes(
-    h: wp.vec3d, light: wp.vec3f, corners: Corners, weld: wp.vec3i, origin_size: wp.float64
-) -> wp.bool:
+def occludes(h: wp.vec3d, light: wp.vec3f, corners: Corners, weld: wp.vec3i, origin_size: wp.float64) -> wp.bool:
     """Whether the triangle meets the open segment from the hit point h to the light. Float64.
 
     A triangle whose plane passes h within its error contains it (its own triangle, duplicates, neighbours at an edge)

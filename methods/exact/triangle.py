@@ -96,9 +96,7 @@ def may_hit(ray: Ray, corners: Corners) -> wp.bool:
 
 
 @wp.func
-def edge_function(
-    o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
-) -> wp.float64:
+def edge_function(o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32) -> wp.float64:
     """d . ((p - o) x (q - p)) in float64, taken from the vertex with the lower weld index."""
     # Ends are selected instead of branching, since a warp would compute both branches.
     ordered = weld_p < weld_q
@@ -114,9 +112,7 @@ def wide_edge(o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d) -> wp.float64:
 
 
 @wp.func
-def edge_functions(
-    o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i
-) -> wp.vec3d:
+def edge_functions(o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i) -> wp.vec3d:
     """The edge functions opposite to a, b and c."""
     if wp.static(effects.wide):
         return wp.vec3d(wide_edge(o, d, b, c), wide_edge(o, d, c, a), wide_edge(o, d, a, b))
@@ -128,9 +124,7 @@ def edge_functions(
 
 
 @wp.func
-def edge_doubt(
-    o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
-) -> wp.float64:
+def edge_doubt(o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32) -> wp.float64:
     """Bound on the error of :func:`edge_function`."""
     first = wp.where(weld_p < weld_q, p, q)
     return NORMAL_UNITS * sum_of_sizes(products_of_normal(first - o, q - p), d)
@@ -139,9 +133,7 @@ def edge_doubt(
 @wp.func
 def wide_distance(ray: Ray, corners: Corners, e: wp.vec3d) -> wp.float64:
     """:func:`hit_distance` where all signs are known: those of the edge functions e, of 0 on an edge, and of t."""
-    if wp.min(e[0], wp.min(e[1], e[2])) < wp.float64(0.0) and wp.max(e[0], wp.max(e[1], e[2])) > wp.float64(
-        0.0
-    ):
+    if wp.min(e[0], wp.min(e[1], e[2])) < wp.float64(0.0) and wp.max(e[0], wp.max(e[1], e[2])) > wp.float64(0.0):
         return NO_HIT
     t = plane_distance(ray, corners)
     return wp.where(t > wp.float64(0.0) and t < wp.float64(wp.INF), t, NO_HIT)

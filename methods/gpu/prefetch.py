@@ -165,12 +165,7 @@ asm volatile("st.shared.b32 [%0], %1;" :: "r"(place_of_group), "r"(group) : "mem
 #endif
 """)
 def fetch_ray(
-    rays: wp.array(dtype=wp.vec4f),
-    ray: wp.int32,
-    wanted: wp.bool,
-    group: wp.int32,
-    steps: wp.int32,
-    step: wp.int32,
+    rays: wp.array(dtype=wp.vec4f), ray: wp.int32, wanted: wp.bool, group: wp.int32, steps: wp.int32, step: wp.int32
 ):
     """Fetch a ray for step 0 to 3, if ``wanted``; the place of its group is stored in any case."""
 

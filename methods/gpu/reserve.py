@@ -130,9 +130,7 @@ def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
 
 @wp.func_native(
     NUMBER_IN.format(
-        peers=SAME_SLOT,
-        within=WITHIN,
-        next_number="__atomic_fetch_add(counts.data + slot, 1, __ATOMIC_RELAXED)",
+        peers=SAME_SLOT, within=WITHIN, next_number="__atomic_fetch_add(counts.data + slot, 1, __ATOMIC_RELAXED)"
     )
 )
 def number_among(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:

@@ -118,9 +118,7 @@ def span_of(grid: Grid, corners: Corners) -> Span:
     s.n = turned(n, s.axis)
     product = largest(ab) * largest(ca)
     s.sign = wp.vec3d(
-        sure_sign(s.n[0], UNSURE * product),
-        sure_sign(s.n[1], UNSURE * product),
-        sure_sign(s.n[2], UNSURE * product),
+        sure_sign(s.n[0], UNSURE * product), sure_sign(s.n[1], UNSURE * product), sure_sign(s.n[2], UNSURE * product)
     )
     # Rounding tilts the plane by UNSURE * product / n: over the triangle and a cell that must stay below the slack.
     reach = wp.max(largest(ab), wp.max(largest(bc), largest(ca))) + wp.float64(4.0)
@@ -130,12 +128,8 @@ def span_of(grid: Grid, corners: Corners) -> Span:
     low = wp.min(s.a, wp.min(s.b, s.c))
     high = wp.max(s.a, wp.max(s.b, s.c))
     res = turned(grid.res, s.axis)
-    s.low = wp.vec3i(
-        cell_of(low[0] - grow, res[0]), cell_of(low[1] - grow, res[1]), cell_of(low[2] - grow, res[2])
-    )
-    s.high = wp.vec3i(
-        cell_of(high[0] + grow, res[0]), cell_of(high[1] + grow, res[1]), cell_of(high[2] + grow, res[2])
-    )
+    s.low = wp.vec3i(cell_of(low[0] - grow, res[0]), cell_of(low[1] - grow, res[1]), cell_of(low[2] - grow, res[2]))
+    s.high = wp.vec3i(cell_of(high[0] + grow, res[0]), cell_of(high[1] + grow, res[1]), cell_of(high[2] + grow, res[2]))
     return s
 
 

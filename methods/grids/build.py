@@ -54,13 +54,7 @@ def make_bin_kernels(structure_type: Any, item_of: Any) -> tuple[Any, Any]:
     """
 
     @wp.kernel(enable_backward=False, module="unique")
-    def bin_kernel(
-        emit: wp.bool,
-        structure: structure_type,
-        mesh: Mesh,
-        pairs: Pairs,
-        large: LargeItems,
-    ):
+    def bin_kernel(emit: wp.bool, structure: structure_type, mesh: Mesh, pairs: Pairs, large: LargeItems):
         item = wp.tid()
         what = item_of(structure, mesh, item)
         if what.triangle < 0:
@@ -93,9 +87,7 @@ def make_bin_kernels(structure_type: Any, item_of: Any) -> tuple[Any, Any]:
 class BinnedItems:
     """Items that are binned: their pairs, and the queue of large ones. See :func:`make_bin_kernels`."""
 
-    def __init__(
-        self, items: int, cells: int, capacity: int, frame: Frame, structure_type: Any, item_of: Any
-    ):
+    def __init__(self, items: int, cells: int, capacity: int, frame: Frame, structure_type: Any, item_of: Any):
         self._frame, self._kernels = frame, make_bin_kernels(structure_type, item_of)
         self.list = pairs = PairList(items, cells, capacity, frame.device)
         with wp.ScopedDevice(frame.device):

@@ -17,9 +17,7 @@ from ..exact.triangle import largest, to_float64
 FINEST_SLACK = wp.constant(wp.float64(2.0**-16))
 ROUNDING = wp.constant(wp.float64(2.0**-46))
 COARSEST_SLACK = wp.constant(wp.float64(2.0**-5))
-FLATTEST = wp.constant(
-    wp.float64(2.0**-10)
-)  # a box flatter than this, against its longest side, gets one layer
+FLATTEST = wp.constant(wp.float64(2.0**-10))  # a box flatter than this, against its longest side, gets one layer
 
 
 @wp.struct
@@ -86,10 +84,7 @@ def cell_counts(extent: wp.vec3d, cells: wp.int32) -> wp.vec3i:
 
 @wp.kernel(enable_backward=False)
 def place_grid_kernel(
-    cells: wp.int32,
-    box: wp.array(dtype=wp.float32),
-    bound: wp.array(dtype=wp.float32),
-    grid: wp.array(dtype=Grid),
+    cells: wp.int32, box: wp.array(dtype=wp.float32), bound: wp.array(dtype=wp.float32), grid: wp.array(dtype=Grid)
 ):
     """Place the grid around ``box``; one thread. Where nothing is valid, one cell around the origin."""
     g = Grid()

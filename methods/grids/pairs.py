@@ -15,10 +15,7 @@ from ..common.pairs import need_kernel
 
 @wp.kernel(enable_backward=False)
 def mark_lists_kernel(
-    cells: wp.int32,
-    keys: wp.array(dtype=wp.int32),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
+    cells: wp.int32, keys: wp.array(dtype=wp.int32), begin: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32)
 ):
     i = wp.tid()
     cell = keys[i]

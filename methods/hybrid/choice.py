@@ -70,7 +70,5 @@ def solid_angles(
         a, b, c = ways[faces[:, 0]], ways[faces[:, 1]], ways[faces[:, 2]]
         # Of differences: those of a far or small triangle are lost in the product of the directions.
         volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b - a, c - a)))
-        denominator = (
-            1.0 + np.einsum("ij,ij->i", a, b) + np.einsum("ij,ij->i", b, c) + np.einsum("ij,ij->i", c, a)
-        )
+        denominator = 1.0 + np.einsum("ij,ij->i", a, b) + np.einsum("ij,ij->i", b, c) + np.einsum("ij,ij->i", c, a)
         return np.nan_to_num(2.0 * np.arctan2(volume, denominator), nan=0.0)

@@ -100,9 +100,7 @@ class KdTree(RayStructure):
 
         self._counters, self._going = zeros(COUNTERS), zeros(1)
         self._box, self._nodes, self._members = zeros(6, wp.float32), zeros(nodes, wp.vec2i), zeros(members)
-        self._refs = filled(
-            Refs, triangle=zeros(pairs), node=zeros(pairs), low=vectors(pairs), high=vectors(pairs)
-        )
+        self._refs = filled(Refs, triangle=zeros(pairs), node=zeros(pairs), low=vectors(pairs), high=vectors(pairs))
         self._large = filled(
             Large, low=vectors(large), high=vectors(large), tight=zeros(6 * large), count=zeros(large),
             parent=zeros(large), depth=zeros(large), growth=zeros(large, wp.float32), target=zeros(large),
@@ -177,15 +175,7 @@ class KdTree(RayStructure):
     def _small(self) -> None:
         blocks = self._blocks(self._frame)
         tree = [self._nodes, self._members, self._counters]
-        inputs = [
-            blocks,
-            self.build.traversal_cost,
-            self._refs,
-            self._large,
-            self._roots,
-            self._scratch,
-            *tree,
-        ]
+        inputs = [blocks, self.build.traversal_cost, self._refs, self._large, self._roots, self._scratch, *tree]
         wp.launch_tiled(small_kernel, dim=[blocks], inputs=inputs, block_dim=WIDTH, device=self._frame.device)
         self._launch(finish_kernel, [self._refs, self._large, *tree, self._need], 1)
 

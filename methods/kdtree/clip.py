@@ -48,9 +48,7 @@ def is_box(low: wp.vec3f, high: wp.vec3f) -> wp.bool:
 
 
 @wp.func
-def parts_of(
-    mesh: Mesh, i: wp.int32, low: wp.vec3f, high: wp.vec3f, plane: wp.float32, axis: wp.int32
-) -> Parts:
+def parts_of(mesh: Mesh, i: wp.int32, low: wp.vec3f, high: wp.vec3f, plane: wp.float32, axis: wp.int32) -> Parts:
     """Divide the pair of triangle i, whose box is (low, high). Every point of it within the box is in a part."""
     parts = Parts()
     far = wp.vec3f(wp.INF, wp.INF, wp.INF)

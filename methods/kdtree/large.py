@@ -272,9 +272,7 @@ def distribute_kernel(
 
 
 @wp.kernel(enable_backward=False)
-def advance_kernel(
-    refs: Refs, large: Large, counters: wp.array(dtype=wp.int32), going: wp.array(dtype=wp.int32)
-):
+def advance_kernel(refs: Refs, large: Large, counters: wp.array(dtype=wp.int32), going: wp.array(dtype=wp.int32)):
     """The next level; one thread."""
     begin = counters[LEVEL_END]
     end = counters[NODES]
@@ -288,9 +286,7 @@ def advance_kernel(
 
 
 @wp.kernel(enable_backward=False)
-def list_kernel(
-    threads: wp.int32, refs: Refs, large: Large, roots: Roots, counters: wp.array(dtype=wp.int32)
-):
+def list_kernel(threads: wp.int32, refs: Refs, large: Large, roots: Roots, counters: wp.array(dtype=wp.int32)):
     """List the pairs of each root, in any order."""
     at = wp.int32(wp.tid())
     while at < counters[REFS_END]:

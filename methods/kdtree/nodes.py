@@ -124,9 +124,7 @@ def put_leaf(nodes: wp.array(dtype=wp.vec2i), node: wp.int32, begin: wp.int32, c
 
 
 @wp.func
-def put_inner(
-    nodes: wp.array(dtype=wp.vec2i), node: wp.int32, plane: wp.float32, axis: wp.int32, child: wp.int32
-):
+def put_inner(nodes: wp.array(dtype=wp.vec2i), node: wp.int32, plane: wp.float32, axis: wp.int32, child: wp.int32):
     if node < nodes.shape[0]:
         nodes[node] = wp.vec2i(wp.cast(plane, wp.int32), axis | (child << 2))
 

@@ -66,9 +66,7 @@ class PerspectiveSpherical(BaseMethod):
     def applies(self, scene: Scene, device: str) -> str | None:
         reason = super().applies(scene, device)
         if reason is None and self.build.cull != "off":
-            reason = loses_hits(self.build.triangle_test) or refusal(
-                scene, self.build.cull == "primary+light"
-            )
+            reason = loses_hits(self.build.triangle_test) or refusal(scene, self.build.cull == "primary+light")
         return reason
 
     def built(self) -> dict[str, Any]:
@@ -84,9 +82,7 @@ class PerspectiveSpherical(BaseMethod):
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory = limits.memory
         if self.trace.triangle_chunk and frame.triangle_count > MOST_SPLIT:
-            raise UserError(
-                f"{self.name}: triangle_chunk takes at most {MOST_SPLIT:,} triangles; set it to 0"
-            )
+            raise UserError(f"{self.name}: triangle_chunk takes at most {MOST_SPLIT:,} triangles; set it to 0")
         outward = 0.0
         if self.build.cull != "off" and frame.triangle_count:
             outward = orientation(frame.prepared.points(0)[0], frame.prepared.faces)

@@ -93,9 +93,7 @@ class Build:
         for name, known in ALLOWED.items():
             _one_of(getattr(self, name), known)
         if self.precision == "float32-centred" and not self.aimed:
-            raise ValueError(
-                "precision float32-centred needs aimed=true: the middle must lie on the frame's axis"
-            )
+            raise ValueError("precision float32-centred needs aimed=true: the middle must lie on the frame's axis")
         if self.light_bounds != "exact" and self.light_map != "azimuth-elevation":
             raise ValueError("light_bounds other than exact needs light_map=azimuth-elevation")
 

@@ -26,9 +26,7 @@ class RayGrids(StreamedMethod):
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
     simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
-    cannot: ClassVar[dict[str, str]] = {
-        "mirror": "its grids hold rays that share an origin: mirrored rays share none"
-    }
+    cannot: ClassVar[dict[str, str]] = {"mirror": "its grids hold rays that share an origin: mirrored rays share none"}
     Build: ClassVar[type] = Build
 
     def __init__(self, build: Any = None, trace: Any = None):
@@ -73,11 +71,7 @@ class RayGrids(StreamedMethod):
     def built(self) -> dict[str, Any]:
         assert self._queues is not None
         threads = {} if self._queues.cuda else {"threads": self._threads}
-        return {
-            "structure": "rays in the grid, triangles streamed",
-            "queues": self._queues.queued,
-            **threads,
-        }
+        return {"structure": "rays in the grid, triangles streamed", "queues": self._queues.queued, **threads}
 
 
 METHOD = RayGrids

@@ -17,13 +17,7 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
 from ..common.pixels import pixel_of
-from ..exact.ray_queries import (
-    any_hit,
-    any_opaque_hit,
-    closest_hit,
-    closest_opaque_hit,
-    shadow_segment,
-)
+from ..exact.ray_queries import any_hit, any_opaque_hit, closest_hit, closest_opaque_hit, shadow_segment
 from ..exact.triangle import to_float64, write_hit, write_miss
 from ..gpu.entries import entry, set_entry
 

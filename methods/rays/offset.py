@@ -32,9 +32,7 @@ INTEGER_STEP = wp.constant(256.0)
 
 
 @wp.func
-def edge_error(
-    px: wp.float64, py: wp.float64, qx: wp.float64, qy: wp.float64, p: wp.vec2d, q: wp.vec2d
-) -> wp.float64:
+def edge_error(px: wp.float64, py: wp.float64, qx: wp.float64, qy: wp.float64, p: wp.vec2d, q: wp.vec2d) -> wp.float64:
     """Bound on the error of p x q in float32; ``p``, ``q`` bound the errors of (px, py) and (qx, qy)."""
     return (
         wp.abs(px) * q[1] + p[0] * wp.abs(qy) + wp.abs(py) * q[0] + p[1] * wp.abs(qx)
@@ -119,9 +117,7 @@ def shadow_origin(ray: Ray, light: wp.vec3f, corners: Corners, sheared: wp.bool)
     )
     if sheared and largest(way) > wp.float64(0.0):
         step += sheared_error(h, way, a64, b64, c64)
-    return to_float32(
-        wp.vec3d(outward(h[0], step * n[0]), outward(h[1], step * n[1]), outward(h[2], step * n[2]))
-    )
+    return to_float32(wp.vec3d(outward(h[0], step * n[0]), outward(h[1], step * n[1]), outward(h[2], step * n[2])))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -148,12 +144,7 @@ def shadow_origin_kernel(
 
 
 def launch_shadow_origins(
-    frame: Frame,
-    light: int,
-    origin: wp.array,
-    sheared: bool,
-    bounce: int = 0,
-    part: tuple[int, int] | None = None,
+    frame: Frame, light: int, origin: wp.array, sheared: bool, bounce: int = 0, part: tuple[int, int] | None = None
 ) -> None:
     """Fill ``origin`` (vec3f [pixels]) for one light from the hits of a bounce; the light itself at a miss.
 
@@ -185,6 +176,4 @@ def stepped_coordinate(p: wp.float32, n: wp.float32) -> wp.float32:
 @wp.func
 def stepped(p: wp.vec3f, n: wp.vec3f) -> wp.vec3f:
     """p moved off its surface along the normal n (Waechter & Binder, Ray Tracing Gems 2019, chapter 6)."""
-    return wp.vec3f(
-        stepped_coordinate(p[0], n[0]), stepped_coordinate(p[1], n[1]), stepped_coordinate(p[2], n[2])
-    )
+    return wp.vec3f(stepped_coordinate(p[0], n[0]), stepped_coordinate(p[1], n[1]), stepped_coordinate(p[2], n[2]))

@@ -45,9 +45,7 @@ class ShadowMap(BaseMethod):
     name: ClassVar[str] = "shadow_map"
     title: ClassVar[str] = "Shadow map (rasterised)"
     simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
-    cannot: ClassVar[dict[str, str]] = {
-        "mirror": "it draws triangles from one point: mirrored rays share no origin"
-    }
+    cannot: ClassVar[dict[str, str]] = {"mirror": "it draws triangles from one point: mirrored rays share no origin"}
     known_inexact = "shadow bits are looked up in a depth map of finite resolution"
     outside = MappingProxyType({"shadows": known_inexact})
     Build: ClassVar[type] = Build

@@ -101,9 +101,7 @@ class StreamedMethod(BaseMethod):
             return [*made, *passes]  # the harness marks the receivers by the answers
         return resolved_late(made, passes, first=bool(camera.hit.size))
 
-    def camera(
-        self, frame: Frame, effects: Effects, limits: Limits, points: str, lights: int | None = None
-    ) -> Camera:
+    def camera(self, frame: Frame, effects: Effects, limits: Limits, points: str, lights: int | None = None) -> Camera:
         """The primary rays, with queues for them and for the ``lights`` that have shadows, all of the frame's; or, without,
         for the primary rays alone. :meth:`needs` and :meth:`grow` work as after :meth:`plan`."""
         refuse_too_large(frame)

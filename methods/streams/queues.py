@@ -117,9 +117,7 @@ def claim_chunks(queue: Queue, number: wp.int32, size: wp.int32) -> wp.int32:
 
 
 @wp.func
-def store_chunks(
-    queue: Queue, claimed: wp.int32, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32
-):
+def store_chunks(queue: Queue, claimed: wp.int32, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32):
     """:func:`queue_chunks` by all lanes of a warp, which must all call it, in the places of :func:`claim_chunks`."""
     if number > size:
         first = claimed_place(claimed)
@@ -153,13 +151,7 @@ class Queues:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        queued: bool,
-        capacity: Capacity,
-        streams: int,
-        shares: int = 1,
-        threaded: bool = False,
+        self, frame: Frame, queued: bool, capacity: Capacity, streams: int, shares: int = 1, threaded: bool = False
     ):
         self.queued, self.shares, self.threaded = queued, shares, threaded
         self.triangle_count = frame.triangle_count
@@ -251,9 +243,7 @@ def in_shares(
         if queues.threaded:
             together = at_once([functools.partial(launch, share) for share in range(shares)])
             read, written = (tuple(f"{who} {queue}" for queue in some) for some in (taken, made))
-            passes.append(
-                Pass(f"{who}: {name}", part, (*reads, *read), (*writes, *written), together, effect)
-            )
+            passes.append(Pass(f"{who}: {name}", part, (*reads, *read), (*writes, *written), together, effect))
             continue
         for share in range(shares):
             of = f", share {share + 1} of {shares}" if shares > 1 else ""

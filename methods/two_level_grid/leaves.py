@@ -55,9 +55,7 @@ def unpacked_res(packed: wp.int32) -> wp.vec3i:
 def leaf_grid(top: Grid, cell: wp.int32, res: wp.vec3i) -> Grid:
     """The grid of ``res`` cells in a cell of the top grid."""
     row = cell // top.res[0]
-    place = wp.vec3d(
-        wp.float64(cell - row * top.res[0]), wp.float64(row % top.res[1]), wp.float64(row // top.res[1])
-    )
+    place = wp.vec3d(wp.float64(cell - row * top.res[0]), wp.float64(row % top.res[1]), wp.float64(row // top.res[1]))
     finer = wp.vec3d(wp.float64(res[0]), wp.float64(res[1]), wp.float64(res[2]))
     leaf = Grid()
     leaf.origin = top.origin + wp.cw_div(place, top.scale)

@@ -39,9 +39,7 @@ class VisibilityBuffer(StreamedMethod):
     name: ClassVar[str] = "visibility_buffer"
     title: ClassVar[str] = "Visibility buffer, irregular z-buffer"
     simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
-    cannot: ClassVar[dict[str, str]] = {
-        "mirror": "it rasterises rays that share an origin: mirrored rays share none"
-    }
+    cannot: ClassVar[dict[str, str]] = {"mirror": "it rasterises rays that share an origin: mirrored rays share none"}
     Build: ClassVar[type] = Trial
     queues_on_cpu: ClassVar[bool] = True
 

@@ -65,9 +65,7 @@ def insert_kernel(
 
 
 @wp.func
-def test_node(
-    bits: ShadowBits, queue: Queue, cells: RayCells, node: wp.int32, occluder: Occluder
-) -> wp.int32:
+def test_node(bits: ShadowBits, queue: Queue, cells: RayCells, node: wp.int32, occluder: Occluder) -> wp.int32:
     """Test a hit point of a list against a triangle; the next of the list, 0 at its end."""
     h = entry(cells.point, node - 1)
     following = wp.cast(h[3], wp.int32)

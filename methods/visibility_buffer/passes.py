@@ -22,10 +22,7 @@ from . import lists, raster, shadow
 
 def tile_steps(split: Callable[[int], None], fill: Callable[[int], None]) -> list[Step]:
     """The passes of each share for larger triangles: which tiles they cover, and the pixels or texels of these."""
-    return [
-        ("tiles of larger triangles", ("items",), ("tiles",), split),
-        ("inside of tiles", ("tiles",), (), fill),
-    ]
+    return [("tiles of larger triangles", ("items",), ("tiles",), split), ("inside of tiles", ("tiles",), (), fill)]
 
 
 def threads_of(queues: Queues) -> list[int]:
@@ -95,9 +92,7 @@ class MapOcclusion(Occlusion):
             *tile_steps(self.launch_tile_split, self.launch_tiles),
         ]
 
-    def _launch(
-        self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]
-    ) -> None:
+    def _launch(self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
         """Launch a kernel of a step. ``outputs``: those before the queue of the share."""
         r = self.rays
         wp.launch(

@@ -14,13 +14,7 @@ from ...harness.frame.geometry import Camera, Mesh
 from ..common.reads import corners_at, direction_at
 from ..exact.triangle import spare_bits
 from ..gpu.entries import entry
-from ..streams.camera.pixels import (
-    candidate_of,
-    is_outside,
-    sign_bound,
-    test_box,
-    test_pixel_or_queue,
-)
+from ..streams.camera.pixels import candidate_of, is_outside, sign_bound, test_box, test_pixel_or_queue
 from ..streams.camera.queued import store_candidate, stored_candidate, stored_planes
 from ..streams.camera.stream import box_of
 from ..streams.queues import Queue, Share, triangle_of
@@ -100,12 +94,7 @@ def split_kernel(threads: wp.int32, lanes: wp.int32, camera: Camera, queue: Queu
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def tile_kernel(
-    threads: wp.int32,
-    lanes: wp.int32,
-    camera: Camera,
-    alpha: Alpha,
-    nearest: wp.array(dtype=wp.uint64),
-    queue: Queue,
+    threads: wp.int32, lanes: wp.int32, camera: Camera, alpha: Alpha, nearest: wp.array(dtype=wp.uint64), queue: Queue
 ):
     """Pixels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes

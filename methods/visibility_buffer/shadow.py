@@ -184,13 +184,7 @@ def raster_kernel(
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def setup_kernel(
-    threads: wp.int32,
-    light: Light,
-    cells: RayCells,
-    mesh: Mesh,
-    queue: Queue,
-):
+def setup_kernel(threads: wp.int32, light: Light, cells: RayCells, mesh: Mesh, queue: Queue):
     """One thread per queued triangle: the lines that bound it on its face, and the groups of its tiles."""
     place = wp.tid()
     stop = held_large(queue)

@@ -82,9 +82,7 @@ def item_tile(work: wp.vec4i, k: wp.int32) -> wp.vec2i:
     down = wp.int32(wp.uint32(k) // wp.uint32(across))
     if down >= tiles_across(work[2]):
         return wp.vec2i(-1, -1)
-    return wp.vec2i(
-        ((work[1] & 65535) >> TILE_SHIFT) + k - down * across, ((work[2] & 65535) >> TILE_SHIFT) + down
-    )
+    return wp.vec2i(((work[1] & 65535) >> TILE_SHIFT) + k - down * across, ((work[2] & 65535) >> TILE_SHIFT) + down)
 
 
 @wp.func
@@ -94,10 +92,7 @@ def tile_box(work: wp.vec4i, tile: wp.vec2i) -> wp.vec4i:
     x = tile[0] << TILE_SHIFT
     y = tile[1] << TILE_SHIFT
     return wp.vec4i(
-        wp.max(box[0], x),
-        wp.max(box[1], y),
-        wp.min(box[2], x + TILE_SIZE - 1),
-        wp.min(box[3], y + TILE_SIZE - 1),
+        wp.max(box[0], x), wp.max(box[1], y), wp.min(box[2], x + TILE_SIZE - 1), wp.min(box[3], y + TILE_SIZE - 1)
     )
 
 

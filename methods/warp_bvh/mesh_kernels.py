@@ -20,13 +20,7 @@ CUT = wp.constant(1.0e-6)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
-def mesh_primary_kernel(
-    tree: wp.uint64,
-    names: wp.array(dtype=wp.int32),
-    camera: Camera,
-    mirrored: Rays,
-    hits: Hits,
-):
+def mesh_primary_kernel(tree: wp.uint64, names: wp.array(dtype=wp.int32), camera: Camera, mirrored: Rays, hits: Hits):
     """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it. ``names``: the triangle of each of its
     faces; empty where a face has its triangle's number.
     """

@@ -29,7 +29,9 @@ from .triangles import TreeTriangles, may_be_hit
 
 UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
 CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")
-MESH_INEXACT = "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start "
+MESH_INEXACT = (
+    "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start "
+)
 STARTS = {
     "exact": "a rounding bound away from the surface",
     "plain": "off the surface by Waechter and Binder's rule, which is no bound: some shadow bits are wrong",
@@ -107,9 +109,7 @@ class WarpBvh(BaseMethod):
                 )
             self.simulates = self.simulates | {"alpha"}
         self.capturable = self.build.update != "rebuild"
-        self.known_inexact = (
-            None if self.build.update == "bvh_rebuild" else MESH_INEXACT + STARTS[self.trace.origin]
-        )
+        self.known_inexact = None if self.build.update == "bvh_rebuild" else MESH_INEXACT + STARTS[self.trace.origin]
         self._device = ""
         self._mesh: wp.Mesh | None = None
         self._triangles: TreeTriangles | None = None
@@ -169,9 +169,7 @@ class WarpBvh(BaseMethod):
         return {} if self._rays is None else self._rays.counters()
 
     def _make_mesh(self, points: wp.array, indices: wp.array) -> wp.Mesh:
-        return wp.Mesh(
-            points, indices, bvh_constructor=self._constructor, bvh_leaf_size=self.build.leaf_size or None
-        )
+        return wp.Mesh(points, indices, bvh_constructor=self._constructor, bvh_leaf_size=self.build.leaf_size or None)
 
     def _first_mesh(self) -> None:
         """The tree of the animation's first frame. A tree built while all points are still zero would stay

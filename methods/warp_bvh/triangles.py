@@ -83,7 +83,5 @@ class TreeTriangles:
             first = wp.array(points, dtype=wp.vec3f)
             flags = wp.array(valid, dtype=wp.uint8)
         frame = self._frame
-        self.launch_indices(
-            filled(Mesh, points=first, triangles=frame.triangles, weld=frame.weld, valid=flags)
-        )
+        self.launch_indices(filled(Mesh, points=first, triangles=frame.triangles, weld=frame.weld, valid=flags))
         return first

@@ -107,9 +107,7 @@ def test_an_exact_method_passes_and_the_output_says_so(capsys) -> None:
     assert found["cases"][0]["rays"] == found["rays"] - found["cases"][2]["rays"]
 
 
-@pytest.mark.parametrize(
-    ("method", "case", "kind"), [("warp_bvh", "P03b", "acne"), ("embree", "P12", "acne")]
-)
+@pytest.mark.parametrize(("method", "case", "kind"), [("warp_bvh", "P03b", "acne"), ("embree", "P12", "acne")])
 def test_a_method_that_says_it_is_inexact_fails_all_the_same(capsys, method, case, kind) -> None:
     assert check(method, "cpu", None, [case], False) == 1
     shown = capsys.readouterr().out
@@ -170,18 +168,14 @@ def test_a_rasterised_shadow_map_declares_its_shadows(capsys) -> None:
 
 def test_the_table_of_an_experiment_counts_every_bit(capsys) -> None:
     """Those bits too that ``check`` does not hold against the method."""
-    (row,) = hard_rows(
-        [Entry("shadow_map", {}, "map")], "cpu", without=("H", "M", "V", "P", "S"), but=("S12",)
-    )
+    (row,) = hard_rows([Entry("shadow_map", {}, "map")], "cpu", without=("H", "M", "V", "P", "S"), but=("S12",))
     _, found = report(capsys, "shadow_map", "S12")
     assert found["true_errors"] == 0
     assert 200 < row["true_errors"] <= found["cases"][0]["bits_outside"]
 
 
 def test_a_case_that_does_not_exist_cannot_be_declared(own_methods) -> None:
-    with pytest.raises(
-        UserError, match="misspelt: its attribute 'outside' names 'S1', which is not a hard case"
-    ):
+    with pytest.raises(UserError, match="misspelt: its attribute 'outside' names 'S1', which is not a hard case"):
         check("misspelt", "cpu", None, ["S01"], True)
 
 
@@ -192,9 +186,7 @@ def two_sheets(excusable: float | None = None) -> Judged:
     """Two sheets a hair apart: naming the one behind is a near tie, at every one of 256 pixels."""
     sheets = joined(plane(2, 0.0, 4.0), plane(2, -(2.0**-22), 4.0))
     limit = {} if excusable is None else {"excusable": excusable}
-    case = HardCase(
-        "X", "two sheets", "", lambda: view(sheets, [(0, 0, 3.0)], (0, 0, 1), (0, 0, -1)), **limit
-    )
+    case = HardCase("X", "two sheets", "", lambda: view(sheets, [(0, 0, 3.0)], (0, 0, 1), (0, 0, -1)), **limit)
     return Judged(case, case.make())
 
 
@@ -221,12 +213,7 @@ def test_the_command_fails_on_too_much_excused_and_shows_how_much(monkeypatch, c
     assert "TOO MANY EXCUSED: 256 near-tie" in shown
     assert "1 cases, 0 with true errors, 1 with too many excused; 256 of 512 answers excused" in shown
     code, found = report(capsys, "behind", "X")
-    assert (code, found["passed"], found["excused"], found["cases"][0]["status"]) == (
-        1,
-        False,
-        256,
-        "excused",
-    )
+    assert (code, found["passed"], found["excused"], found["cases"][0]["status"]) == (1, False, 256, "excused")
 
 
 def test_vertices_at_scales_that_are_no_power_of_two_need_a_little_excusing(capsys) -> None:

@@ -93,9 +93,7 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", interrupted)
-    code, out, err = call(
-        "run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out"
-    )
+    code, out, err = call("run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out")
     assert code == program.INTERRUPTED
     assert out == ""
     assert err == "shadowbench: interrupted; run the same command again to continue\n"
@@ -126,7 +124,9 @@ def test_lists_as_text_and_as_json(call, kind, monkeypatch):
 
 def test_run_show_and_json(call, scene, tmp_path):
     out_folder = tmp_path / "out"
-    options = "--method warp_bvh embree --set embree.threads=1 --preset quick --size 16x12 --rounds 1 --samples 2 --no-score"
+    options = (
+        "--method warp_bvh embree --set embree.threads=1 --preset quick --size 16x12 --rounds 1 --samples 2 --no-score"
+    )
     arguments = ["run", "table1", "--scene", scene, *options.split(), "--out", out_folder, "--json"]
     code, out, err = call(*arguments)
     report = json.loads(out)
@@ -151,9 +151,7 @@ def test_run_show_and_json(call, scene, tmp_path):
 
 def test_an_unwritable_folder_is_refused(call, scene, tmp_path):
     (tmp_path / "file").write_text("")
-    code, _, err = call(
-        "run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "file" / "out"
-    )
+    code, _, err = call("run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "file" / "out")
     assert code == 2
     assert "cannot write there" in err
     assert err.count("\n") == 1
@@ -224,9 +222,7 @@ def test_completion_is_installed_and_completes_names(tmp_path):
     def said(*words, **environment):
         known = {**os.environ, "HOME": str(tmp_path), "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
         start = [sys.executable, "-c", program, *words]
-        done = subprocess.run(
-            start, env={**known, **environment}, capture_output=True, text=True, timeout=120
-        )
+        done = subprocess.run(start, env={**known, **environment}, capture_output=True, text=True, timeout=120)
         return done.stdout
 
     assert "bash completion installed" in said("--install-completion", "bash")

@@ -124,8 +124,6 @@ def test_explain_prints_the_class_that_verify_scored(
         bounced = [one["answers"][0] for one in facts["bounces"] if one["answers"]]
         scored = Verdict(every_pixel.classes[pixel])
         assert printed_class(row, bounced) == ("ok" if scored in RIGHT else scored.key), (x, y)
-        if not reference[
-            "wrong"
-        ]:  # where the reference is right, the pixels that verify decides make no difference
+        if not reference["wrong"]:  # where the reference is right, the pixels that verify decides make no difference
             assert as_verified.classes[pixel] == scored
         assert code == any(part["wrong"] for part in (row, *bounced))

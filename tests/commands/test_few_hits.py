@@ -30,9 +30,7 @@ def test_the_warning_begins_below_a_hundredth():
 @pytest.mark.parametrize("away", [False, True])
 def test_verify_warns(scene, capsys, away):
     camera = tuple(",".join(map(str, place)) for place in AWAY) if away else None
-    assert (
-        verify([scene], method=["uniform_grid"], device="cpu", size="16x16", camera=camera, as_json=True) == 0
-    )
+    assert verify([scene], method=["uniform_grid"], device="cpu", size="16x16", camera=camera, as_json=True) == 0
     (report,) = json.loads(capsys.readouterr().out)["scenes"]
     assert (FEW in report["warning"]) == away
     assert (report["hits"] == 0) == away

@@ -24,9 +24,7 @@ print(sorted(set(sys.modules) & {names}), file=sys.stderr)
 
 def loaded(names, *words) -> str:
     """Which of the packages a command has imported."""
-    done = subprocess.run(
-        [sys.executable, "-c", LOADED.format(names=names), *words], capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-c", LOADED.format(names=names), *words], capture_output=True, text=True)
     return done.stderr.splitlines()[-1]
 
 
@@ -50,9 +48,7 @@ def test_methods_are_a_table_with_a_sentence_each(call, monkeypatch):
     lines = text.splitlines()
     assert len(lines) < 40
     assert " ".join(text.split()).count("Rays in grid cells, with the triangles streamed over them") == 1
-    assert [
-        name for name in registry.method_names() if not any(line.startswith(f"{name} ") for line in lines)
-    ] == []
+    assert [name for name in registry.method_names() if not any(line.startswith(f"{name} ") for line in lines)] == []
     assert "origin = " not in text, "parameters are asked for"
 
 
@@ -84,9 +80,7 @@ def test_experiments_have_a_sentence_each_and_a_named_one_its_presets(call, monk
     text = call("list", "experiments")[1]
     assert "Where one structure becomes faster than another" in text
     assert "256x256" not in text, "presets are asked for"
-    assert "quick: 64x64 to 256x256" in call("list", "experiments", "crossover")[1], (
-        "of several sizes the range"
-    )
+    assert "quick: 64x64 to 256x256" in call("list", "experiments", "crossover")[1], "of several sizes the range"
 
 
 def test_scenes_have_their_triangle_counts(call):

@@ -22,9 +22,7 @@ def package(tmp_path, monkeypatch):
     about = folder / "scanned_rows-0.1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: scanned-rows\nVersion: 0.1.0\n")
-    points = re.search(
-        r"\[project\.entry-points\.\"(.*)\"\]\n(.*)\n", (folder / "pyproject.toml").read_text()
-    )
+    points = re.search(r"\[project\.entry-points\.\"(.*)\"\]\n(.*)\n", (folder / "pyproject.toml").read_text())
     value = points[2].replace('"', "")
     (about / "entry_points.txt").write_text(f"[{points[1]}]\n{value}\n")
     monkeypatch.syspath_prepend(str(folder))
@@ -64,9 +62,7 @@ def test_the_guide_shows_the_template():
     assert made.split("\n\n", 1)[1] == code
 
 
-@pytest.mark.parametrize(
-    "name", ["Grid", "2d", "a-b", "class", "../x", "", "a" * 65, "embree", "json", "numpy"]
-)
+@pytest.mark.parametrize("name", ["Grid", "2d", "a-b", "class", "../x", "", "a" * 65, "embree", "json", "numpy"])
 def test_names_that_cannot_be_are_refused(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UserError) as refused:

@@ -64,9 +64,7 @@ def test_plan_breaks_no_word_at_80_columns(call, monkeypatch):
 
 def test_camera_lights_and_frame_are_taken(call, scene):
     asked = ("plan", scene, "--method", "uniform_grid", "--size", "8x8", "--device", "cpu", "--json")
-    code, out, _ = call(
-        *asked, "--camera", "1,2,3", "0,0.5,0", "--light", "4,5,6", "--light", "7,8,9", "--frame", "0"
-    )
+    code, out, _ = call(*asked, "--camera", "1,2,3", "0,0.5,0", "--light", "4,5,6", "--light", "7,8,9", "--frame", "0")
     assert code == 0
     found = json.loads(out)
     assert found["declared"]["camera"] == "fixed, from 1,2,3 to 0,0.5,0"

@@ -9,9 +9,7 @@ from PIL import Image
 
 
 def test_render_draws_what_a_method_answers(call, scene, tmp_path):
-    code, _, err = call(
-        "render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "48x32"
-    )
+    code, _, err = call("render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "48x32")
     assert code == 0
     assert "written" in err
     pixels = np.asarray(Image.open(tmp_path / "a.png"))

@@ -34,9 +34,7 @@ def folder(tmp_path, mesh):
         key = f"point-{cls.name}"
         save_raw(tmp_path / "answers" / f"{key}-0.npz", prepared, moment, answers, mesh, extra={"key": key})
         record = {**record_of("table1", Entry(cls.name)), "key": key}
-        record["frames"][0].update(
-            total_ms=[1.25], wall_ms=[1.25], round=[0], score=None, unscored="no Embree there"
-        )
+        record["frames"][0].update(total_ms=[1.25], wall_ms=[1.25], round=[0], score=None, unscored="no Embree there")
         (tmp_path / "records").mkdir(exist_ok=True)
         (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
     return tmp_path

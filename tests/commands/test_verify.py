@@ -72,10 +72,7 @@ def test_one_method_does_not_hide_another(capsys, mesh):
     assert code == 1
     assert len(report["scenes"]) == 2
     rows = {row["method"]: row for row in report["scenes"][1]["methods"]}
-    assert (rows["crashing"]["status"], rows["crashing"]["reason"]) == (
-        "failed",
-        "RuntimeError: no such luck",
-    )
+    assert (rows["crashing"]["status"], rows["crashing"]["reason"]) == ("failed", "RuntimeError: no such luck")
     assert (rows["greedy"]["status"], rows["greedy"]["reason"]) == ("rejected", "needs 12 pairs")
     assert (rows["choosy"]["status"], rows["choosy"]["reason"]) == ("skipped", "only spheres")
     assert rows["right"]["score"]["check"] == "ok"
@@ -107,10 +104,7 @@ def test_tables_are_as_wide_as_asked(capsys, mesh, monkeypatch, columns):
 
 @pytest.mark.parametrize(
     ("broken", "words"),
-    [
-        (slice(None), "warning: none of 12 triangles can ever be hit"),
-        (slice(0, 1), "of 12 triangles can never be hit"),
-    ],
+    [(slice(None), "warning: none of 12 triangles can ever be hit"), (slice(0, 1), "of 12 triangles can never be hit")],
 )
 def test_triangles_that_cannot_be_hit_are_reported(tmp_path, capsys, broken, words):
     box = trimesh.creation.box()

@@ -220,10 +220,7 @@ def running(room):
         "cpu",
     ]
     process = subprocess.Popen(
-        [sys.executable, "-m", "shadowbench", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-m", "shadowbench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
         address = process.stdout.readline().strip()
@@ -248,13 +245,7 @@ def test_other_pages_are_refused_and_any_message_is_answered(running):
     process, address = running
     place = address.replace("http", "ws").replace("/?", "/frames?")
     port = address.split(":")[2].split("/")[0]
-    for origin in (
-        "http://elsewhere.example",
-        "null",
-        f"https://127.0.0.1:{port}",
-        "http://127.0.0.1:1",
-        "file://",
-    ):
+    for origin in ("http://elsewhere.example", "null", f"https://127.0.0.1:{port}", "http://127.0.0.1:1", "file://"):
         with pytest.raises(websocket.WebSocketBadStatusException) as refused:
             websocket.create_connection(place, origin=origin)
         assert refused.value.status_code == 403
@@ -363,9 +354,7 @@ def checked_page(driver, address, scene):
     assert all(-3 < walked["eye"][axis] < 3 for axis in (0, 2)), "nobody leaves the room"
     canvas.send_keys(Keys.ARROW_LEFT * 9, "-" * 30)
     count, walked = facts(count)
-    assert np.all(np.less([-3, -0.2, -3], walked["light"]) & np.less(walked["light"], [3, 4, 3])), (
-        "nor does the light"
-    )
+    assert np.all(np.less([-3, -0.2, -3], walked["light"]) & np.less(walked["light"], [3, 4, 3])), "nor does the light"
     driver.find_element("css selector", f"#other option[value={OTHER}]").click()
     beside = driver.find_element("id", "beside")
     count, _ = facts(count)

@@ -51,9 +51,7 @@ _SHARED = re.compile(r"__shared__\s+((?:unsigned\s+)?\w+)\s+(\w+)((?:\[[^]]*\])*
 _STATEMENT = re.compile(r"\basm\b(?:\s+volatile)?\s*\(")
 _STRINGS = re.compile(r'\s*((?:"[^"]*"\s*)+)')
 _OPERAND = re.compile(r'"[=+]?[a-z]"\s*\(')
-_PREDICATE = re.compile(
-    r"^{\s*\.reg \.pred (\w+); setp\.(?:ne\.u32 \1, %\d+, 0|ge\.s32 \1, %\d+, 0); (@\1 .*?)\s*}$"
-)
+_PREDICATE = re.compile(r"^{\s*\.reg \.pred (\w+); setp\.(?:ne\.u32 \1, %\d+, 0|ge\.s32 \1, %\d+, 0); (@\1 .*?)\s*}$")
 
 
 def without_assembly(snippet: str) -> str:
@@ -75,8 +73,7 @@ def with_shared_memory(snippet: str) -> str:
     Raises ValueError for declarations in another form than ``__shared__ type name[number];``.
     """
     text = _SHARED.sub(
-        r"static \1 \2\3; static word64 emulated_\2; emulated_begin_shared(emulated_\2, &\2, sizeof(\2));",
-        snippet,
+        r"static \1 \2\3; static word64 emulated_\2; emulated_begin_shared(emulated_\2, &\2, sizeof(\2));", snippet
     )
     if "__shared__" in text:
         raise ValueError(f"the emulated GPU knows no such declaration of shared memory: {snippet}")

@@ -60,9 +60,7 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     streams = context.Device.stream
     context.Device.is_cuda = property(lambda device: device.ordinal >= 0 or not _asked_by_warp())
     context.Device.is_cpu = property(lambda device: device.ordinal < 0 and _asked_by_warp())
-    context.Device.stream = streams.getter(
-        lambda device: streams.fget(device) if device.ordinal >= 0 else stream
-    )
+    context.Device.stream = streams.getter(lambda device: streams.fget(device) if device.ordinal >= 0 else stream)
     wp.get_device("cpu").sm_count = MULTIPROCESSORS
     from shadowbench.harness.frame.method import BaseMethod
     from shadowbench.harness.frame.schedule.runner import PassRunner
@@ -101,9 +99,7 @@ def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) 
     begin = "    const size_t task_index ="
     call = "    {name}_cpu_kernel_forward<false>(*dim, task_index, payload->args);\n"
     if template.count(begin) != 1 or template.count(call) != 1:
-        raise RuntimeError(
-            f"Warp {wp.__version__} compiles blocks in another way than this emulation expects"
-        )
+        raise RuntimeError(f"Warp {wp.__version__} compiles blocks in another way than this emulation expects")
     template = template.replace(begin, _BLOCK_INDEX + begin).replace(call, call + _END)
     codegen.cpu_block_module_template_forward = template
     write = context.ModuleBuilder.codegen

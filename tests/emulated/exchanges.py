@@ -60,9 +60,7 @@ def right() -> None:
         f"__reduce_add_sync({ALL}, v)": warps.sum(axis=1)[:, None],
         f"__reduce_and_sync({ALL}, v | 8)": np.bitwise_and.reduce(warps | 8, axis=1)[:, None],
         f"__reduce_or_sync({ALL}, v)": np.bitwise_or.reduce(warps, axis=1)[:, None],
-        "__syncthreads_or(v == 7)": np.repeat((values.reshape(BLOCKS, THREADS) == 7).any(axis=1), WARPS)[
-            :, None
-        ],
+        "__syncthreads_or(v == 7)": np.repeat((values.reshape(BLOCKS, THREADS) == 7).any(axis=1), WARPS)[:, None],
         # A part of the lanes, of which some do without the others.
         f"{LANE} < 8 ? __shfl_sync(0xffu, v, 2) : v": np.where(lane < 8, warps[:, [2] * LANES], warps),
         f"(__activemask() >> {LANE} & 1) ? v : -1": warps,
@@ -124,9 +122,7 @@ def copied(wait: str) -> None:
 BROKEN = {
     "no wait between lanes": lambda: shared(""),
     "no wait for a copy": lambda: copied("__syncwarp();"),
-    "the last group is not waited for": lambda: copied(
-        'asm volatile("cp.async.wait_group 2;" ::: "memory");'
-    ),
+    "the last group is not waited for": lambda: copied('asm volatile("cp.async.wait_group 2;" ::: "memory");'),
     "shared memory that nobody has written": lambda: np.testing.assert_array_equal(
         run("([&] { __shared__ int kept[96]; return kept[threadIdx.x]; }())", np.zeros(COUNT, np.int32)), 0
     ),
@@ -134,16 +130,13 @@ BROKEN = {
         f"{LANE} ? __shfl_sync({ALL}, v, 0) : __syncthreads_or(v)", np.zeros(COUNT, np.int32)
     ),
     "masks that do not agree": lambda: run(
-        f"{LANE} < 16 ? __shfl_sync({ALL}, v, 0) : __shfl_sync(0xffff0000u, v, 20)",
-        np.zeros(COUNT, np.int32),
+        f"{LANE} < 16 ? __shfl_sync({ALL}, v, 0) : __shfl_sync(0xffff0000u, v, 20)", np.zeros(COUNT, np.int32)
     ),
     "a lane outside its mask": lambda: run("__shfl_sync(0xfu, v, 0)", np.zeros(COUNT, np.int32)),
     "different exchanges": lambda: run(
         f"{LANE} ? (int)__ballot_sync({ALL}, v) : __shfl_sync({ALL}, v, 0)", np.zeros(COUNT, np.int32)
     ),
-    "assembly without translation": lambda: run(
-        '([&] { asm("nop;"); return v; }())', np.zeros(COUNT, np.int32)
-    ),
+    "assembly without translation": lambda: run('([&] { asm("nop;"); return v; }())', np.zeros(COUNT, np.int32)),
 }
 
 

@@ -15,12 +15,7 @@ from shadowbench.methods.perspective_spherical import parameters
 def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_path):
     declared = find_experiment("ablation").presets["quick"].methods
     known = {e.label: e for e in declared}
-    times = {
-        "paper-faithful": 4.0,
-        "all of ours": 1.0,
-        "Warp's tree rebuilt": 2.0,
-        "ours with radix sort": 1.5,
-    }
+    times = {"paper-faithful": 4.0, "all of ours": 1.0, "Warp's tree rebuilt": 2.0, "ours with radix sort": 1.5}
     records = [record_of("ablation", known[label], "buddha", ms=ms) for label, ms in times.items()]
     slow = {**times, "all of ours": 3.0}
     records += [record_of("ablation", known[label], "cloth", ms=ms) for label, ms in slow.items()]
@@ -54,9 +49,7 @@ def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers
 def test_moving_has_a_row_a_frame(tmp_path):
     preset = find_experiment("moving").presets["quick"]
     records = [
-        record_of("moving", e, s, preset.lightings[0], frames=8)
-        for e in preset.methods
-        for s in ("cloth", "fairy")
+        record_of("moving", e, s, preset.lightings[0], frames=8) for e in preset.methods for s in ("cloth", "fairy")
     ]
     for i, frame in enumerate(records[0]["frames"]):
         frame["total_ms"] = [10.0 + i] * 2
@@ -80,9 +73,7 @@ def test_moving_counts_what_explains_a_slow_place_and_names_what_has_no_record(t
     write_records(tmp_path, [slow, uncounted, even])
     show("moving", tmp_path, quiet=True)
     text = (tmp_path / "moving.md").read_text()
-    scenes = [
-        line.split(" | ")[0] for line in text.splitlines() if line.startswith("| ") and "---" not in line
-    ]
+    scenes = [line.split(" | ")[0] for line in text.splitlines() if line.startswith("| ") and "---" not in line]
     titles = ["| scene", *["| Fairy (stand-in)"] * 2, *["| Sibenik (stand-in)"] * 2]
     assert scenes == titles, "animated first, and a row for what has no record"
     assert "- mesh rebuilt, one turn: no record (Fairy (stand-in))" in text
@@ -99,9 +90,7 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
     for scene, base in (("cloth", 10.0), ("buddha", 40.0)):
         for i, e in enumerate(entries):
             lost = "culled" in e.label and scene == "cloth"
-            records.append(
-                record_of("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok")
-            )
+            records.append(record_of("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok"))
     write_records(tmp_path, records)
     show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
@@ -109,9 +98,7 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
     assert "| exact test, back faces culled | 1.90 | - | 1.90 |" in text
     assert "Not measured" in text
     # Neither the tree nor what is taken back from ours is a change to the paper's configuration.
-    changes = text[
-        text.index("## Frame time over that of paper") : text.index("## Frame time over that of all")
-    ]
+    changes = text[text.index("## Frame time over that of paper") : text.index("## Frame time over that of all")]
     assert "Warp's tree" not in changes
     assert "ours with" not in changes
     assert len((tmp_path / "ablation.csv").read_text().splitlines()) == 1 + len(records)

@@ -62,9 +62,7 @@ def test_only_the_top_of_the_ladder_says_that_it_is_exact():
         "light frame of the world", "light frame in float32", "back faces culled"
     }  # fmt: skip
     # One knob at a time: a measure's two points differ in one setting.
-    by_label = {
-        entry.label: dict(entry.settings) for entry in declared.LADDER + declared.PEERS + declared.IN_GRIDS
-    }
+    by_label = {entry.label: dict(entry.settings) for entry in declared.LADDER + declared.PEERS + declared.IN_GRIDS}
     for _, with_, without in (*declared.MEASURES, *declared.OTHER_MEASURES):
         assert len(set(by_label[with_].items()) ^ set(by_label[without].items())) == 1
 
@@ -76,18 +74,14 @@ def test_what_is_not_about_the_scene_is_asked_for(tmp_path, monkeypatch):
     monkeypatch.setattr(declared.hard_cases, "keep_hard", lambda options, *_: done.append("hard"))
     scene = write_scene(tmp_path / "tetra.obj")
     plain = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out")
-    asked = plan_run(
-        "accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out", extras=("hard-cases",)
-    )
+    asked = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out", extras=("hard-cases",))
     declared.after(plain, Silent())
     assert done == ["grid"]
     declared.after(asked, Silent())
     assert done == ["grid", "grid", "hard"]
     assert survey.untimed_s(asked) > 5 * survey.untimed_s(plain) > 0
     assert "of it for untimed counts" in survey.announcement(plain, survey.survey(plain))
-    with pytest.raises(
-        UserError, match=r"^--with hard_cases: accuracy offers hard-cases; did you mean hard-cases"
-    ):
+    with pytest.raises(UserError, match=r"^--with hard_cases: accuracy offers hard-cases; did you mean hard-cases"):
         plan_run("accuracy", extras=("hard_cases",))
     with pytest.raises(UserError, match=r"^--with hard-cases: table1 offers nothing"):
         plan_run("table1", extras=("hard-cases",))
@@ -137,9 +131,7 @@ def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert classes.shape == (30, 40)
     for verdict, pixels in chosen.items():
-        np.testing.assert_array_equal(
-            np.nonzero(classes.ravel() == verdict)[0], np.sort(pixels), verdict.name
-        )
+        np.testing.assert_array_equal(np.nonzero(classes.ravel() == verdict)[0], np.sort(pixels), verdict.name)
     assert scored.score.true_errors == 6
     assert np.isin(classes, (Verdict.ACNE, Verdict.LEAK, Verdict.TRUE, Verdict.INVALID)).sum() == 6
     assert looks.reference_path(tmp_path, judge.prepared.scene.name, 0).exists()
@@ -208,9 +200,7 @@ def test_the_grid_of_errors_is_zero_for_the_exact_tree_and_not_for_a_fixed_offse
 
 def test_the_hard_cases_tell_a_rung_from_the_top():
     entries = (Entry("accuracy_ladder", {}, "exact"), Entry("accuracy_ladder", {"origin": "ray"}, "o + t d"))
-    exact, rung = hard_rows(
-        entries, "cpu", without=("V ", "S", "M", "H", "O", "P2", "P3", "P4", "P0"), but=("P07",)
-    )
+    exact, rung = hard_rows(entries, "cpu", without=("V ", "S", "M", "H", "O", "P2", "P3", "P4", "P0"), but=("P07",))
     assert exact["left_out"] == rung["left_out"]
     names = exact["left_out"].split("; ")
     assert {"S35", "P21", "V ball +1"} <= set(names)
@@ -235,9 +225,7 @@ def point(label, ms, wrong, spread=0.01, scene="buddha", count=10):
     frame["round"] = [0, 1] * (count // 2)
     frame["score"]["true_errors"] = wrong
     frame["score"]["primary"] |= {"true": 0, "invalid": 0, "near_tie": 1, "edge": 2, "tie": 5}
-    frame["score"]["shadow"] = [
-        {"light": 0, "scored": 100, "acne": wrong, "leak": 0, "edge": 3, "invalid": 0}
-    ]
+    frame["score"]["shadow"] = [{"light": 0, "scored": 100, "acne": wrong, "leak": 0, "edge": 3, "invalid": 0}]
     frame |= {"flip": 0.25, "flip_missing": ""}
     return made
 
@@ -267,9 +255,7 @@ def test_a_cpu_is_on_no_frontier_of_a_gpu(folder):
 
 def test_classes_are_counted_apart(folder):
     fast = drawing.read(folder).set_index("label").loc["a: fast"]
-    counts = {
-        name: fast[name] for name in ("wrong_per_frame", "primary_wrong", "acne", "leak", "excused", "ties")
-    }
+    counts = {name: fast[name] for name in ("wrong_per_frame", "primary_wrong", "acne", "leak", "excused", "ties")}
     assert counts == {
         "wrong_per_frame": 4, "primary_wrong": 0, "acne": 4, "leak": 0, "excused": 6, "ties": 5
     }  # fmt: skip
@@ -294,9 +280,7 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
     classes = np.zeros((256, 256), dtype=np.int64)
     classes[10:20, 10:20] = Verdict.ACNE
     looks.write_map(looks.wrong_path(folder, "buddha-b: quick", 0), classes + looks.OFFSET)
-    lines = [
-        "scene,label,method,distance,offset,size,status,wrong,primary_wrong,acne,leak,excused,scored,pixels"
-    ]
+    lines = ["scene,label,method,distance,offset,size,status,wrong,primary_wrong,acne,leak,excused,scored,pixels"]
     for distance in (2, 1000):
         lines += [f'buddha,"{name}",m,{distance},0,48,ok,{wrong},0,{wrong},0,1,900,2304' for name, wrong in
                   (("ours", 0), ("theirs", 30))]  # fmt: skip

@@ -34,9 +34,7 @@ def advised(folder, monkeypatch):
             record_of("advise", OURS, ms=3.0)]  # fmt: skip
     files = show("advise", write_records(folder / "out", made), quiet=True)
     assert {file.name for file in files} == {"advise.csv", "advise.json", "advise.md"}
-    return (folder / "out" / "advise.md").read_text(), json.loads(
-        (folder / "out" / "advise.json").read_text()
-    )
+    return (folder / "out" / "advise.md").read_text(), json.loads((folder / "out" / "advise.json").read_text())
 
 
 def test_the_answer_is_a_sorted_table_and_two_sentences(tmp_path, monkeypatch):
@@ -49,16 +47,10 @@ def test_the_answer_is_a_sorted_table_and_two_sentences(tmp_path, monkeypatch):
     assert " ".join(two) in text
     (scene,) = said["scenes"]
     assert scene["sentences"] == two
-    assert [row["method"] for row in scene["methods"]] == [
-        "BVH2 rebuilt, float32",
-        "BVH2 rebuilt",
-        "ray grids",
-    ]
+    assert [row["method"] for row in scene["methods"]] == ["BVH2 rebuilt, float32", "BVH2 rebuilt", "ray grids"]
     assert [row["true_errors"] for row in scene["methods"]] == [518, 0, 0]
     assert [row["exact"] for row in scene["methods"]] == [False, True, True]
-    assert [row["in_each_frame"] for row in scene["methods"]] == ["rebuilds its tree"] * 2 + [
-        "sorts its rays"
-    ]
+    assert [row["in_each_frame"] for row in scene["methods"]] == ["rebuilds its tree"] * 2 + ["sorts its rays"]
     assert "| BVH2 rebuilt, float32 | 1.01 | 0.500 | ✗ 518 wrong | 0.0 | rebuilds its tree |" in text
 
 
@@ -74,14 +66,11 @@ def swept(device="cuda:0", name="Imaginary GPU"):
     made = []
     for count, tree in ((1, 2.0), (2, 1.9), (4, 0.5), (8, 0.5)):
         lit = Lighting(f"{count} lights", count=count)
-        made += [
-            record_of("crossover", entry, "balls-1k", lit, ms=ms) for entry, ms in ((OURS, 1.0), (TREE, tree))
-        ]
+        made += [record_of("crossover", entry, "balls-1k", lit, ms=ms) for entry, ms in ((OURS, 1.0), (TREE, tree))]
         made.append(wrong(record_of("crossover", LOOSE, "balls-1k", lit, ms=0.1), 3))
     lit = Lighting("1 lights", count=1)
     made += [
-        record_of("crossover", entry, "balls-1k", lit, ms=ms, size=128)
-        for entry, ms in ((OURS, 1.0), (TREE, 3.0))
+        record_of("crossover", entry, "balls-1k", lit, ms=ms, size=128) for entry, ms in ((OURS, 1.0), (TREE, 3.0))
     ]
     return [on(record, device, name) for record in made]
 

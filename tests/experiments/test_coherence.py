@@ -112,9 +112,7 @@ def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     assert "| scene | setting | at rest | 1/64 step | 1/16 step | 1/4 step | 1 step |" in text
     assert "| Cloth (stand-in) | last occluders first |" in text
     assert "Every answer behind these times was found right" in text
-    assert re.search(
-        r"a frame takes ~?[\d.]+ times as long \(at rest\) and ~?[\d.]+ times as long \(1 step\)\.", text
-    )
+    assert re.search(r"a frame takes ~?[\d.]+ times as long \(at rest\) and ~?[\d.]+ times as long \(1 step\)\.", text)
     table = coherence.read(tmp_path / "out").set_index(["label", "light_label"])
     assert table.loc[(coherence.NONE.label, "1 step"), "ratio"] == 1.0
     shares = [table.loc[(coherence.NEXT.label, step), "settled"] for step in coherence.STEPS]

@@ -96,8 +96,7 @@ def test_text_and_pictures(tmp_path):
     assert files == {"crossover.csv", "crossover.svg", "crossover-maps.svg", "crossover.md"}
     text = (tmp_path / "crossover.md").read_text()
     assert (
-        "With every answer right, ours is the fastest on 2 of 4 settings; tree on 2. loose, which is not exact"
-        in text
+        "With every answer right, ours is the fastest on 2 of 4 settings; tree on 2. loose, which is not exact" in text
     )
     assert "| 1k | ours, 4.04 ms | tree, 2.00x | loose, 4.04 ms | ours, a tie |" in text
     assert "## Fastest over triangles (pixels: 128², lights: 1)" in text
@@ -109,8 +108,5 @@ def test_text_and_pictures(tmp_path):
 
 def test_nothing_measured_is_said(tmp_path):
     write_records(tmp_path, [record_of("crossover", OURS, "balls-1k", status="rejected")])
-    assert {file.name for file in show("crossover", tmp_path, quiet=True)} == {
-        "crossover.csv",
-        "crossover.md",
-    }
+    assert {file.name for file in show("crossover", tmp_path, quiet=True)} == {"crossover.csv", "crossover.md"}
     assert "Nothing was measured." in (tmp_path / "crossover.md").read_text()

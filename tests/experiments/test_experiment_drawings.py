@@ -71,18 +71,14 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
         red = (np.asarray(image.convert("RGB")).astype(int) - (200, 30, 30) == 0).all(axis=2)
     across = [0, *red.any(axis=0).astype(int), 0]
     down = [0, *red.any(axis=1).astype(int), 0]
-    assert (np.diff(across) == 1).sum() == (np.diff(down) == 1).sum() == 2, (
-        "two by two, none with its own caption"
-    )
+    assert (np.diff(across) == 1).sum() == (np.diff(down) == 1).sum() == 2, "two by two, none with its own caption"
     assert red.sum() > 4 * 300**2
     table = list(csv.DictReader((tmp_path / "figure6.csv").open()))
     assert [r["spot"] for r in table] == ["", "cone", "rectangle", "cone"]
     assert [r["light"] for r in table] == [
         "everywhere", "cone of 12 degrees", "rectangle of 18 x 8 degrees", "cone of 20 degrees, falling off to 10%"
     ]  # fmt: skip
-    assert [(r["hit_pixels"], r["shadow_rays"]) for r in table] == [
-        ("1000", f"{n}") for n in counted.values()
-    ]
+    assert [(r["hit_pixels"], r["shadow_rays"]) for r in table] == [("1000", f"{n}") for n in counted.values()]
     assert [r["light.rise"] for r in table] == ["", "", "4", ""]
 
 
@@ -140,12 +136,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
         assert word in drawn, word
     assert "not measured" not in drawn
     tiles = (tmp_path / "figure11-tiles.svg").read_text()
-    for word in (
-        "tiles that hold rays",
-        "world axes, float32",
-        "aimed, float32-centred",
-        "rejected (aimed, float32)",
-    ):
+    for word in ("tiles that hold rays", "world axes, float32", "aimed, float32-centred", "rejected (aimed, float32)"):
         assert word in tiles, word
     over_r = (tmp_path / "figure11-r.svg").read_text()
     for word in ("lane fill", "blocks, C_total", "r, most rays per block", "65536"):
@@ -219,9 +210,7 @@ def test_what_a_further_light_costs_is_not_the_noise_of_the_frames(tmp_path):
 
 def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_path):
     entry = find_experiment("two_lights").presets["quick"].methods[0]
-    records = [
-        record_of("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=10.0 * n) for n in (1, 2)
-    ]
+    records = [record_of("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=10.0 * n) for n in (1, 2)]
     for r in records:
         r["frames"][0].update(total_ms=[r["frames"][0]["total_ms"][0] * x for x in (0.6, 1.0, 1.4, 1.8)],
                               wall_ms=[1.0] * 4, round=[0, 0, 1, 1])  # fmt: skip

@@ -79,17 +79,12 @@ def test_a_setting_that_an_experiment_makes_itself_is_refused(tmp_path):
     for name, preset, setting in own:
         method = setting.split(".")[0]
         for methods in ((), (method,)):
-            with pytest.raises(
-                UserError, match=rf"^--set {setting}: {name} sets it itself \(.+\); leave it out$"
-            ):
+            with pytest.raises(UserError, match=rf"^--set {setting}: {name} sets it itself \(.+\); leave it out$"):
                 plan_run(name, preset, "cpu", methods=methods, settings=[f"{setting}=1"], out=tmp_path)
 
 
 def test_the_refusal_names_the_values_that_an_experiment_compares(tmp_path):
-    for setting, values in (
-        ("bvh2.precision", "default, float32"),
-        ("warp_bvh.update", "default, bvh_rebuild, refit"),
-    ):
+    for setting, values in (("bvh2.precision", "default, float32"), ("warp_bvh.update", "default, bvh_rebuild, refit")):
         with pytest.raises(UserError, match=rf"^--set {setting}: frame_time sets it itself \({values}\)"):
             plan_run("frame_time", "quick", "cpu", settings=[f"{setting}=x"], out=tmp_path)
 
@@ -115,9 +110,7 @@ def test_what_the_issue_asks_of_figure_11():
     assert sorted(reached) == [0.1, 1, 10, 1e3, 1e5, 1e7]
     assert {part.memory for part in paper.parts()} == {16 << 30}
     fine = [e.settings for e in quick.methods if e.settings["precision"] == "float64"]
-    assert {(s["clamp"], s["aimed"]) for s in fine} == {
-        (c, a) for c in ("none", "hits") for a in ("true", "false")
-    }
+    assert {(s["clamp"], s["aimed"]) for s in fine} == {(c, a) for c in ("none", "hits") for a in ("true", "false")}
     assert len({s["r"] for s in fine}) == 4
     assert len(fine) == 16
 
@@ -142,9 +135,7 @@ CUT = {
     "figure10": (lambda e: True, 1),
     "figure11": (lambda e: e.settings["r"] == "64" and e.settings["clamp"] == "none", 2),
     "ablation": (
-        lambda e: (
-            e.label in ("paper-faithful", "cube map", CULLED, "all of ours", TREE, "ours with radix sort")
-        ),
+        lambda e: e.label in ("paper-faithful", "cube map", CULLED, "all of ours", TREE, "ours with radix sort"),
         1,
     ),
     "two_lights": (lambda e: e.label in ("the paper's grids", "mesh rebuilt"), 2),

@@ -18,9 +18,7 @@ def staged(scene, rearranged):
               ("light 0: map rays", "shadow", rearranged / 2), ("light 0: sort rays", "shadow", rearranged / 2),
               ("light 0: count", "light build", 1.5), ("light 0: shadow rays", "shadow", 3.0)]  # fmt: skip
     entry = _paper.faithful("paper-faithful")
-    return record_of(
-        "figure10", entry, scene, ms=7.5 + rearranged, passes=passes, counters={"light 0 rays": 1000}
-    )
+    return record_of("figure10", entry, scene, ms=7.5 + rearranged, passes=passes, counters={"light 0 rays": 1000})
 
 
 def drawn(folder, records):
@@ -61,13 +59,6 @@ def test_the_largest_size_is_drawn_and_rearrangement_is_compared_over_the_same_f
 @pytest.mark.filterwarnings("error::UserWarning")
 def test_stages_that_add_up_to_more_than_the_frame_stay_within_the_drawing(tmp_path):
     (entry,) = find_experiment("figure10").presets["quick"].methods
-    passes = [
-        ("build", "build", 400.0),
-        ("primary rays", "trace", 900.0),
-        ("light 0: shadow rays", "shadow", 900.0),
-    ]
-    drawn(
-        tmp_path,
-        [record_of("figure10", entry, "cloth", ms=10.0, passes=passes, counters={"light 0 rays": 9})],
-    )
+    passes = [("build", "build", 400.0), ("primary rays", "trace", 900.0), ("light 0: shadow rays", "shadow", 900.0)]
+    drawn(tmp_path, [record_of("figure10", entry, "cloth", ms=10.0, passes=passes, counters={"light 0 rays": 9})])
     assert (tmp_path / "figure10.svg").stat().st_size > 0

@@ -114,9 +114,7 @@ def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
 
 
 def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_path):
-    _, text = floored(
-        monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)]
-    )
+    _, text = floored(monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)])
     assert "floor" not in text.lower()
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     assert lines[2].startswith("cloth,64,64,a new stage,trace,0.1,,")
@@ -166,9 +164,7 @@ def test_two_sizes_in_one_folder_have_rows_panels_and_sentences_of_their_own(tmp
     text, _ = drawn(tmp_path, made)
     for size, ours, ratio in (("64x64", "1.01", "3.00"), ("128x128", "2.02", "5.00")):
         assert f"## Cloth (stand-in), {size}, fastest first" in text
-        assert (
-            f"Cloth (stand-in), {size}: the fastest exact method is ray grids with {ours} ms a frame" in text
-        )
+        assert f"Cloth (stand-in), {size}: the fastest exact method is ray grids with {ours} ms a frame" in text
         assert f"takes {ratio} times as long" in text
     svg = (tmp_path / "frame_time.svg").read_text()
     assert all(f"Cloth (stand-in), {size}" in svg for size in ("64x64", "128x128"))

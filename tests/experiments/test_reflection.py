@@ -22,14 +22,10 @@ def point(entry: Entry, lighting, mirrored_ms: float = 0.0):
     ]
     if mirrored_ms:
         passes += [("bounce 1: rays", "trace", 0.5), ("bounce 1: mirrored rays", "trace", mirrored_ms)]
-    made = record_of(
-        "reflection", entry, "cloth", lighting, ms=sum(p[2] for p in passes) / 1.01, passes=passes
-    )
+    made = record_of("reflection", entry, "cloth", lighting, ms=sum(p[2] for p in passes) / 1.01, passes=passes)
     one = made["frames"][0]["score"]
     if mirrored_ms:
-        one["bounces"] = [
-            {**{name: one[name] for name in BOUNCE}, "bounce": 1, "rays": 2048, "rays_wrong": 0}
-        ]
+        one["bounces"] = [{**{name: one[name] for name in BOUNCE}, "bounce": 1, "rays": 2048, "rays_wrong": 0}]
     return made
 
 

@@ -68,9 +68,7 @@ def test_the_paper_preset_asks_what_the_issue_asks():
 
 
 def test_named_scenes_or_a_size_leave_the_other_sweeps_out(tmp_path):
-    everything = plan_run(
-        "scaling", device="cpu", out=tmp_path, methods=["ray_grids"], overrides={"rounds": 1}
-    )
+    everything = plan_run("scaling", device="cpu", out=tmp_path, methods=["ray_grids"], overrides={"rounds": 1})
     assert len(everything.preset.also) == 4
     assert {part.rounds for part in everything.preset.parts()} == {1}
     assert {len(part.methods) for part in everything.preset.parts()} == {1}

@@ -64,9 +64,7 @@ def random_mask(geometry: Geometry) -> AlphaMask:
 
 @pytest.mark.parametrize("mask", [random_mask, lambda g: perforated(g, 1, 3)], ids=["random", "perforated"])
 def test_the_referee_agrees_with_rational_brute_force(mask):
-    prepared = make(
-        soup(3, 14, 0.9), mask, lights=((0.3, 0.2, 0.1), (2, 3, 1)), eye=(0, 0, 2.5), target=(0, 0, 0)
-    )
+    prepared = make(soup(3, 14, 0.9), mask, lights=((0.3, 0.2, 0.1), (2, 3, 1)), eye=(0, 0, 2.5), target=(0, 0, 0))
     moment = prepared.moment(0, 9, 7)
     referee = Referee(moment.points, prepared.faces, moment.valid, mask=prepared.alpha)
     hits = referee.closest(moment.eye, moment.directions(np.arange(63)))
@@ -185,9 +183,7 @@ def test_a_shadow_map_is_drawn_with_holes():
     wrong = np.count_nonzero((answers["shadowed"] != exact["shadowed"])[:, hits])
     solid = replace(Effects.of(prepared.scene), alpha=False)
     moment = prepared.moment(0, *SIZE)
-    blind = Session(
-        make_method("shadow_map", {"size": "1024"}), prepared, *SIZE, "cpu", effects=solid
-    ).answers(moment)
+    blind = Session(make_method("shadow_map", {"size": "1024"}), prepared, *SIZE, "cpu", effects=solid).answers(moment)
     same_hits = hits & (blind["triangle"] == exact["triangle"])
     ignored = np.count_nonzero((blind["shadowed"] != exact["shadowed"])[:, same_hits])
     assert wrong < 0.05 * 2 * np.count_nonzero(hits)

@@ -44,11 +44,7 @@ WITHOUT = {
     "receivers by facing": ({"facing": True}, {}, {"receivers"}),
     "receivers of a spot": ({"lights": (SPOT, BEHIND)}, {}, {"receivers"}),
     "mirrors": (
-        {
-            "mirror": lambda geometry: np.ones(len(geometry.faces), dtype=np.uint8),
-            "bounces": 2,
-            "facing": True,
-        },
+        {"mirror": lambda geometry: np.ones(len(geometry.faces), dtype=np.uint8), "bounces": 2, "facing": True},
         {"facing": True},
         {"mirror"},
     ),
@@ -75,9 +71,7 @@ def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPa
     # Where a tree is traced the order differs too: triangles are set up for a light later if it may have no receiver, and
     # the threads of a CPU launch the two kernels of a pass of warp_bvh, each for its share of the pixels.
     listed = sorted if label in ("bvh2", "hybrid", "warp_bvh") else list
-    assert listed(names(without)) == listed(
-        work.name for work in with_it.all_passes if work.effect not in tags
-    )
+    assert listed(names(without)) == listed(work.name for work in with_it.all_passes if work.effect not in tags)
     # With facing they have a pass for the triangles.
     own = {"receivers"} if label in MARK_RECEIVERS and not on.get("facing") else set()
     assert any(work.effect in tags for work in with_it.all_passes) == bool(tags - own)
@@ -153,9 +147,7 @@ NEUTRAL = {
     "a spot of 4 pi": {"lights": (replace(POINT, spot=Spot((0, -1, 0), 180.0)), BEHIND)},
     "a fall-off": {"lights": (replace(POINT, spot=Spot((0, -1, 0), 180.0, falloff=1.0)), BEHIND)},
     "a light of no intensity": {"lights": (replace(POINT, intensity=0.0), BEHIND)},
-    "one more light without shadows": {
-        "lights": (POINT, BEHIND, replace(POINT, shadows=False, intensity=0.0))
-    },
+    "one more light without shadows": {"lights": (POINT, BEHIND, replace(POINT, shadows=False, intensity=0.0))},
 }
 
 
@@ -278,9 +270,7 @@ def test_an_unasked_build_is_caught(label, monkeypatch):
 
 
 def test_an_unasked_light_is_caught(monkeypatch):
-    monkeypatch.setattr(
-        Effects, "of", staticmethod(lambda scene: Effects(shadows=tuple(True for _ in scene.lights)))
-    )
+    monkeypatch.setattr(Effects, "of", staticmethod(lambda scene: Effects(shadows=tuple(True for _ in scene.lights))))
     with pytest.raises(AssertionError):
         test_a_light_without_shadows_has_no_pass("uniform_grid")
 

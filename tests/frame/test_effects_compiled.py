@@ -25,13 +25,7 @@ from helpers.compiled_twins import (
     without,
 )
 from shadowbench.harness.frame.effects import specialise
-from shadowbench.harness.frame.effects.specialise import (
-    NAMES,
-    called_by,
-    named,
-    overloads_of,
-    specialised,
-)
+from shadowbench.harness.frame.effects.specialise import NAMES, called_by, named, overloads_of, specialised
 from shadowbench.harness.scene.effects import Switches
 
 kernels = functools.cache(kernels_with_effects)

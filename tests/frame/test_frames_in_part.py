@@ -64,26 +64,19 @@ def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label
 def test_a_pass_that_reads_what_the_frame_makes_cannot_run_early(makers):
     """Refused by its name before anything is captured or launched, wherever in the frame that is made."""
     launched = []
-    given = [
-        Pass(name, "trace", ("points",), (f"made by {name}",), lambda: launched.append(1)) for name in makers
-    ]
+    given = [Pass(name, "trace", ("points",), (f"made by {name}",), lambda: launched.append(1)) for name in makers]
     reads = ("points", f"made by {makers[-1]}")
-    early = Pass(
-        "light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), hints=Hints(early=True)
-    )
+    early = Pass("light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), hints=Hints(early=True))
     with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run early"):
         capture.capture_passes([given[0], early, *given[1:]], "cpu")
     assert not launched
 
 
 @pytest.mark.parametrize(
-    ("before", "hints"),
-    [("reads", Hints()), ("writes", Hints()), ("other branch", Hints(early=True, parallel=(1,)))],
+    ("before", "hints"), [("reads", Hints()), ("writes", Hints()), ("other branch", Hints(early=True, parallel=(1,)))]
 )
 def test_a_pass_that_writes_what_runs_at_the_same_time_cannot_run_early(before, hints):
-    early = Pass(
-        "aim", "light build", ("points",), ("table",), lambda: None, hints=Hints(early=True, parallel=(0,))
-    )
+    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, hints=Hints(early=True, parallel=(0,)))
     reads, writes = (("table",), ("bits",)) if before == "reads" else (("points",), ("table",))
     other = Pass("other", "light build", reads, writes, lambda: None, hints=hints)
     with pytest.raises(ValueError, match=r"cannot run (early|concurrently).*table"):
@@ -129,9 +122,7 @@ def parallel(*branch, adds=False, launch=lambda: None, **names):
     return Pass(f"light {branch}", "shadow", launch=launch, hints=Hints(parallel=branch), adds=adds, **given)
 
 
-@pytest.mark.parametrize(
-    "given", [{"reads": ("bits",)}, {"writes": ("bits",)}, {"writes": ("bits",), "adds": True}]
-)
+@pytest.mark.parametrize("given", [{"reads": ("bits",)}, {"writes": ("bits",)}, {"writes": ("bits",), "adds": True}])
 @pytest.mark.parametrize("place", [(), (3,)])
 def test_passes_that_share_what_one_writes_cannot_run_at_the_same_time(given, place):
     """Refused by name before anything is captured or launched, in a fork within a branch too."""
@@ -153,13 +144,9 @@ def test_passes_with_one_condition_run_at_the_same_time_too():
 
 
 def test_passes_that_may_run_at_the_same_time():
-    capture.refuse_shared(
-        [parallel(0, writes=("bits",), adds=True), parallel(1, writes=("bits",), adds=True)]
-    )
+    capture.refuse_shared([parallel(0, writes=("bits",), adds=True), parallel(1, writes=("bits",), adds=True)])
     capture.refuse_shared([parallel(0), parallel(1)])  # both only read the hits
-    capture.refuse_shared(
-        [parallel(0, writes=("bits",)), parallel(0, reads=("bits",))]
-    )  # one after the other
+    capture.refuse_shared([parallel(0, writes=("bits",)), parallel(0, reads=("bits",))])  # one after the other
 
 
 def test_branches_fork_where_passes_are_neighbours():
@@ -173,10 +160,7 @@ def test_branches_fork_where_passes_are_neighbours():
     ]
     groups = [(forked, [len(branch) for branch in branches]) for forked, branches in capture._forks(given, 0)]
     assert groups == [(False, [1]), (True, [3, 1]), (False, [1]), (True, [1]), (False, [1])]
-    inner = [
-        (forked, [len(b) for b in branches])
-        for forked, branches in capture._forks([given[1], *given[3:5]], 1)
-    ]
+    inner = [(forked, [len(b) for b in branches]) for forked, branches in capture._forks([given[1], *given[3:5]], 1)]
     assert inner == [(False, [1]), (True, [1, 1])]
 
 
@@ -238,9 +222,7 @@ def test_a_moving_camera_rebuilds_no_world_structure(label):
     assert not builds(stale(session_of(label, scene()).all_passes, {"camera"}))
 
 
-@pytest.mark.parametrize(
-    ("clamp", "stays"), [("scene", True), ("hits", False), ("view", False), ("none", False)]
-)
+@pytest.mark.parametrize(("clamp", "stays"), [("scene", True), ("hits", False), ("view", False), ("none", False)])
 def test_a_light_grid_stays_with_a_moving_camera_only_where_it_knows_no_view(clamp, stays):
     session = Session(make_method("perspective_spherical", {"clamp": clamp}), scene(), *SIZE, "cpu")
     built = builds(stale(session.all_passes, {"camera"}))
@@ -284,15 +266,9 @@ VARIANTS = [
 ]
 
 
-@pytest.mark.parametrize(
-    "given",
-    [{"facing": True}, {"mirror": all_mirrors, "bounces": 1}],
-    ids=["facing", "mirrors"],
-)
+@pytest.mark.parametrize("given", [{"facing": True}, {"mirror": all_mirrors, "bounces": 1}], ids=["facing", "mirrors"])
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)
-def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(
-    name, settings, given, device, monkeypatch
-):
+def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settings, given, device, monkeypatch):
     """Passes that take scratch memory run, in a captured graph, on what the last traced frame left behind; so do passes of a
     light whose rays may come from mirrors."""
     prepared = scene((SPOT, BEHIND), **given)
@@ -303,9 +279,7 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(
         monkeypatch.setattr(passes, "condition", lambda work: None if work.scratch else work.only_if)
     gone = (replace(SPOT, spot=Spot((0.0, 1.0, 0.0), 1.0)), BEHIND)
     moments = [prepared.moment(0, *SIZE, lights=lights) for lights in ((SPOT, BEHIND), gone)]
-    wanted = [
-        Session(make_method(name, settings), prepared, *SIZE, device).answers(moment) for moment in moments
-    ]
+    wanted = [Session(make_method(name, settings), prepared, *SIZE, device).answers(moment) for moment in moments]
     for order in ((0, 1, 0), (1, 0, 1)):
         session = Session(make_method(name, settings), prepared, *SIZE, device)
         for k in order:

@@ -89,18 +89,9 @@ def test_a_stream_waits_once_for_what_runs_early(monkeypatch):
     ran: dict[str, tuple[str, tuple[str, ...]]] = {}
     passes = [
         made("words", (), ("words",), None),
+        *(made(f"aim {i}", (), (f"aim/{i}",), None, hints=Hints(early=True, parallel=(i,))) for i in range(2)),
         *(
-            made(f"aim {i}", (), (f"aim/{i}",), None, hints=Hints(early=True, parallel=(i,)))
-            for i in range(2)
-        ),
-        *(
-            made(
-                f"{name} {i}",
-                ("words", f"aim/{i}", *reads),
-                (f"{name}/{i}",),
-                None,
-                hints=Hints(parallel=(i,)),
-            )
+            made(f"{name} {i}", ("words", f"aim/{i}", *reads), (f"{name}/{i}",), None, hints=Hints(parallel=(i,)))
             for i in range(2)
             for name, reads in (("place", ()), ("sort", (f"place/{i}",)), ("test", (f"sort/{i}",)))
         ),
@@ -122,9 +113,7 @@ def test_a_stream_waits_once_for_what_runs_early(monkeypatch):
         assert [ran[f"{name} {i}"][1] for name in ("place", "sort", "test")] == [(f"aim {i}",)] * 3
     assert ran["last"][0] == main
     assert {"test 0", "test 1", "aim 0"} <= set(ran["last"][1])
-    assert {event for event, stream in waits if stream == main} >= {"aim 0", "aim 1"}, (
-        "a stream is never joined"
-    )
+    assert {event for event, stream in waits if stream == main} >= {"aim 0", "aim 1"}, "a stream is never joined"
 
 
 def test_without_the_driver_warp_makes_the_graph(monkeypatch):

@@ -7,15 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers import brute_force
-from helpers.mirror_scenes import (
-    EXACT,
-    INEXACT,
-    SIZE,
-    answered,
-    hall_of_mirrors,
-    plane_and_ball,
-    with_mirrors,
-)
+from helpers.mirror_scenes import EXACT, INEXACT, SIZE, answered, hall_of_mirrors, plane_and_ball, with_mirrors
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.frame import BOUNCED, Frame
 from shadowbench.harness.frame.method import SimpleMethod
@@ -92,9 +84,7 @@ def test_a_moved_light_runs_only_its_own_shadow_rays_and_a_moved_camera_all_boun
     names = [work.name for work in session.passes]
     assert names == [name for work in session.all_passes for name in [work.name] if "light 0" in name]
     if name == "uniform_grid":
-        assert len(names) == 7, (
-            "facing triangles; receivers and shadow rays of the eye's hits and of two bounces"
-        )
+        assert len(names) == 7, "facing triangles; receivers and shadow rays of the eye's hits and of two bounces"
     session.passes = session.all_passes
     assert session.advance(moment) == {"light/0"}
     fresh = made().answers(moment)
@@ -163,16 +153,7 @@ def test_a_simple_method_takes_part_by_two_functions():
 def test_every_method_takes_part_or_says_why_not():
     scene = plane_and_ball().scene
     can = {name for name in method_names() if "mirror" in method_class(name).simulates}
-    assert can == {
-        "uniform_grid",
-        "warp_bvh",
-        "bvh2",
-        "embree",
-        "hybrid",
-        "two_level_grid",
-        "kdtree",
-        "coherent_grid",
-    }
+    assert can == {"uniform_grid", "warp_bvh", "bvh2", "embree", "hybrid", "two_level_grid", "kdtree", "coherent_grid"}
     for name in method_names():
         reason = make_method(name).applies(scene, "cpu")
         if name in can:

@@ -87,11 +87,7 @@ def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, setting
             plain, alpha=lambda geometry: perforated(geometry, 2, 6), outputs=("ids", "shadows", "color")
         )
     )
-    moved = (
-        plain.lights[0].moved((0.2, -0.4, 0.1)),
-        *plain.lights[1:2],
-        plain.lights[2].moved((-1.0, 1.0, 0.5)),
-    )
+    moved = (plain.lights[0].moved((0.2, -0.4, 0.1)), *plain.lights[1:2], plain.lights[2].moved((-1.0, 1.0, 0.5)))
     moments = [
         prepared.moment(0, SIZE, SIZE),
         prepared.moment(0, SIZE, SIZE, lights=(*moved, plain.lights[3])),
@@ -150,9 +146,7 @@ def test_mirrors_of_any_shape_have_no_error(seed):
 def test_hard_cases_all_of_mirrors_have_no_error(name, plain, width, height):
     prepared = with_mirrors(plain, np.ones(plain.triangle_count, dtype=np.uint8), 3)
     moment = prepared.moment(0, width, height)
-    first, second = (
-        Session(make_method(*chosen), prepared, width, height, "cpu").answers(moment) for chosen in EXACT
-    )
+    first, second = (Session(make_method(*chosen), prepared, width, height, "cpu").answers(moment) for chosen in EXACT)
     for key in first:
         np.testing.assert_array_equal(first[key], second[key], key)
     score = score_answers(Judge.of(prepared, moment).with_random_pixels(width * height), first).score

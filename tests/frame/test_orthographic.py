@@ -15,9 +15,7 @@ from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import judge_frame, score_frame
 from shadowbench.harness.scene.prepared import under
 
-TRACING = [
-    (name, given) for name, given in exact_methods() if "orthographic" in make_method(name, given).simulates
-]
+TRACING = [(name, given) for name, given in exact_methods() if "orthographic" in make_method(name, given).simulates]
 PARALLEL = [case for case in CASES if case.name.startswith("O")]
 
 
@@ -26,9 +24,7 @@ def test_which_methods_trace_parallel_rays() -> None:
     assert {name for name, _ in TRACING} == names
     scene = judged("O03 x").trial.prepared.scene
     for name in set(method_names()) - names - {"embree"}:
-        assert "orthographic: its primary rays start in one point" in str(
-            make_method(name).applies(scene, "cpu")
-        )
+        assert "orthographic: its primary rays start in one point" in str(make_method(name).applies(scene, "cpu"))
 
 
 @pytest.mark.parametrize(("name", "settings"), TRACING, ids=lambda value: str(value))

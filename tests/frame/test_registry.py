@@ -259,7 +259,4 @@ def test_a_method_that_cannot_run_here_says_why(installed):
 def test_a_number_that_is_refused_is_told_its_range_alone():
     with pytest.raises(UserError) as caught:
         registry.make_method("uniform_grid", {"density": "1e30"})
-    assert (
-        str(caught.value)
-        == "uniform_grid.density='1e30': density must lie between 0 and 1000 cells a triangle"
-    )
+    assert str(caught.value) == "uniform_grid.density='1e30': density must lie between 0 and 1000 cells a triangle"

@@ -10,14 +10,7 @@ from helpers import brute_force
 from helpers.method_trials import box
 from PIL import Image
 from shadowbench.harness.commands import render as render_command
-from shadowbench.harness.frame.effects.shading import (
-    AMBIENT,
-    HEADLIGHT,
-    REFLECTANCE,
-    SKY_BOTTOM,
-    SKY_TOP,
-    shaded,
-)
+from shadowbench.harness.frame.effects.shading import AMBIENT, HEADLIGHT, REFLECTANCE, SKY_BOTTOM, SKY_TOP, shaded
 from shadowbench.harness.frame.materials import reflectances
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -49,9 +42,9 @@ def room(bounces: int = 2, lights=LIGHTS, outputs=("shadows", "color")) -> Prepa
         target=(-0.1, 0.05, -0.3),
         fov=70.0,
     )
-    mirror = (
-        (np.arange(len(sides) + len(faces)) % 4 < 2) * (np.arange(len(sides) + len(faces)) < len(sides))
-    ).astype(np.uint8)
+    mirror = ((np.arange(len(sides) + len(faces)) % 4 < 2) * (np.arange(len(sides) + len(faces)) < len(sides))).astype(
+        np.uint8
+    )
     scene = dataclasses.replace(prepared.scene, mirror=lambda g: mirror, bounces=bounces, outputs=outputs)
     return prepare(scene)
 
@@ -83,13 +76,7 @@ def by_hand(prepared, moment, answers, lights) -> np.ndarray:
         ways = answers["bounce_direction"][b].astype(np.float64)
         share = (0.5 * (1 - unit(ways) @ np.array(prepared.scene.camera.up)))[:, None]
         onward = surface(
-            prepared,
-            moment,
-            lights,
-            answers["bounce_origin"][b],
-            ways,
-            met,
-            top * (1 - share) + bottom * share,
+            prepared, moment, lights, answers["bounce_origin"][b], ways, met, top * (1 - share) + bottom * share
         )
         mix = float(REFLECTANCE)
         result[going] += (seen * weight * (1 - mix))[going]
@@ -152,9 +139,7 @@ def floor_under(light: Light) -> tuple[np.ndarray, np.ndarray]:
     results = []
     for one in (light, dataclasses.replace(light, intensity=0.0)):
         # A black light beside it keeps the strength that all of them share.
-        prepared = brute_force.make_scene(
-            vertices, [[0, 1, 2], [0, 2, 3]], [one, Light((0, 0, 5.0), color=(0, 0, 0))]
-        )
+        prepared = brute_force.make_scene(vertices, [[0, 1, 2], [0, 2, 3]], [one, Light((0, 0, 5.0), color=(0, 0, 0))])
         scene = dataclasses.replace(prepared.scene, outputs=("color",))
         session, moment, answers = traced(prepare(scene))
         results.append(session.frame.color.numpy().astype(np.float64))
@@ -223,9 +208,7 @@ def test_render_shows_mirrors_where_a_scene_declares_them(tmp_path, monkeypatch)
     pictures = []
     for bounces in (0, 2):
         monkeypatch.setattr(chosen_view, "resolve", lambda *_, bounces=bounces: room(bounces).scene)
-        path = render_command.render(
-            "room", "uniform_grid", tmp_path / f"{bounces}.png", "48x48", device="cpu"
-        )
+        path = render_command.render("room", "uniform_grid", tmp_path / f"{bounces}.png", "48x48", device="cpu")
         with Image.open(path) as image:
             pictures.append(np.asarray(image.convert("RGB")).astype(int)[:48])
     assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 8).mean() > 0.2

@@ -49,14 +49,7 @@ def test_only_what_the_spot_holds_has_a_shadow(name, device):
 def test_the_spot_rule_agrees_with_angles():
     spot = Spot((0.0, 0.0, -2.0), 30.0, rise=10.0)
     moment = make_scene(*soup(1, 2), [Light((0.0, 0.0, 0.0), spot=spot)]).moment(0, 4, 4)
-    for azimuth, elevation, inside in (
-        (29, 9, 1),
-        (-29, -9, 1),
-        (31, 0, 0),
-        (0, 11, 0),
-        (0, -11, 0),
-        (180, 0, 0),
-    ):
+    for azimuth, elevation, inside in ((29, 9, 1), (-29, -9, 1), (31, 0, 0), (0, 11, 0), (0, -11, 0), (180, 0, 0)):
         a, e = np.radians(azimuth), np.radians(elevation)
         point = np.array([[np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)]]) * 3.0
         assert receivers(moment, point, 0)[0] == bool(inside), (azimuth, elevation)
@@ -74,9 +67,7 @@ def test_methods_that_do_not_know_spots_say_so():
     assert make_method("perspective_spherical").applies(spotted(*SPOTS["wide cone"]).scene, "cpu") is None
 
 
-@pytest.mark.parametrize(
-    "spot", [Spot((0, 0, 0), 20.0), Spot((0, 1, 0), 0.0), Spot((0, 1, 0), 20.0, rise=10.0)]
-)
+@pytest.mark.parametrize("spot", [Spot((0, 0, 0), 20.0), Spot((0, 1, 0), 0.0), Spot((0, 1, 0), 20.0, rise=10.0)])
 def test_spots_that_make_no_sense_are_named(spot):
     with pytest.raises(UserError, match="spot: "):
         spotted(spot).moment(0, 4, 4)

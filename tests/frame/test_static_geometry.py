@@ -55,9 +55,7 @@ def test_only_the_lights_part_is_made_anew(method: str) -> None:
         assert all(np.array_equal(found[name], values, equal_nan=True) for name, values in fresh.items())
 
 
-@pytest.mark.parametrize(
-    "method", [method for method in METHODS if method != "hybrid"]
-)  # it may take no tree
+@pytest.mark.parametrize("method", [method for method in METHODS if method != "hybrid"])  # it may take no tree
 def test_a_mesh_that_moves_is_refused(method: str) -> None:
     with pytest.raises(UserError, match=r"update=static: .* moves over 3 frames; choose rebuild or refit"):
         session_of(method, turning(moving=True))
@@ -67,9 +65,7 @@ def test_plan_says_so(tmp_path) -> None:
     path = tmp_path / "turning.toml"
     orbit = "frames = 3\nturns = 0.5\naxis = [0.0, 1.0, 0.0]\ncentre = [0.0, 0.0, 0.0]\n"
     path.write_text(f'mesh = "balls-1k"\n[orbit]\n{orbit}')
-    (row,) = (found := frame_plan(str(path), ["bvh2"], "8x8", "cpu", settings=["bvh2.update=static"]))[
-        "methods"
-    ]
+    (row,) = (found := frame_plan(str(path), ["bvh2"], "8x8", "cpu", settings=["bvh2.update=static"]))["methods"]
     assert found["declared"]["geometry"].endswith("triangles, static over 3 frames")
     assert ", moving" in found["declared"]["lights"][0]
     assert row["cannot"] is None

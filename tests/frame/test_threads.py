@@ -87,9 +87,7 @@ def test_an_error_of_a_part_is_raised():
         launch()
 
 
-@pytest.mark.parametrize(
-    "order", [("fails", "late", "late"), ("quick", "fails", "late"), ("quick", "late", "fails")]
-)
+@pytest.mark.parametrize("order", [("fails", "late", "late"), ("quick", "fails", "late"), ("quick", "late", "fails")])
 def test_an_error_is_raised_when_all_parts_have_ended(order):
     calls = []
     ended = []

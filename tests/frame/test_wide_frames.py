@@ -28,9 +28,7 @@ COUNT = 2000
 
 def session_of(name: str, settings: dict[str, str], case: str) -> Session:
     trial = judged(case).trial
-    return Session(
-        make_method(name, settings), trial.prepared, trial.moment.width, trial.moment.height, "cpu"
-    )
+    return Session(make_method(name, settings), trial.prepared, trial.moment.width, trial.moment.height, "cpu")
 
 
 @pytest.mark.parametrize(("name", "settings"), SETTINGS, ids=str)
@@ -80,10 +78,7 @@ def test_sizes_are_measured_once_for_a_mesh_and_never_while_a_frame_runs(monkeyp
         session.run_complete()
     factors = np.float32([1, 1, 2.0**20])
     session.load(
-        replace(
-            trial.moment,
-            **{name: getattr(trial.moment, name) * factors for name in ("points", "eye", "lights")},
-        )
+        replace(trial.moment, **{name: getattr(trial.moment, name) * factors for name in ("points", "eye", "lights")})
     )
     assert len(measured) == 2
     assert not session.effects.wide

@@ -45,11 +45,7 @@ def test_catalogue() -> None:
 
 def test_large_cases_are_named_but_not_among_those_of_every_run() -> None:
     usual, every = all_cases(), all_cases(large=True)
-    assert {case.name for case in every} - {case.name for case in usual} >= {
-        "P38 100000",
-        "P43 4000",
-        "P42 1024",
-    }
+    assert {case.name for case in every} - {case.name for case in usual} >= {"P38 100000", "P43 4000", "P42 1024"}
     assert find_case("P38 100000").large
 
 
@@ -64,11 +60,7 @@ def test_triangles_of_one_centroid_have_it_to_the_last_bit() -> None:
 
 def test_sizes_are_halved_as_often_as_float32_allows() -> None:
     points = judged("P39 x").trial.moment.points
-    assert (
-        points[points > 0].min()
-        == 2.0**-structures.FLOAT32_HALVINGS
-        > np.finfo(np.float32).smallest_subnormal
-    )
+    assert points[points > 0].min() == 2.0**-structures.FLOAT32_HALVINGS > np.finfo(np.float32).smallest_subnormal
     assert judged("P39 x").trial.moment.valid.all()
 
 
@@ -91,9 +83,7 @@ def test_components_of_minus_zero_reach_the_methods() -> None:
         table = session.frame.column.numpy()[None] + session.frame.row.numpy()[:, None]
         zero, minus = table == 0, (table == 0) & np.signbit(table)
         assert zero.any(axis=(0, 1)).tolist() == minus.any(axis=(0, 1)).tolist()
-        assert minus.any(axis=(0, 1)).tolist() == [
-            k != (axis + 2) % 3 for k in range(3)
-        ]  # not along the view
+        assert minus.any(axis=(0, 1)).tolist() == [k != (axis + 2) % 3 for k in range(3)]  # not along the view
         assert minus.sum() == 16  # half of the middle row, half of the middle column
 
 
@@ -157,15 +147,11 @@ def open_edges(case: str) -> int:
     for light in moment.lights:
         occluders = one.judge.referee.occluders(hits, light)
         cut = np.nonzero(occluders >= 0)[0]
-        rays.append(
-            (light.astype(np.float64), one.judge.referee.hit_points(hits.take(cut)) - light, occluders[cut])
-        )
+        rays.append((light.astype(np.float64), one.judge.referee.hit_points(hits.take(cut)) - light, occluders[cut]))
     found = 0
     for origin, way, met in rays:
         a, b, c = (moment.points[faces[met, k]].astype(np.float64) - origin for k in range(3))
-        weights = np.stack(
-            [np.einsum("ij,ij->i", way, np.cross(p, q)) for p, q in ((b, c), (c, a), (a, b))], axis=1
-        )
+        weights = np.stack([np.einsum("ij,ij->i", way, np.cross(p, q)) for p, q in ((b, c), (c, a), (a, b))], axis=1)
         at_edge = np.abs(weights) <= 1e-12 * np.abs(weights).max(axis=1, keepdims=True)
         found += int((at_edge & lone[met]).any(axis=1).sum())
     return found

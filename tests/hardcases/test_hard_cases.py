@@ -23,14 +23,7 @@ EXACT = [(name, settings) for name, given in METHODS for settings in settings_of
 EFFECTS = ("alpha", "mirror", "orthographic", "receivers")
 """What a method may leave out: what its class says that it simulates, it must not."""
 
-EXCUSED = (
-    "V sheet x1e-06",
-    "V sheet x0.001",
-    "V sheet x1e-6 ",
-    "S39 edges",
-    "S63",
-    "O02 tinybvh#168 integers",
-)
+EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ", "S39 edges", "S63", "O02 tinybvh#168 integers")
 """Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays; rays of a light
 at infinity (:data:`.structures.AT_INFINITY`); hit points on the border of a spot; hits whose t differ by less than 2^-37."""
 
@@ -82,16 +75,12 @@ def test_exact_methods_pass_every_case(name, given, device) -> None:
 def test_a_light_space_in_float32_is_exact_at_the_ends_of_float32(precision) -> None:
     """Only the space is: triangles are widened by its rounding, and lengths near the limits are brought to 1."""
     names = [
-        case.name
-        for case in CASES
-        if case.name.startswith(("V scale", "V sun", "V far", "V subnormal", "V mixed"))
+        case.name for case in CASES if case.name.startswith(("V scale", "V sun", "V far", "V subnormal", "V mixed"))
     ]
     assert len(names) > 30
     wrong = {}
     for name in names:
-        finding = judge_case(
-            judged(name), make_method("perspective_spherical", {"precision": precision}), "cpu"
-        )
+        finding = judge_case(judged(name), make_method("perspective_spherical", {"precision": precision}), "cpu")
         if finding.status != "ok" or finding.excused:
             wrong[name] = (finding.classes, finding.reason)
     assert wrong == {}
@@ -103,11 +92,7 @@ def test_rules_of_conduct(name, settings, device) -> None:
     skip_where_it_cannot_run(name, device)
     found = conformance(lambda: make_method(name, settings), device)
     assert [(one.name, one.reason) for one in found if one.status == "error"] == []
-    assert {one.name for one in found if one.status == "ok"} >= {
-        "frames",
-        "allocations",
-        "shadows not asked for",
-    }
+    assert {one.name for one in found if one.status == "ok"} >= {"frames", "allocations", "shadows not asked for"}
 
 
 def test_known_weaknesses_of_others_show() -> None:
@@ -294,8 +279,7 @@ def test_passes_that_hide_what_they_read_are_found() -> None:
         def plan(self, frame, effects, limits):
             passes = super().plan(frame, effects, limits)
             return [
-                replace(one, reads=tuple(name for name in one.reads if not name.startswith("light/")))
-                for one in passes
+                replace(one, reads=tuple(name for name in one.reads if not name.startswith("light/"))) for one in passes
             ]
 
     found = {one.name: one for one in conformance(lambda: Hides(), "cpu")}
@@ -319,6 +303,6 @@ def test_allocations_are_counted() -> None:
 
 def test_refused_cases_count_when_they_are_made_after_all() -> None:
     case = HardCase("X", "x", "y", lambda: view(plane(2, 0, 1), [], (0, 0, 4), (0, 0, -1)), refused=True)
-    assert [
-        finding.status for finding in judge_method(lambda: make_method("uniform_grid", {}), "cpu", [case], {})
-    ] == ["error"]
+    assert [finding.status for finding in judge_method(lambda: make_method("uniform_grid", {}), "cpu", [case], {})] == [
+        "error"
+    ]

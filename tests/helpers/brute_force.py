@@ -19,10 +19,7 @@ def make_scene(
     up: tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> Prepared:
     """A static scene ready to trace."""
-    points, triangles = (
-        np.asarray(vertices, np.float64).reshape(-1, 3),
-        np.asarray(faces, np.int32).reshape(-1, 3),
-    )
+    points, triangles = (np.asarray(vertices, np.float64).reshape(-1, 3), np.asarray(faces, np.int32).reshape(-1, 3))
     return prepare(
         Scene(
             "test",

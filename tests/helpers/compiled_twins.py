@@ -87,9 +87,7 @@ def source_of(kernel: wp.Kernel) -> str:
 def without(kernel: wp.Kernel, effect: str) -> wp.Kernel:
     """The kernel with functions that never heard of the effect, in a module of its own."""
     copy = copied(kernel.func, _cut_calls(kernel.func, effect), {})
-    return wp.Kernel(
-        copy, key=kernel.func.__name__, module=Module("twin", None), options=dict(kernel.options)
-    )
+    return wp.Kernel(copy, key=kernel.func.__name__, module=Module("twin", None), options=dict(kernel.options))
 
 
 def _cut_calls(function: types.FunctionType, effect: str) -> dict[str, wp.Function]:
@@ -119,9 +117,7 @@ def source_without(kernel: wp.Kernel | wp.Function, effect: str) -> str:
     cut = Cut(effect)
     tree = cut.visit(tree)
     assert cut.removed, f"{kernel.key} names {effect} outside of `if wp.static(effects.{effect}):`"
-    left = [
-        n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and is_effects(n.value) and n.attr == effect
-    ]
+    left = [n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and is_effects(n.value) and n.attr == effect]
     assert not left, f"{kernel.key}: {effect} is named where it cannot be cut"
     return ast.unparse(ast.fix_missing_locations(tree))
 
@@ -135,9 +131,7 @@ def with_source(
     """
     function = kernel.func
     space = {**function.__globals__, "effects": switches}
-    copy = types.FunctionType(
-        function.__code__, space, function.__name__, function.__defaults__, function.__closure__
-    )
+    copy = types.FunctionType(function.__code__, space, function.__name__, function.__defaults__, function.__closure__)
     copy.__annotations__ = function.__annotations__
     module = module or Module("twin", None)
     key = key or function.__name__
@@ -250,10 +244,6 @@ def kernels_with_effects() -> dict[str, wp.Kernel]:
         for entry in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             module = importlib.import_module(entry.name)
             for name, value in vars(module).items():
-                if (
-                    isinstance(value, wp.Kernel)
-                    and value.module.name == entry.name
-                    and switches_of(value.func)
-                ):
+                if isinstance(value, wp.Kernel) and value.module.name == entry.name and switches_of(value.func):
                     found[f"{entry.name.split('.', 1)[1]}.{name}"] = value
     return found

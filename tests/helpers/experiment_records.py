@@ -8,16 +8,7 @@ from shadowbench.harness.scene.overrides import Lighting
 
 
 def record_of(
-    name,
-    entry,
-    scene="cloth",
-    lighting=None,
-    ms=10.0,
-    counters=None,
-    status="ok",
-    size=64,
-    frames=1,
-    passes=(),
+    name, entry, scene="cloth", lighting=None, ms=10.0, counters=None, status="ok", size=64, frames=1, passes=()
 ):
     """A record as a run would write it; ``passes``: (name, part, ms)."""
     passes = passes or [("build", "build", ms * 0.2), ("primary rays", "trace", ms * 0.3),

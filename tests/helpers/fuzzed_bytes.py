@@ -53,9 +53,7 @@ def damaged(rng: Random, blob: bytes, others: list[bytes]) -> bytes:
         elif kind == 8:
             blob = blob[:at] + rng.randbytes(to - at) + blob[to:]
         else:
-            blob = rng.choice(
-                (blob.replace(b"\n", b"\r\n"), blob.replace(b"\n", b"\r"), blob.replace(b" ", b"\t"))
-            )
+            blob = rng.choice((blob.replace(b"\n", b"\r\n"), blob.replace(b"\n", b"\r"), blob.replace(b" ", b"\t")))
     return blob
 
 

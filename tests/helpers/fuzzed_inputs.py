@@ -135,9 +135,7 @@ def nasty(rng: Random) -> tuple[str, bytes]:
     n = int(10 ** rng.uniform(1, 5))
     face = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     glb = mesh_files.glb(
-        change=lambda head: head["meshes"][0].update(
-            primitives=head["meshes"][0]["primitives"] * (n // 10 + 1)
-        )
+        change=lambda head: head["meshes"][0].update(primitives=head["meshes"][0]["primitives"] * (n // 10 + 1))
     )
     header = "ply\nformat ascii 1.0\n" + "comment x\n" * n + "element vertex 3\n"
     squeezed = io.BytesIO()
@@ -198,9 +196,7 @@ def whole_records() -> list[dict]:
     found = []
     for method in ("ray_grids", "bvh2"):
         for scene in ("cloth", "fairy"):
-            record = record_of(
-                "table1", Entry(method, {"k": "2"}, method), scene, frames=2, counters={"tests": 5}
-            )
+            record = record_of("table1", Entry(method, {"k": "2"}, method), scene, frames=2, counters={"tests": 5})
             clock = {"load": 1.0, "gpu": {"clocks.sm": "1980", "clocks_throttle_reasons.active": "0x0"}}
             record["rounds"] = [
                 {"round": 0, "run": "r", "noted": 1.0, "environment": "e", "clock": clock, "started": 1.0}
@@ -221,9 +217,7 @@ def records(rng: Random, folder: Path) -> str:
     for number in range(len(made)):
         if number == 0 or rng.random() < 0.2:
             made[number] = changed(rng, made[number])
-    texts = [
-        json.dumps(one, ensure_ascii=rng.random() < 0.5).encode("utf-8", "surrogatepass") for one in made
-    ]
+    texts = [json.dumps(one, ensure_ascii=rng.random() < 0.5).encode("utf-8", "surrogatepass") for one in made]
     if rng.random() < 0.2:
         texts[0] = damaged(rng, texts[0], texts)
     place = folder / "run"
@@ -237,9 +231,7 @@ def records(rng: Random, folder: Path) -> str:
             (place / "records" / f"{number}.json").write_bytes(text)
     (place / "environments").mkdir()
     facts = changed(rng, ENVIRONMENT) if rng.random() < 0.5 else ENVIRONMENT
-    (place / "environments" / "e.json").write_text(
-        json.dumps(facts), encoding="utf-8", errors="surrogatepass"
-    )
+    (place / "environments" / "e.json").write_text(json.dumps(facts), encoding="utf-8", errors="surrogatepass")
     try:
         read_records(place)
         frames = document.frames(place)
@@ -357,9 +349,7 @@ def archives(rng: Random, folder: Path) -> str:
         with tarfile.open(fileobj=stream, mode=rng.choice(("w", "w:gz", "w:xz", "w:bz2"))) as tape:
             for name in rng.sample(names, 3):
                 member = tarfile.TarInfo(name)
-                member.type = rng.choice(
-                    (tarfile.REGTYPE,) * 5 + (tarfile.SYMTYPE, tarfile.FIFOTYPE, tarfile.DIRTYPE)
-                )
+                member.type = rng.choice((tarfile.REGTYPE,) * 5 + (tarfile.SYMTYPE, tarfile.FIFOTYPE, tarfile.DIRTYPE))
                 member.size = len(mesh_files.obj()) if member.type == tarfile.REGTYPE else 0
                 tape.addfile(member, io.BytesIO(mesh_files.obj()) if member.size else None)
     whole = stream.getvalue()

@@ -52,9 +52,7 @@ class Gltf:
         array = np.asarray(values, dtype=dtype or "f4")
         width = 1 if array.ndim == 1 else array.shape[1]
         kind = {"componentType": COMPONENTS[array.dtype.str[1:]], "type": TYPES[width]}
-        return self.add(
-            "accessors", {"bufferView": self.view(array.tobytes()), "count": len(array), **kind, **more}
-        )
+        return self.add("accessors", {"bufferView": self.view(array.tobytes()), "count": len(array), **kind, **more})
 
     def sparse(self, count: int, index: int, value: list[float]) -> int:
         """An accessor of ``count`` zero vectors but one."""

@@ -64,10 +64,7 @@ def skinned(points=SQUARE, influences=1) -> Gltf:
     """A square between two joints, one above the other; its own node is far away, which means nothing."""
     rng = np.random.default_rng(4)
     made = Gltf()
-    joints, weights = (
-        rng.integers(0, 2, (influences, len(points), 4)),
-        rng.random((influences, len(points), 4)),
-    )
+    joints, weights = (rng.integers(0, 2, (influences, len(points), 4)), rng.random((influences, len(points), 4)))
     attributes = {}
     for i in range(influences):
         attributes[f"JOINTS_{i}"] = made.accessor(joints[i], "u1")
@@ -79,10 +76,7 @@ def skinned(points=SQUARE, influences=1) -> Gltf:
     inverse[:, 3] = [0, 0, 0, 1]
     made.add(
         "skins",
-        {
-            "joints": [second, first],
-            "inverseBindMatrices": made.accessor(inverse.transpose(0, 2, 1).reshape(2, 16)),
-        },
+        {"joints": [second, first], "inverseBindMatrices": made.accessor(inverse.transpose(0, 2, 1).reshape(2, 16))},
     )
     made.node(mesh=mesh, skin=0, translation=[1000, 0, 0], scale=[-1, 1, 1])
     return made
@@ -105,9 +99,7 @@ def everything() -> Gltf:
     made.extend(made.head["nodes"][node], "EXT_mesh_gpu_instancing", {"attributes": {"TRANSLATION": places}})
     made.extend(made.head["nodes"][node], "KHR_node_visibility", {"visible": True})
     made.extend(made.head["nodes"][node], "KHR_lights_punctual", {"light": 0})
-    made.extend(
-        made.head, "KHR_lights_punctual", {"lights": [{"type": "spot", "spot": {"outerConeAngle": 0.5}}]}
-    )
+    made.extend(made.head, "KHR_lights_punctual", {"lights": [{"type": "spot", "spot": {"outerConeAngle": 0.5}}]})
     made.add("cameras", {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}})
     made.add("materials", {"alphaMode": "BLEND", "name": "glass"})
     made.head["scenes"].append({"nodes": [0], "name": "other"})

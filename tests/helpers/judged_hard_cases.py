@@ -21,10 +21,7 @@ def judged(name: str) -> Judged:
 EVERYTHING = os.environ.get("SHADOWBENCH_SWEEP") == "all"
 """Whether nobody takes turns: every method, setting and place for each case. ``make fuzz`` asks for it; it takes an hour."""
 
-EXACT_SETTINGS: dict[str, dict[str, str]] = {
-    "warp_bvh": {"update": "bvh_rebuild"},
-    "hybrid": {"shadows": "tree"},
-}
+EXACT_SETTINGS: dict[str, dict[str, str]] = {"warp_bvh": {"update": "bvh_rebuild"}, "hybrid": {"shadows": "tree"}}
 """Settings that make a method exact whose defaults are not; or that take the way for which these cases are meant."""
 
 OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
@@ -33,10 +30,7 @@ OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
         {"light_map": "two-angle", "aimed": "false", "clamp": "view", "tile": "5"},
     ),
     "uniform_grid": ({"density": "100"},),
-    "ray_grids": (
-        {"trial": "inline_cells=0+region=triangles"},
-        {"trial": "inline_cells=0+spacing=rays"},
-    ),
+    "ray_grids": ({"trial": "inline_cells=0+region=triangles"}, {"trial": "inline_cells=0+spacing=rays"}),
 }
 """Other settings of exact methods, which take other ways to the same answers."""
 
@@ -49,6 +43,4 @@ def settings_of(name: str, given: dict[str, str]) -> tuple[dict[str, str], ...]:
 def exact_methods() -> tuple[tuple[str, dict[str, str]], ...]:
     """Every method that calls itself exact, with the settings that make it so."""
     named = [(name, EXACT_SETTINGS.get(name, {})) for name in method_names()]
-    return tuple(
-        (name, given) for name, given in named if not getattr(make_method(name, given), "known_inexact", None)
-    )
+    return tuple((name, given) for name, given in named if not getattr(make_method(name, given), "known_inexact", None))

@@ -199,14 +199,10 @@ class Killed:
         expected = {path.relative_to(self.place / "untouched") for path in files(self.place / "untouched")}
         there = {path.relative_to(out) for path in files(out)}
         # One of them has the answers of a frame that others share, and is named by its content.
-        found += [
-            f"left behind: {path}" for path in sorted(there - expected) if path.parts[0] not in ("logs",)
-        ]
+        found += [f"left behind: {path}" for path in sorted(there - expected) if path.parts[0] not in ("logs",)]
         found += [f"missing: {path}" for path in sorted(expected - there) if path.parts[0] not in ("logs",)]
         for place, stay in (("tmp", ()), ("shards", ()), ("locks", LOCKS)):
-            paths = [
-                path for path in (self.place / place).iterdir() if not path.name.startswith(stay or ("/",))
-            ]
+            paths = [path for path in (self.place / place).iterdir() if not path.name.startswith(stay or ("/",))]
             found += [f"left behind: {place}/{path.name}" for path in sorted(paths)]
         return found
 
@@ -232,11 +228,7 @@ class Killed:
         paths = [place / "answers" / name for place in (out, self.place / "untouched")]
         if paths[0].exists():
             with np.load(paths[0]) as a, np.load(paths[1]) as b:
-                unlike = [
-                    n
-                    for n in b.files
-                    if n != "facts" and (n not in a.files or a[n].tobytes() != b[n].tobytes())
-                ]
+                unlike = [n for n in b.files if n != "facts" and (n not in a.files or a[n].tobytes() != b[n].tobytes())]
             found += [f"answers differ: {unlike}"] if unlike else []
         environments = out / "environments" / f"{record.environment}.json"
         if not environments.is_file() or not isinstance(json.loads(environments.read_text()), dict):
@@ -248,9 +240,7 @@ def files(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file()]
 
 
-def kill_and_resume(
-    place: Path, kills: int, seed: int, cluster: bool, found: Kills, say=lambda text: None
-) -> None:
+def kill_and_resume(place: Path, kills: int, seed: int, cluster: bool, found: Kills, say=lambda text: None) -> None:
     """Kill processes of runs so many times, and check each run when it is finished."""
     runs, before = Killed(place, seed, cluster, found), found.count
     number = 0

@@ -264,9 +264,7 @@ def _lights(source: Bytes, points: NDArray, faces: NDArray) -> NDArray[np.float6
 # --- trying ----------------------------------------------------------------------------------------------------
 
 
-def answers_of(
-    example: Example, name: str, trial: Trial | None = None, device: str = "cpu"
-) -> dict[str, NDArray]:
+def answers_of(example: Example, name: str, trial: Trial | None = None, device: str = "cpu") -> dict[str, NDArray]:
     """What a method answers under the example's settings. Raises CapacityRejected where it needs too much."""
     trial = trial or example.trial()
     method = fresh_method(name, tuple(example.settings[name].items()))

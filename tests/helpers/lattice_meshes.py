@@ -169,9 +169,7 @@ def _bodies(source: Bytes) -> Mesh:
         kind = source.below(4)
         if kind == 3 and bodies:  # half as large, inside or at the wall of the one before
             last = bodies[-1]
-            held = (
-                last.points[source.below(len(last.points))] if source.below(2) else last.points.mean(axis=0)
-            )
+            held = last.points[source.below(len(last.points))] if source.below(2) else last.points.mean(axis=0)
             bodies.append(Mesh((last.points + held) / 2, last.faces))
         elif kind == 1:
             bodies.append(Mesh(source.coordinates(4).astype(np.float64), TETRAHEDRON_FACES))

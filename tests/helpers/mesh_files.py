@@ -14,9 +14,7 @@ QUAD = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]], d
 FACES = [(0, 1, 2), (0, 2, 3), (0, 1, 4), (1, 2, 4)]
 
 
-def ply_binary(
-    points=QUAD, polygons=FACES, *, big=False, vertices=None, faces=None, count="uchar", index="int"
-):
+def ply_binary(points=QUAD, polygons=FACES, *, big=False, vertices=None, faces=None, count="uchar", index="int"):
     """A binary PLY. ``vertices`` and ``faces`` are what the header claims, by default the right numbers."""
     order, kinds = "><"[not big], {"uchar": "B", "int": "i", "ushort": "H", "uint": "I"}
     header = [

@@ -49,9 +49,7 @@ def assert_exact(
     np.testing.assert_allclose(got["t"][hit], t[hit], rtol=2**-22)
     assert_weights(got, prepared, moment, 1e-6)
     for light in range(len(moment.lights)):
-        np.testing.assert_array_equal(
-            got["shadowed"][light], shadowed(prepared, moment, light, best, t), str(light)
-        )
+        np.testing.assert_array_equal(got["shadowed"][light], shadowed(prepared, moment, light, best, t), str(light))
     return got
 
 
@@ -117,11 +115,7 @@ def random_trial(seed: int) -> tuple[Prepared, int, int]:
     eye = random.normal(size=3) * (3 if seed % 2 else 0.3)
     lights = [tuple(random.normal(size=3) * 10.0 ** random.uniform(-4, 7) * scale) for _ in range(2)]
     lights += [tuple(vertices[0] * scale), tuple(vertices[:3].mean(axis=0) * scale)]
-    return (
-        make_scene(vertices * scale, faces, lights, tuple(eye * scale), (0.0, 0.0, 0.0), 90.0),
-        width,
-        height,
-    )
+    return (make_scene(vertices * scale, faces, lights, tuple(eye * scale), (0.0, 0.0, 0.0), 90.0), width, height)
 
 
 def lattice(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
@@ -167,12 +161,7 @@ def hard_trials() -> Iterator[tuple[str, Prepared, int, int]]:
         17,
         17,
     )
-    yield (
-        "eye on a wall",
-        make_scene(walls, sides, [(0.0, 0.0, 0.0)], (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), 90.0),
-        9,
-        9,
-    )
+    yield ("eye on a wall", make_scene(walls, sides, [(0.0, 0.0, 0.0)], (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), 90.0), 9, 9)
     yield "eye far away", make_scene(walls, sides, [(2.0, 3.0, 4.0)], (1e5, 1e5, 1e5), fov=1e-3), 16, 16
     yield "one triangle", make_scene(TRIANGLE, [[0, 1, 2]], above), 17, 5
     yield "one pixel", make_scene(TRIANGLE, [[0, 1, 2]], above), 1, 1
@@ -188,22 +177,12 @@ def hard_trials() -> Iterator[tuple[str, Prepared, int, int]]:
     stadium = np.concatenate([ground, dense])
     floor = np.concatenate([[[0, 1, 2], [0, 2, 3]], cluster + 4])
     lights = [(3.0, 2.0, 5.0), (1e-3, 0.0, 4e-3)]
-    yield (
-        "teapot in a stadium",
-        make_scene(stadium, floor, lights, (0.0, -4e-3, 3e-3), up=(0.0, 0.0, 1.0)),
-        24,
-        24,
-    )
+    yield ("teapot in a stadium", make_scene(stadium, floor, lights, (0.0, -4e-3, 3e-3), up=(0.0, 0.0, 1.0)), 24, 24)
     slanted = np.array([[-5.0, -4.0, -3.0], [5.0, 4.1, 2.9], [-4.5, 5.0, 3.5], [4.0, -5.0, 4.0]])
     small, bits = soup(5, 400, size=0.05, spread=3.0)
     crossing = np.concatenate([slanted, small])
     across = np.concatenate([[[0, 1, 2], [1, 2, 3], [0, 1, 3]], bits + 4])
-    yield (
-        "triangles through every cell",
-        make_scene(crossing, across, [(0.1, 0.2, 6.0)], (0.5, 0.4, 9.0)),
-        24,
-        24,
-    )
+    yield ("triangles through every cell", make_scene(crossing, across, [(0.1, 0.2, 6.0)], (0.5, 0.4, 9.0)), 24, 24)
 
 
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}

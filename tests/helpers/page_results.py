@@ -14,11 +14,7 @@ from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_pa
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.overrides import Lighting
 
-GRIDS, TREE, MAP = (
-    Entry("ray_grids", {}, "grids"),
-    Entry("bvh", {}, "tree"),
-    Entry("shadow_map", {}, "map & <b>"),
-)
+GRIDS, TREE, MAP = (Entry("ray_grids", {}, "grids"), Entry("bvh", {}, "tree"), Entry("shadow_map", {}, "map & <b>"))
 FACTS = {
     "cpu": {"model": "A CPU", "usable_cores": 2},
     "warp": "1.0",
@@ -60,28 +56,14 @@ def make_results(root: Path) -> Path:
         for scene, k in (("cloth", 1.0), ("buddha", 3.0))
         for e, ms in ((GRIDS, 0.5), (TREE, 2.0))
     ]
-    lit = [
-        Lighting("one light", count=1),
-        Lighting("two lights", count=2),
-        Lighting("spot, two", count=2, spot=9.0),
-    ]
-    effects = [
-        record_of("effects", GRIDS, "cloth", one, ms=ms) for one, ms in zip(lit, (1.0, 1.5, 9.0), strict=True)
-    ]
+    lit = [Lighting("one light", count=1), Lighting("two lights", count=2), Lighting("spot, two", count=2, spot=9.0)]
+    effects = [record_of("effects", GRIDS, "cloth", one, ms=ms) for one, ms in zip(lit, (1.0, 1.5, 9.0), strict=True)]
     effects[0]["frames"][0]["passes"][0]["ms"] = [-0.0013, -0.0013]
-    elsewhere = [
-        record_of("frame_time", e, ms=ms, frames=n) for e, ms, n in ((GRIDS, 0.7, 3), (TREE, 2.7, 1))
-    ]
+    elsewhere = [record_of("frame_time", e, ms=ms, frames=n) for e, ms, n in ((GRIDS, 0.7, 3), (TREE, 2.7, 1))]
     for one in elsewhere:
         one["method"]["device"] = "cpu"
         one["rounds"], one["environment"] = [{"round": 0, "clock": {"load": 9.0}}], "other"
-    folders = {
-        "frame_time": times,
-        "figure11": far,
-        "table1": table,
-        "effects": effects,
-        "other/frame_time": elsewhere,
-    }
+    folders = {"frame_time": times, "figure11": far, "table1": table, "effects": effects, "other/frame_time": elsewhere}
     for name, records in folders.items():
         write_records(root / name, records)
         (root / name / "environments").mkdir()

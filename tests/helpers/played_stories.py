@@ -126,11 +126,7 @@ def play(player: Player, story: Story, device: str, judging: Judging | None = No
 
     def make() -> Session:
         return Session(
-            make_method(name, settings),
-            story.prepared,
-            *size,
-            device,
-            light_count=len(story.moments[0].lights),
+            make_method(name, settings), story.prepared, *size, device, light_count=len(story.moments[0].lights)
         )
 
     if make_method(name, settings).applies(story.prepared.scene, device):

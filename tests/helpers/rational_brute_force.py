@@ -18,11 +18,7 @@ def rational(values) -> Vector:
 
 
 def determinant(a: Vector, b: Vector, c: Vector) -> Fraction:
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        - a[1] * (b[0] * c[2] - b[2] * c[0])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 
 
 def solve(o: Vector, d: Vector, triangle: list[Vector]) -> tuple[Fraction, Fraction, Fraction] | None:
@@ -81,9 +77,7 @@ def ball(radius: float, centre, rings: int = 6, sectors: int = 9) -> tuple[np.nd
         a = np.pi * i / rings
         for j in range(sectors):
             b = 2 * np.pi * j / sectors
-            vertices.append(
-                (radius * np.sin(a) * np.cos(b), radius * np.cos(a), radius * np.sin(a) * np.sin(b))
-            )
+            vertices.append((radius * np.sin(a) * np.cos(b), radius * np.cos(a), radius * np.sin(a) * np.sin(b)))
     vertices.append((0.0, -radius, 0.0))
     faces = [(0, 1 + (j + 1) % sectors, 1 + j) for j in range(sectors)]
     for i in range(rings - 2):
@@ -101,9 +95,7 @@ def ball_on_floor(lights: int = 1) -> Scene:
     floor = np.array([(-2.0, 0, -2), (2, 0, -2), (2, 0, 2), (-2, 0, 2)])
     all_faces = np.concatenate([[(0, 1, 2), (0, 2, 3)], faces + 4])
     place = [Light((1.0 - 2.0 * i, 2.5, 0.5)) for i in range(lights)]
-    return make_scene(
-        np.concatenate([floor, vertices]), all_faces, Camera((0.3, 1.7, 3.1), (0.0, 0.3, 0.0)), *place
-    )
+    return make_scene(np.concatenate([floor, vertices]), all_faces, Camera((0.3, 1.7, 3.1), (0.0, 0.3, 0.0)), *place)
 
 
 def exact_answers(prepared: Prepared, moment: Moment, referee: Referee) -> dict[str, np.ndarray]:

@@ -58,9 +58,7 @@ def rays_at(corners: NDArray, kinds: Sequence[int], seed: int) -> tuple[NDArray,
     inner, aim = ((w[:, :, None] * t).sum(axis=1) for w, t in zip(weights, (one, other), strict=True))
     edge = other[:, 0] + weights[0, :, :1] * (other[:, 1] - other[:, 0])
     kind = np.resize(kinds, count)
-    origin = np.select(
-        [(kind == k)[:, None] for k in (3, 4, 5, 6)], [inner, one[:, 0], inner, one[:, 1]], origin
-    )
+    origin = np.select([(kind == k)[:, None] for k in (3, 4, 5, 6)], [inner, one[:, 0], inner, one[:, 1]], origin)
     origin = origin.astype(np.float32)
     to = np.select([(kind == k)[:, None] for k in (1, 2, 5)], [other[:, 2], edge, one[:, 2]], aim)
     along = np.eye(3)[random.integers(0, 3, count)] * random.choice([-1, 1], (count, 1))

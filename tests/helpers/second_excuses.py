@@ -55,9 +55,7 @@ def edges_within(flat: Flat, o: Point, way: Point, most: Fraction | None) -> boo
     return True if True in answers else None if None in answers else False
 
 
-def beside_edges(
-    random: np.random.Generator, rays: int
-) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+def beside_edges(random: np.random.Generator, rays: int) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
     """A random mesh, eyes, directions and a light, as far beside edges as the bound is wide, and farther."""
     points, faces = random_mesh(random)
     size = float(np.abs(points).max()) or 1.0
@@ -118,11 +116,7 @@ def excuses(seed: int, rays: int, counts: dict[str, int]) -> list[str]:
         ends = []
         for p in (one.point, place):
             away = flat.side(p) ** 2 / square
-            ends.append(
-                True if within(away, sizes[0]) else None if within(away, sizes[1]) is not False else False
-            )
+            ends.append(True if within(away, sizes[0]) else None if within(away, sizes[1]) is not False else False)
         answers = [edges_within(flat, one.point, way, Fraction(1)), *ends]
-        compared(
-            "leak", True if True in answers else None if None in answers else False, leaks[i], Verdict.LEAK
-        )
+        compared("leak", True if True in answers else None if None in answers else False, leaks[i], Verdict.LEAK)
     return found

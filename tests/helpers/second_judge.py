@@ -101,8 +101,7 @@ class Flat:
         x, y = self.axes
         flat = [(q[x] - p[x], q[y] - p[y]) for q in self.corners]
         areas = [
-            flat[(k + 1) % 3][0] * flat[(k + 2) % 3][1] - flat[(k + 1) % 3][1] * flat[(k + 2) % 3][0]
-            for k in range(3)
+            flat[(k + 1) % 3][0] * flat[(k + 2) % 3][1] - flat[(k + 1) % 3][1] * flat[(k + 2) % 3][0] for k in range(3)
         ]
         whole = sum(areas)
         if any(area * whole < 0 for area in areas):

@@ -129,10 +129,7 @@ def random_opinion(seed: int, rays: int, count: Count) -> list[str]:
     """Both judges on one random mesh with so many rays beside its edges."""
     points, faces, eyes, ways, lights = random_trial(np.random.default_rng(seed), rays)
     referee = Referee(points, faces, valid_triangles(points, faces))
-    return [
-        f"seed {seed}: {one}"
-        for one in compare(referee, SecondJudge(points, faces), eyes, ways, lights, count)
-    ]
+    return [f"seed {seed}: {one}" for one in compare(referee, SecondJudge(points, faces), eyes, ways, lights, count)]
 
 
 # --- hard cases ---------------------------------------------------------------------------------------------------
@@ -147,11 +144,7 @@ def second_of(trial: Trial) -> SecondJudge:
 def pixels_of(trial: Trial, most: int) -> NDArray[np.int64]:
     """All pixels of an image, or a seeded choice of ``most``."""
     pixels = np.arange(trial.moment.width * trial.moment.height)
-    return (
-        pixels
-        if len(pixels) <= most
-        else np.sort(np.random.default_rng(1).choice(pixels, most, replace=False))
-    )
+    return pixels if len(pixels) <= most else np.sort(np.random.default_rng(1).choice(pixels, most, replace=False))
 
 
 def rays_of_case(name: str, most: int, count: Count) -> list[str]:
@@ -176,9 +169,7 @@ def answers_of_case(name: str, most: int, count: Count) -> list[str]:
         for row, (pixel, bit) in enumerate(zip(pixels, bits, strict=True)):
             lit = _receives(trial, second, seen[row], i, exactly(origins[row]))
             if lit is not None and exact["shadowed"][i, pixel] != (bit and lit):
-                found.append(
-                    f"{name}: pixel {pixel}, light {i}: {exact['shadowed'][i, pixel]}, not {bit and lit}"
-                )
+                found.append(f"{name}: pixel {pixel}, light {i}: {exact['shadowed'][i, pixel]}, not {bit and lit}")
         count.segments += sum(hit is not None for hit in seen)
         count.shadows += sum(bits)
     count.rays += len(seen)
@@ -199,18 +190,14 @@ def _unlike(
             if given != (-1, np.inf):
                 found.append((pixel, f"{given}, not a miss"))
             continue
-        if (
-            given[0] != one.ties[0]
-            or not abs(float(given[1]) - float(one.t)) <= 2.0**-24 * float(one.t) + 2.0**-149
-        ):
+        if given[0] != one.ties[0] or not abs(float(given[1]) - float(one.t)) <= 2.0**-24 * float(one.t) + 2.0**-149:
             found.append((pixel, f"{given}, not {one.ties} at {float(one.t)}"))
             continue
         # u and v name a point of the triangle: it lies at the hit point but for float32 rounding along the edges.
         a, b, c = second.corners[one.ties[0]].astype(np.float64)
         u, v = float(exact["u"][pixel]), float(exact["v"][pixel])
         off = (
-            abs(u - float(one.weights[1])) * np.abs(b - a).max()
-            + abs(v - float(one.weights[2])) * np.abs(c - a).max()
+            abs(u - float(one.weights[1])) * np.abs(b - a).max() + abs(v - float(one.weights[2])) * np.abs(c - a).max()
         )
         if not off <= 2.0**-22 * (np.abs(b - a).max() + np.abs(c - a).max() + abs(float(one.t)) * 2.0**-20):
             found.append((pixel, f"u, v = {u}, {v}, not {[float(w) for w in one.weights[1:]]}"))
@@ -264,11 +251,7 @@ def _mirrored(trial: Trial, second: SecondJudge, count: Count) -> list[str]:
     answers = session.answers(moment)
     referee = Referee(moment.points, prepared.faces, moment.valid, mask=prepared.alpha)
     pixels = np.arange(moment.width * moment.height)
-    origins, directions, triangle = (
-        np.array(moment.origins(pixels)),
-        moment.directions(pixels),
-        answers["triangle"],
-    )
+    origins, directions, triangle = (np.array(moment.origins(pixels)), moment.directions(pixels), answers["triangle"])
     found = []
     for bounce, active in enumerate(answers["bounce_active"]):
         there = np.nonzero(active == 1)[0]

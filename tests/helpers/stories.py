@@ -61,9 +61,7 @@ def draw_mesh(random: np.random.Generator) -> Mesh:
         mesh = joined(icosphere(1), floor)
     elif kind == 2:
         heights = 2.0 + random.integers(-4, 5, (6, 6)) / 16
-        mesh = joined(
-            sheet(np.linspace(-1, 1, 6), np.linspace(-1, 1, 6), heights), ball(0.25, (0, 0, -0.5), 4, 5)
-        )
+        mesh = joined(sheet(np.linspace(-1, 1, 6), np.linspace(-1, 1, 6), heights), ball(0.25, (0, 0, -0.5), 4, 5))
     else:
         mesh = soup(int(random.integers(1000)), 40, 0.5)
     return mesh[0].astype(np.float32).astype(np.float64), mesh[1]
@@ -167,9 +165,7 @@ def called_for(random: np.random.Generator, scene: Scene) -> Scene:
         scene = replace(scene, alpha=lambda geometry: perforated(geometry, every, holes))
     if chosen[4]:
         share = int(random.integers(2, 5))
-        scene = replace(
-            scene, bounces=int(random.integers(1, 3)), mirror=lambda geometry: mirrors(geometry, share)
-        )
+        scene = replace(scene, bounces=int(random.integers(1, 3)), mirror=lambda geometry: mirrors(geometry, share))
     if chosen[5]:
         scene = replace(scene, camera=replace(scene.camera, height=float(random.choice([1.0, 3.0]))))
     return scene
@@ -183,9 +179,7 @@ def mirrors(geometry: Geometry, share: int) -> NDArray[np.uint8]:
 def lamp_at(light: Light, place: F64, target: F64) -> Light:
     """A light in another place; its spot points at ``target``."""
     if light.spot is None:
-        return replace(
-            light, position=vector(place if np.abs(place).any() or not light.directional else HOME[0])
-        )
+        return replace(light, position=vector(place if np.abs(place).any() or not light.directional else HOME[0]))
     way = target - place
     way = way if np.abs(way).max() > 1e-20 else np.array([0.0, -1.0, 0.0])
     return replace(light, position=vector(place), spot=replace(light.spot, direction=vector(way)))
@@ -213,9 +207,7 @@ def draw_story(
     geometry = Geometry(faces.astype(np.int32), lambda k: meshes[k], frames)
     if still:
         geometry = Geometry.static(points, faces)
-    lights: tuple[F64, ...] = tuple(
-        random.normal(size=3) * 2 + (0, 2, 0) for _ in range(random.integers(1, 3))
-    )
+    lights: tuple[F64, ...] = tuple(random.normal(size=3) * 2 + (0, 2, 0) for _ in range(random.integers(1, 3)))
     shining = [drawn(random, LIGHT_EVENTS, frames, every) for _ in lights]
     views = drawn(random, CAMERA_EVENTS, frames, every)
     eye, target = HOME
@@ -231,8 +223,7 @@ def draw_story(
             target = eye + np.array([0.0, 0.25, -1.0])
         events_now = [events[frame] for events in shining]
         lights = tuple(
-            light_at(random, event, place, eye, now, faces)
-            for event, place in zip(events_now, lights, strict=True)
+            light_at(random, event, place, eye, now, faces) for event, place in zip(events_now, lights, strict=True)
         )
         seen = replace(prepared.scene.camera, up=(0.1, 1.0, 0.23))
         camera = replace(seen, eye=vector(eye + prepared.centre), target=vector(target + prepared.centre))

@@ -53,11 +53,7 @@ def record(scene: str, method: str, size: int = 256, seed: int = 0, **changes: A
             "title": label.split(",")[0],
             "label": label,
             "settings": {},
-            "built": {"constructor": "sah"}
-            if method == "warp_bvh"
-            else {"threads": 2}
-            if method == "embree"
-            else {},
+            "built": {"constructor": "sah"} if method == "warp_bvh" else {"threads": 2} if method == "embree" else {},
             "device": "cpu",
             "device_name": "Imaginary CPU",
         },
@@ -104,10 +100,7 @@ def score(size: int, wrong: int = 0) -> dict[str, Any]:
         "true_errors": wrong,
         "excused_share": 2e-5,
         "check": "ok" if not wrong else "failed",
-        "reference_errors": {
-            "primary": {"judged": 300, "ok": 299, "true": 1},
-            "shadow": [{"light": 0, "leak": 2}],
-        },
+        "reference_errors": {"primary": {"judged": 300, "ok": 299, "true": 1}, "shadow": [{"light": 0, "leak": 2}]},
     }
 
 

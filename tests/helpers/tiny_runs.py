@@ -36,9 +36,7 @@ def install_misbehaving(folder: Path) -> str:
     about = folder / "misbehaving_package-0.1.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: misbehaving-package\nVersion: 0.1\n")
-    points = "\n".join(
-        f"{cls.name} = misbehaving_package:{cls.__name__}" for cls in misbehaving_methods.CLASSES
-    )
+    points = "\n".join(f"{cls.name} = misbehaving_package:{cls.__name__}" for cls in misbehaving_methods.CLASSES)
     (about / "entry_points.txt").write_text(f"[shadowbench.methods]\n{points}\n")
     return os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 

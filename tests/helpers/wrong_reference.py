@@ -40,9 +40,7 @@ class WrongReference(AnsweredScene):
         """What must come out the same whoever asked."""
         asked = ("disputed", "judged", "t_max_relative_error", "uv_max_error")
         primary = {name: n for name, n in vars(score.primary).items() if name not in asked}
-        shadow = [
-            {name: n for name, n in vars(light).items() if name != "disputed"} for light in score.shadow
-        ]
+        shadow = [{name: n for name, n in vars(light).items() if name != "disputed"} for light in score.shadow]
         return primary, shadow, score.true_errors, score.excused_share, score.check
 
     def whole(self, answers):

@@ -47,9 +47,7 @@ def test_ignoring_holes_is_a_true_error():
 @pytest.mark.parametrize(("bounds", "verdict"), [(0.5, Verdict.EDGE), (3.0, Verdict.TRUE)])
 def test_a_border_excuses_within_the_bound_only(bounds, verdict):
     """A ray straight down on a half opaque triangle, so many bounds inside the opaque half."""
-    points = np.array(
-        [(-1, 0, -1), (3, 0, -1), (-1, 0, 3), (-9, -1, -9), (9, -1, -9), (0, -1, 9)], np.float32
-    )
+    points = np.array([(-1, 0, -1), (3, 0, -1), (-1, 0, 3), (-9, -1, -9), (9, -1, -9), (0, -1, 9)], np.float32)
     faces = np.array([(0, 1, 2), (3, 4, 5)], np.int32)
     coordinates = points[faces][..., [0, 2]] / 16 + 0.5
     mask = checked(AlphaMask([1, 0], coordinates, np.array([[1, 0]])), 2, "half")
@@ -141,17 +139,12 @@ def test_references_and_scenes_with_masks_are_stored_and_read_back(tmp_path):
     store(tmp_path / "scene.npz", prepared, [0])
     again = read_stored(tmp_path / "scene.npz", prepared.scene).alpha
     assert again is not None
-    assert all(
-        (getattr(again, n) == getattr(prepared.alpha, n)).all()
-        for n in ("triangles", "coordinates", "opaque")
-    )
+    assert all((getattr(again, n) == getattr(prepared.alpha, n)).all() for n in ("triangles", "coordinates", "opaque"))
 
 
 def test_effects_without_alpha_see_solid_triangles():
     prepared, moment, _ = holed()
     effects = replace(Effects.of(prepared.scene), alpha=False)
-    answers = Session(make_method("uniform_grid", {}), prepared, *SIZE, "cpu", effects=effects).answers(
-        moment
-    )
+    answers = Session(make_method("uniform_grid", {}), prepared, *SIZE, "cpu", effects=effects).answers(moment)
     assert not same(answers, answers_of("uniform_grid", {}, make(ball_on_floor(), None)))
     assert score_answers(Judge.of(prepared, moment, effects), answers).score.true_errors == 0

@@ -24,9 +24,7 @@ def test_raw_answers_score_the_same_elsewhere(ball, tmp_path):
     there = score_raw(path, folder=tmp_path / "truth").score
     assert there == here
     assert list((tmp_path / "truth").glob("*.npz"))
-    save_raw(
-        tmp_path / "answers" / "other-0.npz", ball.prepared, ball.moment, ball.answers(), "no such scene"
-    )
+    save_raw(tmp_path / "answers" / "other-0.npz", ball.prepared, ball.moment, ball.answers(), "no such scene")
     assert len(list((tmp_path / "answers").glob("mesh-*.npz"))) == 1
 
 
@@ -56,7 +54,5 @@ def test_a_file_that_is_none_is_one_line(tmp_path):
     with pytest.raises(UserError, match="not a file of raw answers"):
         score_raw(path)
     path.write_text("text")
-    with pytest.raises(
-        UserError, match=r"not a file of raw answers \(it is no \.npz file\); run its point again"
-    ):
+    with pytest.raises(UserError, match=r"not a file of raw answers \(it is no \.npz file\); run its point again"):
         score_raw(path)

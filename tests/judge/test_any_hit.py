@@ -32,8 +32,7 @@ def pictures(drawn: Example) -> tuple[Example, Example, int]:
     distance = 2.0 ** np.ceil(np.log2(max(ahead.max(), np.abs(drawn.points - light).max()) + 1e-30) + 1)
     half = np.tan(np.radians(camera.fov) / 2)
     corners = [
-        light + distance * (forward + 4 * half * (i * right + j * up))
-        for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        light + distance * (forward + 4 * half * (i * right + j * up)) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
     count, first = len(drawn.points), len(drawn.faces)
     mesh = drawn.with_geometry(

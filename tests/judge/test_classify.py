@@ -94,9 +94,7 @@ def shadow_class(x: float, bit: int, light=(0.0, 0.25, 5.0), lift: float = 1.0) 
     """A floor at z = 0, a square over it for x <= 0, a light: the class of a bit at (x, 0.25, 0)."""
     cover = QUAD * np.float32(8) + np.float32([-8, 0, lift])
     floor = QUAD * np.float32(4)
-    referee = Referee(
-        np.concatenate([floor, cover]), np.concatenate([QUAD_FACES, QUAD_FACES + 4]), np.ones(4)
-    )
+    referee = Referee(np.concatenate([floor, cover]), np.concatenate([QUAD_FACES, QUAD_FACES + 4]), np.ones(4))
     hits = referee.closest(np.float32([x, 0.25, min(0.5, lift / 2)]), np.float32([(0, 0, -1)]))
     assert hits.triangle[0] in (0, 1)
     return Verdict(int(referee.classify_shadow(hits, np.float32(light), np.array([bit]))[0])).name

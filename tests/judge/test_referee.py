@@ -48,9 +48,7 @@ def lattice_case(draw):
     point = st.tuples(whole, whole, whole)
     points = np.array(draw(st.lists(point, min_size=3, max_size=9)), dtype=np.float32)
     corner = st.integers(0, len(points) - 1)
-    faces = np.array(
-        draw(st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=10)), dtype=np.int32
-    )
+    faces = np.array(draw(st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=10)), dtype=np.int32)
     eye = np.array(draw(point), dtype=np.float32)
     targets = np.array(draw(st.lists(point, min_size=8, max_size=8)), dtype=np.float32)
     light = np.array(draw(point), dtype=np.float32)
@@ -88,14 +86,7 @@ def test_batches_and_tree_give_the_same_as_brute_force():
     points = (centres + rng.normal(scale=0.15, size=(250, 3, 3))).reshape(-1, 3).astype(np.float32)
     faces = np.arange(750, dtype=np.int32).reshape(-1, 3)
     directions = np.concatenate([rng.normal(size=(20, 3)), [[0, 0, -1], [0, -0.0, -1], [1, 0, 0]]])
-    compare(
-        points,
-        faces,
-        np.ones(250),
-        np.float32([0, 0, 3]),
-        directions.astype(np.float32),
-        np.float32([3, 3, 3]),
-    )
+    compare(points, faces, np.ones(250), np.float32([0, 0, 3]), directions.astype(np.float32), np.float32([3, 3, 3]))
 
 
 @pytest.mark.parametrize("exponent", [-140, -100, 0, 60, 120])
@@ -192,9 +183,7 @@ def test_rays_exactly_along_edges_with_long_mantissas():
     d = rng.integers(-(2**21), 2**21, size=(count, 3))
     w = rng.integers(-(2**21), 2**21, size=(count, 3))
     away = rng.integers(-(2**21), 2**21, size=(count, 3))
-    points = np.stack(
-        [o + d - w, o + d + w, o + d + away], axis=1
-    )  # the ray meets the middle of the first edge
+    points = np.stack([o + d - w, o + d + w, o + d + away], axis=1)  # the ray meets the middle of the first edge
     assert np.abs(points).max() < 2**24
     points = points.astype(np.float32)
     for i in range(count):
@@ -280,10 +269,7 @@ def test_small_occluders_touched_far_from_the_origin(axis):
         light = 4 * m - point3
         w, side = rng.integers(-4, 5, size=3), rng.integers(-4, 5, size=3)
         if axis is not None:
-            w, side = (
-                np.eye(3, dtype=int)[axis] * 3,
-                np.eye(3, dtype=int)[2 - axis] * int(rng.choice([-2, 2])),
-            )
+            w, side = (np.eye(3, dtype=int)[axis] * 3, np.eye(3, dtype=int)[2 - axis] * int(rng.choice([-2, 2])))
         w[1] = side[1] = 0
         floor = [(-size, 0, -size), (size, 0, -size), (0, 0, size)]
         # Four large triangles fill a leaf of the tree; the occluder's box is its own.

@@ -60,9 +60,7 @@ def test_invalid_triangles_keep_the_ids_of_the_others():
     square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
     odd = np.array([(np.nan, 0, 0.5), (np.inf, 0, 0.5), (-5, -5, 0.5), (0, 0, 0.5), (5, 5, 0.5)])
     faces = np.array([(4, 0, 1), (6, 7, 8), (0, 1, 2), (5, 0, 1), (0, 0, 1), (0, 2, 3), (6, 6, 6)])
-    scene = cases.make_scene(
-        np.concatenate([square, odd]), faces, Camera((0, 0, 3), (0, 0, 0)), Light((0.3, 0.2, 2.0))
-    )
+    scene = cases.make_scene(np.concatenate([square, odd]), faces, Camera((0, 0, 3), (0, 0, 0)), Light((0.3, 0.2, 2.0)))
     prepared = prepare(scene)
     moment = prepared.moment(0, 32, 32)
     assert moment.valid.tolist() == [0, 0, 1, 0, 0, 1, 0]
@@ -143,9 +141,7 @@ def test_provenance_says_what_was_traced_and_by_what(ball):
     assert facts["robust"] is True
     assert facts["embreex"][0].isdigit()
     assert {"mesh", "rays", "lights", "key", "processor"} <= set(facts)
-    other = embree_reference(
-        prepared, prepared.moment(0, 72, 54, lights=(Light((0, 9, 0)), Light((1, 9, 0))))
-    )
+    other = embree_reference(prepared, prepared.moment(0, 72, 54, lights=(Light((0, 9, 0)), Light((1, 9, 0)))))
     assert other.provenance["mesh"] == facts["mesh"]
     assert other.provenance["lights"] != facts["lights"]
 

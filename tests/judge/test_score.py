@@ -8,15 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
-from helpers.answered_scene import (
-    HEIGHT,
-    WIDTH,
-    AnsweredScene,
-    answered_ball,
-    floor_pixel,
-    plant_hole,
-    sky_pixel,
-)
+from helpers.answered_scene import HEIGHT, WIDTH, AnsweredScene, answered_ball, floor_pixel, plant_hole, sky_pixel
 from shadowbench.harness.judge.consistency import check_consistency
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
@@ -85,8 +77,7 @@ def plant_u(case, answers):
 
 
 @pytest.mark.parametrize(
-    "plant",
-    [plant_hole, plant_floor_seen_through_the_ball, plant_hit_in_the_sky, plant_t, plant_u],
+    "plant", [plant_hole, plant_floor_seen_through_the_ball, plant_hit_in_the_sky, plant_t, plant_u]
 )
 def test_a_planted_primary_error_is_true(ball, plant):
     answers = ball.answers()

@@ -32,9 +32,7 @@ def test_both_judges_excuse_the_same() -> None:
     """Misses and leaks from a hundredth to thirty times the bound beside edges."""
     counts: dict[str, int] = {}
     assert [one for seed in range(12) for one in excuses(seed, 40, counts)] == []
-    assert min(counts[f"{what} {excused}"] for what in ("miss", "leak") for excused in (True, False)) > 15, (
-        counts
-    )
+    assert min(counts[f"{what} {excused}"] for what in ("miss", "leak") for excused in (True, False)) > 15, counts
 
 
 def test_another_bound_shows(monkeypatch) -> None:
@@ -76,9 +74,7 @@ def exactly_but_for(values):
 
 def test_the_contract() -> None:
     """What docs/accuracy.md says in words, by hand."""
-    points = np.concatenate(
-        [SQUARE, SQUARE + np.float32([0, 0, 2]), np.float32([(np.nan, 0, 0.5), (0, 0, 0.5)])]
-    )
+    points = np.concatenate([SQUARE, SQUARE + np.float32([0, 0, 2]), np.float32([(np.nan, 0, 0.5), (0, 0, 0.5)])])
     faces = np.concatenate([HALVES, HALVES + 4, np.int32([(0, 1, 8), (9, 9, 1), (2, 1, 0)])])
     judge = SecondJudge(points, faces)
     assert [k for k in range(7) if judge.flat(k)] == [0, 1, 2, 3, 6]  # not finite, no area
@@ -107,13 +103,7 @@ def test_holes_are_open_and_what_is_opaque_is_closed() -> None:
     texture = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])
     bitmap = Bitmap(np.ones(2, np.uint8), texture[HALVES], np.uint8([[1, 0], [0, 0]]))
     judge = SecondJudge(SQUARE, HALVES, bitmap)
-    places = {
-        (-0.5, -0.5): True,
-        (0.5, -0.5): False,
-        (0.0, -0.25): True,
-        (-0.25, 0.0): True,
-        (0.0, 0.25): False,
-    }
+    places = {(-0.5, -0.5): True, (0.5, -0.5): False, (0.0, -0.25): True, (-0.25, 0.0): True, (0.0, 0.25): False}
     places[-1.0, 0.5] = False  # the bitmap repeats: texels on the far side touch, too
     places[-1.0, -0.5] = True
     for (x, y), solid in places.items():

@@ -168,9 +168,7 @@ def test_mirrored_rays_that_are_the_same_are_charged_too(monkeypatch):
     trial = case.make()
     moment = trial.moment
     judge = Judge.of(trial.prepared, moment)
-    right = Session(make_method("uniform_grid"), trial.prepared, moment.width, moment.height, "cpu").answers(
-        moment
-    )
+    right = Session(make_method("uniform_grid"), trial.prepared, moment.width, moment.height, "cpu").answers(moment)
     pixel = int(np.nonzero(right["bounce_shadowed"][0][0])[0][40])
     plain = context.reference_for
 
@@ -195,6 +193,6 @@ def test_mirrored_rays_that_are_the_same_are_charged_too(monkeypatch):
     assert [score.bounces[0].shadow[0].leak for score in scores] == [0, 1, 0]
     assert [score.bounces[0].true_errors for score in scores][:2] == [0, 1]
     assert [score.true_errors for score in scores][:2] == [0, 1]
-    assert {
-        (one["bounce"], one["kind"], one["light"]) for one in scores[1].examples if one.get("settled")
-    } == {(1, "leak", 0)}
+    assert {(one["bounce"], one["kind"], one["light"]) for one in scores[1].examples if one.get("settled")} == {
+        (1, "leak", 0)
+    }

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.compiled_variants import (
-    FACTORIES,
-    WITHOUT_FACTORY,
-    Compiled,
-    compiled_variants,
-)
+from helpers.compiled_variants import FACTORIES, WITHOUT_FACTORY, Compiled, compiled_variants
 from helpers.paper_knobs import answers_of, drawn
 from shadowbench.harness.frame.effects import specialise
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -83,12 +78,7 @@ def scenes() -> dict[tuple[str, ...], Prepared]:
     def holed(prepared: Prepared) -> Prepared:
         return prepare(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
 
-    return {
-        (): plain,
-        ("receivers",): spotted,
-        ("alpha",): holed(plain),
-        ("receivers", "alpha"): holed(spotted),
-    }
+    return {(): plain, ("receivers",): spotted, ("alpha",): holed(plain), ("receivers", "alpha"): holed(spotted)}
 
 
 def test_the_list_is_short_and_names_every_effect_that_kernels_branch_on():

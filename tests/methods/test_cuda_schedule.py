@@ -69,14 +69,7 @@ def test_frames_in_part_share_nothing_either(name, settings, given, monkeypatch)
     """What a frame leaves out, because little has moved, parted forks that must stay apart."""
     prepared = scene(**SCENES[given])
     session = session_for_cuda(name, settings, prepared, monkeypatch)
-    for changed in (
-        {"light/0"},
-        {"light/1"},
-        {"light/0", "light/1"},
-        {"camera"},
-        {"camera", "light/0"},
-        {"points"},
-    ):
+    for changed in ({"light/0"}, {"light/1"}, {"light/0", "light/1"}, {"camera"}, {"camera", "light/0"}, {"points"}):
         refuse_shared(stale(session.all_passes, changed))
 
 

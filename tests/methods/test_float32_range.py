@@ -17,12 +17,7 @@ from shadowbench.methods.exact.segment import may_occlude
 from shadowbench.methods.exact.triangle import may_hit
 from shadowbench.methods.perspective_spherical.camera.ray_tests import passes_bounded, plane_record
 from shadowbench.methods.perspective_spherical.camera.tiles import screen_triangle, tile_missed
-from shadowbench.methods.perspective_spherical.light.segment_tests import (
-    NO,
-    YES,
-    segment_bounded,
-    segment_exact,
-)
+from shadowbench.methods.perspective_spherical.light.segment_tests import NO, YES, segment_bounded, segment_exact
 from shadowbench.methods.streams.camera.pixels import edge_planes, least_edge, sign_bound
 from shadowbench.methods.streams.cube.aim import Cube
 from shadowbench.methods.streams.cube.footprint import sides_of_planes

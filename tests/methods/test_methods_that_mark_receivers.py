@@ -54,9 +54,7 @@ def test_a_method_marks_the_receivers_that_the_harness_marks(method, settings, n
             np.testing.assert_array_equal(found[key], values, key)
     passes = [work.name for work in marked.all_passes]
     assert "light 0: receivers" not in passes
-    assert not [
-        work.name for work in marked.all_passes if work.only_if is not None and "bounce" not in work.name
-    ]
+    assert not [work.name for work in marked.all_passes if work.only_if is not None and "bounce" not in work.name]
 
 
 @pytest.mark.skipif(wp.is_cuda_available(), reason="a GPU has no pass for receivers")

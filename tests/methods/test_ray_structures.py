@@ -79,14 +79,10 @@ WRONG = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"), [(name, seed) for name, (seeds, _) in DRAWN.items() for seed in seeds]
-)
+@pytest.mark.parametrize(("name", "seed"), [(name, seed) for name, (seeds, _) in DRAWN.items() for seed in seeds])
 def test_random_scenes_equal_brute_force(name, seed, device):
     settings = DRAWN[name][1](np.random.default_rng(seed))
-    assert_exact(
-        name, {key: str(value) for key, value in settings.items()}, *random_trial(seed % 100), device
-    )
+    assert_exact(name, {key: str(value) for key, value in settings.items()}, *random_trial(seed % 100), device)
 
 
 @pytest.mark.parametrize("trial", TRIALS)

@@ -76,9 +76,7 @@ def test_the_stories_have_shadows_in_every_frame() -> None:
 def test_a_directional_light_and_its_post_keep_their_distance_from_the_mesh() -> None:
     for moment in STORIES["followed"].moments:
         size = np.abs(moment.points).max()
-        light, post = (
-            np.linalg.norm(place[0].astype(np.float64)) for place in (moment.lights, moment.proxy_positions)
-        )
+        light, post = (np.linalg.norm(place[0].astype(np.float64)) for place in (moment.lights, moment.proxy_positions))
         assert 2.0**55 <= light / size <= 2.0**62
         assert 2.0**23 <= post / size <= 2.0**30
         assert np.abs(moment.points).max() <= moment.max_coordinate[0]

@@ -28,9 +28,7 @@ def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside(
     vertices, faces = grid_of_squares(5)
     for wound in (faces, faces[:, ::-1]):  # inward or outward, as long as it is consistent
         both = np.concatenate([vertices, vertices * 0.5 + [1.9, 0.4, 0.2]])
-        prepared = make_scene(
-            both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0)
-        )
+        prepared = make_scene(both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0))
         scene = dataclasses.replace(prepared.scene, closed=True)
         _, _, off = knob_answers(prepared, 61, 47, {})
         pairs = []
@@ -46,9 +44,7 @@ def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside(
 
 
 def traced(trial, **settings: str) -> dict[str, np.ndarray]:
-    session = Session(
-        make_method(NAME, settings), trial.prepared, trial.moment.width, trial.moment.height, "cpu"
-    )
+    session = Session(make_method(NAME, settings), trial.prepared, trial.moment.width, trial.moment.height, "cpu")
     return session.answers(trial.moment)
 
 
@@ -103,9 +99,7 @@ def test_an_eye_or_a_light_in_any_body_is_refused(example: Example) -> None:
             assert "eye outside" in refused(seen, "primary")
 
 
-@pytest.mark.parametrize(
-    ("towards", "half", "deepest"), [((1, 0.4, -0.8), 0.7, 2), ((-0.3, 0.9, -0.5), 0.45, 3)]
-)
+@pytest.mark.parametrize(("towards", "half", "deepest"), [((1, 0.4, -0.8), 0.7, 2), ((-0.3, 0.9, -0.5), 0.45, 3)])
 def test_inexact_tests_would_lose_hits(towards, half, deepest):
     """A ray through a vertex of the front slips through and meets the back's inside; culled, it meets nothing."""
     hits = {}
@@ -137,9 +131,7 @@ def test_culling_is_refused_with_a_test_that_is_not_exact(cull, triangle_test):
 
 
 def test_the_papers_configuration_applies_to_every_scene():
-    assert (
-        make_method(NAME, PAPER).applies(cube((0.0, 0.0, 7.0), (0.1, 0.2, 0.3), closed=False), "cpu") is None
-    )
+    assert make_method(NAME, PAPER).applies(cube((0.0, 0.0, 7.0), (0.1, 0.2, 0.3), closed=False), "cpu") is None
     assert make_method(NAME, PAPER).applies(cube((0.0, 0.0, 7.0), (1.0, 2.0, 7.0)), "cpu") is None
 
 
@@ -213,16 +205,12 @@ class Straight:
     step: tuple[float, float, float]
 
     def at(self, lights, share):
-        return tuple(
-            light.moved(tuple(np.add(self.start, np.multiply(self.step, share)))) for light in lights
-        )
+        return tuple(light.moved(tuple(np.add(self.start, np.multiply(self.step, share)))) for light in lights)
 
 
 def test_a_light_that_passes_through_is_refused_between_its_first_and_last_frame():
     """An orbit, and a way outwards, each with one frame of 33 inside the cube, of which no frame is a multiple of 8."""
-    orbit = Orbit(
-        centre=(12.0, 0.0, 0.0)
-    )  # at (12, 0, 0) +- 12: the cube's middle at one share, the rest far away
+    orbit = Orbit(centre=(12.0, 0.0, 0.0))  # at (12, 0, 0) +- 12: the cube's middle at one share, the rest far away
     start = (12.0 - 12.0 * np.cos(2 * np.pi * 5 / 32), 0.0, 12.0 * np.sin(2 * np.pi * 5 / 32))
     for turn in (1.0, -1.0):
         path = dataclasses.replace(orbit, turns=turn)

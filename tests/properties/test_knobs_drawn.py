@@ -45,8 +45,6 @@ def test_no_knob_changes_a_bit_of_staged_kernels(triangle_test: str, example: Ex
     wp.config.enable_cpu_blocks = True
     try:
         tile, k = ("8", "1") if example.settings[NAME]["k"] == "1" else ("4", "2")
-        assert_same_as_plainest(
-            example, triangle_test, tile=tile, k=k, r="40", staging="shared", triangle_chunk=chunk
-        )
+        assert_same_as_plainest(example, triangle_test, tile=tile, k=k, r="40", staging="shared", triangle_chunk=chunk)
     finally:
         wp.config.enable_cpu_blocks = wide

@@ -58,9 +58,7 @@ class Lit:
         self.lights = dict(zip(RADII, lights, strict=True))
         self.prepared = under(whole, replace(whole.scene, lights=tuple(lights), light_path=None))
         exact = self.traced("warp_bvh", {"update": "bvh_rebuild"}, self.prepared.moment(0, SIZE, SIZE))
-        self.exact = {
-            radii: {**exact, "shadowed": exact["shadowed"][i : i + 1]} for i, radii in enumerate(RADII)
-        }
+        self.exact = {radii: {**exact, "shadowed": exact["shadowed"][i : i + 1]} for i, radii in enumerate(RADII)}
 
     def answers(self, settings: dict[str, str], radii: float) -> dict[str, NDArray]:
         light = (self.lights[radii],)
@@ -101,9 +99,7 @@ def check(name: str, turn: int) -> None:
     for light_map, clamp, aimed, radii in combinations(count <= SMALL, None if EVERYTHING else turn):
         settings = {**COARSE, "light_map": light_map, "clamp": clamp, "aimed": aimed}
         assert_same(lit.answers(settings, radii), lit.exact[radii], (light_map, clamp, aimed, radii))
-    assert_same(
-        lit.answers({**COARSE, "precision": "float32-centred"}, 1e7), lit.exact[1e7], "float32-centred"
-    )
+    assert_same(lit.answers({**COARSE, "precision": "float32-centred"}, 1e7), lit.exact[1e7], "float32-centred")
     others = TRIANGLE_TESTS[1:]
     for test in others if EVERYTHING else others[turn % len(others) :][:1]:
         settings = {**COARSE, "triangle_test": test}
@@ -129,12 +125,8 @@ def test_every_combination_that_is_named_is_traced(small):
     """Of the small and of the whole scenes together, the real ones not counted."""
     every = [one for turn in range(len(STAND_INS)) for one in combinations(small, turn)]
     assert len(set(every)) == (3 * 4 * (4 + 3) if small else len(set(every)))
-    assert {(light_map, clamp) for light_map, clamp, _, _ in every} == {
-        (m, c) for m in LIGHT_MAPS for c in CLAMPS
-    }
-    assert {(light_map, radii) for light_map, _, _, radii in every} == {
-        (m, r) for m in LIGHT_MAPS for r in RADII
-    }
+    assert {(light_map, clamp) for light_map, clamp, _, _ in every} == {(m, c) for m in LIGHT_MAPS for c in CLAMPS}
+    assert {(light_map, radii) for light_map, _, _, radii in every} == {(m, r) for m in LIGHT_MAPS for r in RADII}
     for light_map in LIGHT_MAPS:
         assert {aimed for m, _, aimed, radii in every if m == light_map and radii <= 1e3} == {"true", "false"}
     assert len({(clamp, radii) for _, clamp, _, radii in every}) >= 12

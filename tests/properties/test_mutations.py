@@ -339,11 +339,7 @@ def plant(planted: Planted, folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
     path = folder / f"{planted.function}.py"
     path.write_text((INSIDE32 if "inside32" in source else "") + source)
     # The same names as at home, in a module of its own: Warp compiles a changed kernel apart from the real ones.
-    names = {
-        **vars(planted.home),
-        **vars(planted.user),
-        "__name__": f"planted_{folder.name}_{planted.function}",
-    }
+    names = {**vars(planted.home), **vars(planted.user), "__name__": f"planted_{folder.name}_{planted.function}"}
     monkeypatch.setitem(sys.modules, names["__name__"], types.ModuleType(names["__name__"]))
     exec(compile(path.read_text(), str(path), "exec"), names)
     monkeypatch.setattr(planted.user, planted.function, names[planted.function])

@@ -66,9 +66,7 @@ def test_a_power_of_two_changes_t_only_by_it(example: Example, power: int) -> No
 
 def turned(example: Example, turn: int) -> Example:
     camera = example.camera
-    eye, target, up = (
-        tuple(np.roll(place, turn).tolist()) for place in (camera.eye, camera.target, camera.up)
-    )
+    eye, target, up = (tuple(np.roll(place, turn).tolist()) for place in (camera.eye, camera.target, camera.up))
     return replace(
         example, points=np.roll(example.points, turn, axis=1), lights=np.roll(example.lights, turn, axis=1),
         camera=Camera(eye, target, up, camera.fov),
@@ -133,9 +131,7 @@ def test_turning_and_moving_changes_only_what_rounding_excuses(
     assert true_errors(other) == {}
     trial = example.trial()
     referee = Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
-    hits = referee.closest(
-        trial.moment.eye, trial.moment.directions(np.arange(example.size[0] * example.size[1]))
-    )
+    hits = referee.closest(trial.moment.eye, trial.moment.directions(np.arange(example.size[0] * example.size[1])))
     given_ = answers_of(other, METHODS[0])["triangle"]
     classes = referee.classify_primary(hits, given_)
     wrong = np.nonzero(np.isin(classes, (Verdict.TRUE, Verdict.INVALID)))[0]
@@ -144,8 +140,7 @@ def test_turning_and_moving_changes_only_what_rounding_excuses(
 
 EXAMPLES_FOUND = Path(__file__).parents[1] / "data" / "examples"
 PINHOLE, DIAGONAL = (
-    Example.thawed(json.loads((EXAMPLES_FOUND / f"{name}.json").read_text()))
-    for name in ("pinhole", "diagonal")
+    Example.thawed(json.loads((EXAMPLES_FOUND / f"{name}.json").read_text())) for name in ("pinhole", "diagonal")
 )
 """A ray leaves the mesh beside a vertex by 4e-16: two equal triangles are hit in float64, none in exact arithmetic. And
 one passes the diagonal of a rectangle: both triangles are hit in float64, one in exact arithmetic."""
@@ -183,8 +178,7 @@ def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> N
 def test_adding_triangles_brings_nothing_to_light(example: Example, more: Example) -> None:
     """Where the closest hit stays the same, a shadowed point stays shadowed; and no hit moves away."""
     added = example.with_geometry(
-        np.concatenate([example.points, more.points]),
-        np.concatenate([example.faces, more.faces + len(example.points)]),
+        np.concatenate([example.points, more.points]), np.concatenate([example.faces, more.faces + len(example.points)])
     )
     if added.trial().prepared.centre.any() or example.trial().prepared.centre.any():
         return  # recentring by another point rounds the mesh anew
@@ -236,9 +230,7 @@ def test_lights_at_one_place_agree(example: Example, count: int) -> None:
 
 @some(20)
 @given(EXAMPLES, st.sampled_from([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.3, 0.2, -0.9)]))
-def test_a_spot_of_the_whole_sphere_is_a_point_light(
-    example: Example, direction: tuple[float, float, float]
-) -> None:
+def test_a_spot_of_the_whole_sphere_is_a_point_light(example: Example, direction: tuple[float, float, float]) -> None:
     """A cone with a half-angle of 180 degrees leaves no receiver out, whatever it points at."""
     prepared = example.trial().prepared
     lights = prepared.scene.lights
@@ -298,9 +290,7 @@ def test_examples_are_worth_drawing() -> None:
 
 
 @pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize(
-    "data", [b"", b"\xff" * LENGTH, bytes(range(256)) * 2], ids=["zeros", "ones", "count"]
-)
+@pytest.mark.parametrize("data", [b"", b"\xff" * LENGTH, bytes(range(256)) * 2], ids=["zeros", "ones", "count"])
 def test_any_bytes_are_an_example_and_freeze_exactly(data: bytes, closed: bool) -> None:
     example = decode(data, closed=closed)
     assert (example.bodies is not None) or not closed

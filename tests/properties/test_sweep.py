@@ -61,10 +61,7 @@ def placed(trial: Trial, scale: float, sizes: float) -> Trial:
         light if light.directional else replace(light, position=at(light.position)) for light in scene.lights
     )
     moved = replace(
-        scene,
-        camera=camera,
-        lights=lights,
-        geometry=lambda: Geometry.static(points * scale + step, geometry.faces),
+        scene, camera=camera, lights=lights, geometry=lambda: Geometry.static(points * scale + step, geometry.faces)
     )
     prepared = prepare(moved)
     moment = prepared.moment(0, trial.moment.width, trial.moment.height)

@@ -64,9 +64,7 @@ def beside(random: Random, found: F64) -> F64:
 def place(random: Random, found: F64, size: float) -> F64:
     """On a triangle, or beside it by little; anywhere in its plane; beside an edge; or anywhere."""
     kind, a, b, c = random.integers(5), *found[random.integers(len(found))][random.permutation(3)]
-    weights = ((1, 0, 0), (0.5, 0.5, 0), (0.5, 0.25, 0.25), tuple(random.dirichlet((1, 1, 1))))[
-        random.integers(4)
-    ]
+    weights = ((1, 0, 0), (0.5, 0.5, 0), (0.5, 0.25, 0.25), tuple(random.dirichlet((1, 1, 1))))[random.integers(4)]
     point = np.array(weights) @ (a, b, c)
     if kind == 1:
         point = point + random.normal(size=3) * np.abs(point).max() * magnitude(random, -14, 0)
@@ -93,9 +91,7 @@ def unlike(seed: int) -> Trial:
         way = points[0] - target
         middle = target + way * (share if random.uniform() < 0.5 else 1 - share)
         arms = random.normal(size=(2, 3)) * np.abs(way).max() * magnitude(random, -6, 3)
-        found = np.concatenate(
-            [found, [middle + arms[0], middle + arms[1], middle - arms.sum(axis=0)]], axis=None
-        )
+        found = np.concatenate([found, [middle + arms[0], middle + arms[1], middle - arms.sum(axis=0)]], axis=None)
     lights: list[Light] = []
     for point in points:
         aim, x = beside(random, found.reshape(-1, 3, 3)) - point, tuple(point.tolist())

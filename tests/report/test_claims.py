@@ -199,9 +199,7 @@ def test_large_triangles_are_judged_by_the_papers_grids_where_a_tree_is_beside_t
                               record_of("frame_time", known["uniform grid"], scene, ms=8.0 if large else 2.0)])  # fmt: skip
     found = starting(tmp_path, "Large triangles")
     assert found["verdict"] == claims.OPEN
-    assert (
-        "both paper-faithful and the tree is not measured; our configuration: can't tell" in found["numbers"]
-    )
+    assert "both paper-faithful and the tree is not measured; our configuration: can't tell" in found["numbers"]
     assert "1.10 times as much with large ones" in found["numbers"]
     for scene in SIX:
         write_records(tmp_path / "a", [ablated(BASE, 3.0 if scene in judges.LARGE else 2.0, scene),
@@ -216,9 +214,7 @@ def test_culling_is_judged_with_the_exact_test_and_wrong_answers_are_named(tmp_p
     write_records(tmp_path / "a", [ablated(BASE, 10.0, "buddha", **{"camera pairs": 100})])
     found = starting(tmp_path, "Culling")
     assert found["verdict"] == claims.OPEN
-    assert (
-        "a closed scene culled with the exact triangle test is not measured; run ablation" in found["numbers"]
-    )
+    assert "a closed scene culled with the exact triangle test is not measured; run ablation" in found["numbers"]
     culled = ablated(CULLED, 8.0, "buddha", **{"camera pairs": 48})
     write_records(tmp_path / "a", [culled, ablated(EXACT, 10.0, "buddha", **{"camera pairs": 100})])
     found = starting(tmp_path, "Culling")
@@ -234,9 +230,7 @@ def test_culling_is_judged_with_the_exact_test_and_wrong_answers_are_named(tmp_p
 def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_there_are_are_told(tmp_path):
     passes = [("light 0: map rays", "shadow", 3.0), ("primary rays", "trace", 1.0)]
     low = record_of("figure10", entries("figure10")[BASE], "cloth", passes=passes, size=32, frames=3)
-    high = record_of(
-        "figure10", entries("figure10")[BASE], "cloth", passes=[(n, p, 2 * x) for n, p, x in passes]
-    )
+    high = record_of("figure10", entries("figure10")[BASE], "cloth", passes=[(n, p, 2 * x) for n, p, x in passes])
     high["method"]["source_sha256"] = "0123456789"
     write_records(tmp_path / "one", [high])
     write_records(tmp_path / "two", [low])
@@ -301,16 +295,12 @@ def test_the_papers_configuration_decides_and_ours_stands_beside_it(together):
 
 def test_without_an_unbalanced_curve_load_balancing_cannot_be_told(tmp_path):
     write_records(
-        tmp_path / "a",
-        [r for r in moved({1.0: (2, 3, 4), 9.0: (2, 3, 9)}) if r["method"]["settings"]["r"] != "65536"],
+        tmp_path / "a", [r for r in moved({1.0: (2, 3, 4), 9.0: (2, 3, 9)}) if r["method"]["settings"]["r"] != "65536"]
     )
     write_records(tmp_path / "b", [ablated("no load balancing", 15.0), ablated(BASE, 10.0)])
     found = starting(tmp_path, "Load balancing")
     assert found["verdict"] == claims.OPEN
-    assert (
-        "without load balancing (r = 65536) at two distances is not measured; run figure11"
-        in found["numbers"]
-    )
+    assert "without load balancing (r = 65536) at two distances is not measured; run figure11" in found["numbers"]
 
 
 @pytest.mark.parametrize(

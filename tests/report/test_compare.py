@@ -92,10 +92,7 @@ def test_a_ratio_has_the_range_of_its_rounds(tmp_path):
 
 def test_any_measure_of_a_pair_is_over_the_common_frames(tmp_path):
     ours, tree = two(frames=2)
-    ours["frames"][1] = {
-        **ours["frames"][1],
-        "passes": [{"name": "all rays", "part": "shadow", "ms": [40.0, 40.0]}],
-    }
+    ours["frames"][1] = {**ours["frames"][1], "passes": [{"name": "all rays", "part": "shadow", "ms": [40.0, 40.0]}]}
     del tree["frames"][1]
     frames = document.frames(write_records(tmp_path, [ours, tree]))
     one, other = compare.pairs(frames, frames["label"] == "tree")
@@ -113,6 +110,4 @@ def test_lightings_that_were_not_measured_in_turn_are_named(tmp_path, starts, sa
     frames = document.frames(write_records(tmp_path, records))
     assert compare.in_sequence(frames) == [compare.ONE_BY_ONE] * said
     assert compare.in_sequence(frames[frames["label"] == "ours"]) == [], "one method alone does not tell"
-    assert compare.in_sequence(frames.assign(run="a+b")) == [], (
-        "what a run continued is in an order of its own"
-    )
+    assert compare.in_sequence(frames.assign(run="a+b")) == [], "what a run continued is in an order of its own"

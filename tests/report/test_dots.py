@@ -20,9 +20,7 @@ def drawn(monkeypatch, tmp_path: Path, table: pd.DataFrame, **changes) -> Figure
 
 
 def test_equal_values_of_a_row_hide_no_marker(monkeypatch, tmp_path):
-    table = pd.DataFrame(
-        [(row, scene, 1.0) for row in "ab" for scene in "stuv"], columns=["row", "scene", "x"]
-    )
+    table = pd.DataFrame([(row, scene, 1.0) for row in "ab" for scene in "stuv"], columns=["row", "scene", "x"])
     (axes,) = drawn(monkeypatch, tmp_path, table).axes
     heights = sorted(y for line in axes.lines[1:] for y in line.get_ydata())
     apart = 72 * 0.3 * min(b - a for a, b in itertools.pairwise(heights))

@@ -41,9 +41,7 @@ def test_points_of_two_runs_are_never_compared(tmp_path):
     write_records(tmp_path / "a", pair(1.0)[:1])
     write_records(tmp_path / "b", pair(1.0)[1:])
     assert [ours_over_tree(e) for e in collect(tmp_path).evidence("frame_time")] == [{}, {}]
-    write_records(
-        tmp_path / "c", [changed(r, environment=e) for r, e in zip(pair(1.0, "fairy"), "ef", strict=True)]
-    )
+    write_records(tmp_path / "c", [changed(r, environment=e) for r, e in zip(pair(1.0, "fairy"), "ef", strict=True)])
     assert [ours_over_tree(e) for e in collect(tmp_path / "c").evidence("frame_time")] == [{}, {}]
 
 

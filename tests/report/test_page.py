@@ -34,9 +34,7 @@ def test_the_page_is_one_file_without_an_address_to_fetch(page):
     assert "default-src 'none'" in html
     assert re.findall(r"""(?:src|href)=["'](?!#|data:)""", html.split('<script id="data"')[0]) == []
     assert "Leon Sorokin" in html, "the licence of the charting library"
-    assert "<b>" not in html.split('<script id="data"')[1].split("</script>")[0], (
-        "no text of a record is markup"
-    )
+    assert "<b>" not in html.split('<script id="data"')[1].split("</script>")[0], "no text of a record is markup"
 
 
 def test_ratios_are_those_of_compare_and_unlike_points_have_none(page):
@@ -57,9 +55,7 @@ def test_ratios_are_those_of_compare_and_unlike_points_have_none(page):
 
 def rows_of(packed):
     lists = {
-        name: values
-        if isinstance(values, list)
-        else [i if i is None else values["d"][i] for i in values["i"]]
+        name: values if isinstance(values, list) else [i if i is None else values["d"][i] for i in values["i"]]
         for name, values in packed["columns"].items()
     }
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
@@ -71,10 +67,7 @@ def test_numbers_have_the_digits_and_marks_of_the_tables(page, results):
     told = document.named(frames)["ms"].fillna("-")
     rows = rows_of(data_of(page)["points"])
     assert {f"{row['folder']}/{row['key']}": row["text.total_ms"] or "-" for row in rows} == dict(told)
-    assert {row["text.total_ms"] for row in rows if row["folder"] == "other/frame_time"} == {
-        "0.707",
-        "2.73 [1/3]",
-    }
+    assert {row["text.total_ms"] for row in rows if row["folder"] == "other/frame_time"} == {"0.707", "2.73 [1/3]"}
     assert {row["text.build_ms"] for row in rows if row["light_label"] == "one light"} == {"~0"}
 
 

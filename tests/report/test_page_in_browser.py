@@ -15,7 +15,9 @@ VIEWS = (
 )  # fmt: skip
 
 
-SAVED = "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
+SAVED = (
+    "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
+)
 pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
 
 
@@ -55,17 +57,12 @@ def visit(driver, page):
     yield go
     assert [entry["message"] for entry in driver.get_log("browser")] == []
     events = [json.loads(entry["message"])["message"] for entry in driver.get_log("performance")]
-    asked = {
-        e["params"]["request"]["url"].split("#")[0]
-        for e in events
-        if e["method"] == "Network.requestWillBeSent"
-    }
+    asked = {e["params"]["request"]["url"].split("#")[0] for e in events if e["method"] == "Network.requestWillBeSent"}
     assert {url for url in asked if not url.startswith(("data:", "blob:", "about:"))} <= {f"file://{page}"}
 
 
 def settle(
-    driver,
-    until="return document.querySelector('main').dataset.ready === document.querySelector('main').dataset.view",
+    driver, until="return document.querySelector('main').dataset.ready === document.querySelector('main').dataset.view"
 ):
     for _ in range(1200):
         if driver.execute_script(until):
@@ -147,9 +144,7 @@ def test_the_first_screen_has_the_finding_and_the_fastest_of_each_kind(visit):
     lead, chart = css(found, ".lead")[0], css(found, ".kinds")[0]
     assert "the next, tree, takes 4.00 times as long" in lead.text
     assert lead.rect["y"] < chart.rect["y"] < 500
-    marks = {
-        mark.get_attribute("aria-label"): mark.get_attribute("class") for mark in css(found, ".kinds .dot")
-    }
+    marks = {mark.get_attribute("aria-label"): mark.get_attribute("class") for mark in css(found, ".kinds .dot")}
     assert {name.split(",")[0] for name in marks} == {"grids", "tree", "map & <b>"}
     assert [name for name, kind in marks.items() if "bad" in kind] == [
         "map & <b>, Cloth (stand-in): 0.253 ms ✗ 7 wrong"
@@ -169,9 +164,7 @@ def test_errors_stand_against_time_with_the_front(visit):
     found = visit("view=scatter&s=frame_time&ss=Cloth+(stand-in),+64\N{MULTIPLICATION SIGN}64")
     on_it = {row.text.split()[0] for row in css(found, ".split tbody tr") if row.text.endswith("on it")}
     assert on_it == {"map", "grids"}
-    left = {
-        mark.get_attribute("aria-label").split(",")[0]: mark.rect["x"] for mark in css(found, ".plane .dot")
-    }
+    left = {mark.get_attribute("aria-label").split(",")[0]: mark.rect["x"] for mark in css(found, ".plane .dot")}
     assert left["map & <b>"] < left["grids"] < left["tree"]
     assert css(found, ".front polyline")
 
@@ -254,9 +247,7 @@ def test_dragging_zooms_a_logarithmic_chart_and_a_button_shows_all_again(visit):
     from selenium.webdriver import ActionChains
 
     found = visit("view=curves&c=figure11&y=total_ms")
-    scales = (
-        "const {x, y} = document.querySelector('.plot')._plot.scales; return [x.min, x.max, y.min, y.max]"
-    )
+    scales = "const {x, y} = document.querySelector('.plot')._plot.scales; return [x.min, x.max, y.min, y.max]"
     whole = found.execute_script(scales)
     drag = ActionChains(found).move_to_element_with_offset(css(found, ".u-over")[0], 20, -60)
     drag.click_and_hold().move_by_offset(70, 70).release().perform()
@@ -273,9 +264,7 @@ def test_pictures_part_under_a_slider_with_wrong_pixels_marked(visit):
     found = visit("view=pictures")
     assert "acne" in css(found, ".legend")[0].text
     assert "64" in css(found, ".legend")[0].text
-    pixel = (
-        "return [...document.querySelector('.over canvas').getContext('2d').getImageData(1, 1, 1, 1).data]"
-    )
+    pixel = "return [...document.querySelector('.over canvas').getContext('2d').getImageData(1, 1, 1, 1).data]"
     assert found.execute_script(pixel)[:3] == [235, 90, 0]
     slider = css(found, ".under-picture input")[0]
     slider.send_keys(Keys.HOME)
@@ -299,9 +288,7 @@ def test_heat_maps_share_a_scale_and_tell_their_counts(visit):
     first, *lines = css(found, "#tip")[0].text.splitlines()
     x, y = map(int, re.fullmatch(r"pixel (\d+), (\d+)", first).groups())
     told = dict(zip(lines[::2], lines[1::2], strict=True))
-    assert told == {
-        name: f"{(16 * y + x) * most // 255} tests" for name, most in (("grids", 300), ("tree", 9))
-    }
+    assert told == {name: f"{(16 * y + x) * most // 255} tests" for name, most in (("grids", 300), ("tree", 9))}
 
 
 def test_the_keyboard_alone_reaches_everything(visit):
@@ -329,9 +316,7 @@ def test_the_keyboard_alone_reaches_everything(visit):
     settle(found, "return !document.querySelector('dialog[open]') && !location.href.includes('point=')")
     found.execute_script("document.querySelector('details.pick summary').focus()")
     press(found, Keys.ENTER, Keys.TAB, Keys.SPACE)
-    assert len(css(found, "details.pick[open] input:checked:focus")) == 1, (
-        "drawing anew leaves the focus where it was"
-    )
+    assert len(css(found, "details.pick[open] input:checked:focus")) == 1, "drawing anew leaves the focus where it was"
     assert "exp=" in found.current_url
     press(found, Keys.ESCAPE)
     assert css(found, "details.pick[open]") == []

@@ -45,15 +45,12 @@ def test_a_bar_is_as_long_as_the_time_beside_it_says():
     assert [bar.get_width() for bar in axes.patches] == pytest.approx([4.34 * 2.5 / 3, 0, 0, 4.34 * 0.5 / 3])
     axes = Figure().subplots()
     panels.stacked(axes, pd.DataFrame([row]), limit=4.0)
-    assert [bar.get_width() for bar in axes.patches] == pytest.approx(
-        [4.34 * 2.5 / 3, 0, 0, 4 - 4.34 * 2.5 / 3]
-    )
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx([4.34 * 2.5 / 3, 0, 0, 4 - 4.34 * 2.5 / 3])
 
 
 def test_a_cross_table_keeps_the_tables_order_and_leaves_gaps():
     table = pd.DataFrame(
-        [("z", "b", "1"), ("z", "a", "2"), ("y", "a", "3"), ("y", "a", "4")],
-        columns=["scene", "label", "text"],
+        [("z", "b", "1"), ("z", "a", "2"), ("y", "a", "3"), ("y", "a", "4")], columns=["scene", "label", "text"]
     )
     made = document.cross_table(table, {"scene": "the scene"}, "label", "text")
     assert list(made.columns) == ["the scene", "b", "a"]
@@ -65,16 +62,12 @@ def test_what_a_run_did_not_come_to_has_a_row_and_a_word_in_its_panel(tmp_path):
     table = document.complete(document.read(write_records(tmp_path, records)))
     (lost,) = table[table["status"] == document.NO_RECORD].to_dict("records")
     assert (lost["scene"], lost["label"], lost["method"]) == ("buddha", "tree", "warp_bvh")
-    panels.lines(
-        tmp_path / "a.svg", table, "triangles", "total_ms", facet="title", across=2, below="x", left="y"
-    )
+    panels.lines(tmp_path / "a.svg", table, "triangles", "total_ms", facet="title", across=2, below="x", left="y")
     assert "tree: no record" in (tmp_path / "a.svg").read_text()
 
 
 def test_the_spread_of_passes_is_that_of_their_sum(tmp_path):
-    record = record_of(
-        "figure10", OURS, passes=[("a", "build", 1.0), ("b", "build", 2.0), ("c", "shadow", 9.0)]
-    )
+    record = record_of("figure10", OURS, passes=[("a", "build", 1.0), ("b", "build", 2.0), ("c", "shadow", 9.0)])
     for step, ms in zip(record["frames"][0]["passes"], ([1.0, 3.0], [2.0, 2.0], [5.0, 5.0]), strict=True):
         step["ms"] = ms
     record["frames"][0]["stage_round"] = [0, 1]

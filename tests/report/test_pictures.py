@@ -88,10 +88,7 @@ def test_surfaces_are_two_sided_but_a_light_behind_them_gives_nothing():
 
 
 def test_each_light_has_its_colour_and_its_own_shadow_bit():
-    lights = (
-        Light((-2.0, 0.0, 6.0), color=(1.0, 0.1, 0.1)),
-        Light((-2.0, 0.0, 6.0), color=(0.1, 0.1, 1.0)),
-    )
+    lights = (Light((-2.0, 0.0, 6.0), color=(1.0, 0.1, 0.1)), Light((-2.0, 0.0, 6.0), color=(0.1, 0.1, 1.0)))
     prepared = square(lights)
     moment, answers = answers_to(prepared)
     both = shade(prepared, moment, answers, lights)[0, 0].astype(int)

@@ -75,13 +75,9 @@ def test_of_many_scenes_it_says_how_often_each_wins(tmp_path):
     scenes = ("cloth", "fairy", "sibenik")
     records = [made("a", 1.0 + 2.0 * (scene == "fairy"), scene=scene) for scene in scenes]
     records += [made("b", 2.0, scene=scene) for scene in scenes]
-    assert said(tmp_path / "exact", *records) == (
-        "With every answer right, a is the fastest on 2 of 3 scenes; b on 1."
-    )
+    assert said(tmp_path / "exact", *records) == ("With every answer right, a is the fastest on 2 of 3 scenes; b on 1.")
     text = said(tmp_path / "wrong", *records, made("c", 0.5, 9, "cloth"))
-    assert text.endswith(
-        "c on Cloth (stand-in) comes closest: 0.500 times as long, and 9 of its answers are wrong."
-    )
+    assert text.endswith("c on Cloth (stand-in) comes closest: 0.500 times as long, and 9 of its answers are wrong.")
     other = made("d", 1.5, scene="cloth")
     other["method"]["name"] = "uniform_grid"
     assert said(tmp_path / "kinds", *records, other).endswith(

@@ -33,8 +33,7 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
     assert older == 1
     table1.draw(tmp_path, quiet=True)
     assert (
-        "older records of these points, or of other scenes of their names: 1."
-        in (tmp_path / "table1.md").read_text()
+        "older records of these points, or of other scenes of their names: 1." in (tmp_path / "table1.md").read_text()
     )
 
 
@@ -62,9 +61,7 @@ def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
     assert {file.parent for file in files} == {out}
     for name in ("table1.csv", "table1.md", "table1.svg"):
         assert (out / name).read_bytes() == before[folder / name]
-    assert sorted(path.name for path in out.iterdir()) == ["table1.csv", "table1.md", "table1.svg"], (
-        "no link stays"
-    )
+    assert sorted(path.name for path in out.iterdir()) == ["table1.csv", "table1.md", "table1.svg"], "no link stays"
     folder.chmod(0o755)
     (folder / "records" / "torn.json").write_text("{")
     with pytest.raises(UserError, match=re.escape(str(folder / "records" / "torn.json"))):
@@ -76,7 +73,5 @@ def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
 
 def test_records_of_another_experiment_are_not_drawn(tmp_path):
     write_records(tmp_path, [record("cloth", "warp_bvh")])
-    with pytest.raises(
-        UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "
-    ):
+    with pytest.raises(UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "):
         show("figure2", tmp_path)

@@ -24,8 +24,7 @@ def test_every_method_has_a_look_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "-"), (float("nan"), "-"), (0.01234, "0.012"), (1.234, "1.23"), (1234.5, "1,234")],
+    ("value", "text"), [(None, "-"), (float("nan"), "-"), (0.01234, "0.012"), (1.234, "1.23"), (1234.5, "1,234")]
 )
 def test_numbers_have_no_exponents(value, text):
     assert numbers.carried(value) == text

@@ -17,17 +17,9 @@ from shadowbench.harness.results.table import table_of
 
 
 def test_the_papers_numbers_are_as_printed():
-    assert paper.ROWS["fairy"].cells == (
-        "124 / 33.11",
-        "65 / 125 [#]",
-        "24 / 285.7",
-        "8.73 / 32.43",
-        "82.18 ms",
-    )
+    assert paper.ROWS["fairy"].cells == ("124 / 33.11", "65 / 125 [#]", "24 / 285.7", "8.73 / 32.43", "82.18 ms")
     theirs = paper.entries(["fairy", "cloth", "buddha", "bunny"]).set_index(["scene", "method"])
-    times = {
-        key: own.dropna().tolist() for key, own in theirs[["build_ms", "trace_ms", "total_ms"]].iterrows()
-    }
+    times = {key: own.dropna().tolist() for key, own in theirs[["build_ms", "trace_ms", "total_ms"]].iterrows()}
     assert times["cloth", "HBVH"] == [39.0]
     assert times["fairy", "kd-tree"] == [65.0, 125.0]
     assert theirs.loc[("buddha", "With Shadows"), "total_ms"] == 114.57
@@ -112,15 +104,11 @@ def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records, tmp_p
     fastest["frames"][0]["score"] = score(256, wrong=1)
     again = points_of(tmp_path / "wrong", records)
     assert best(again)["Fairy Forest (stand-in)"] not in ("", fastest["method"]["label"])
-    assert f"{fastest['method']['label']} is the fastest on" in table1.finding(again), (
-        "it is fastest on other scenes"
-    )
+    assert f"{fastest['method']['label']} is the fastest on" in table1.finding(again), "it is fastest on other scenes"
 
 
 @pytest.mark.parametrize("width", [220, 80])
-def test_the_terminal_table_has_every_method_scene_and_printed_number(
-    records, width, tmp_path, monkeypatch, capsys
-):
+def test_the_terminal_table_has_every_method_scene_and_printed_number(records, width, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
     table1.draw(write_records(tmp_path, records))
     text = capsys.readouterr().out
@@ -149,16 +137,9 @@ def test_the_papers_footnotes_stand_where_its_numbers_do(tmp_path):
 
 
 def test_two_sizes_are_told_apart_and_never_in_one_cell(tmp_path):
-    both = [
-        record(scene, method, size)
-        for size in (256, 64)
-        for scene in ("cloth", "bunny")
-        for method in METHODS
-    ]
+    both = [record(scene, method, size) for size in (256, 64) for scene in ("cloth", "bunny") for method in METHODS]
     table = points_of(tmp_path, both)
-    titles = {
-        f"{title}, {size}x{size}" for size in (64, 256) for title in ("Cloth (stand-in)", "Bunny (file)")
-    }
+    titles = {f"{title}, {size}x{size}" for size in (64, 256) for title in ("Cloth (stand-in)", "Bunny (file)")}
     assert set(table["title"]) == titles
     shown = table1.frame_table(table)
     assert set(shown.columns) == {"method", *titles}
@@ -174,9 +155,7 @@ def test_the_spread_is_over_repeats_and_never_over_frames(records):
     assert row["iqr_ms"] == 0
     assert row["between_ms"] == 0
     made["frames"][0]["total_ms"] = [10.0] * 5 + [13.0] * 5
-    assert row_of(made)["between_ms"] == pytest.approx(1.0), (
-        "a mean over three frames, one of which moved by 3"
-    )
+    assert row_of(made)["between_ms"] == pytest.approx(1.0), "a mean over three frames, one of which moved by 3"
 
 
 def test_rates_count_primary_and_shadow_rays(records):
@@ -195,9 +174,7 @@ def test_rates_count_primary_and_shadow_rays(records):
 
 def test_errors_of_the_reference_have_their_own_column(records, tmp_path):
     table = points_of(tmp_path, records[:1])
-    assert list(table["reference_errors"]) == [9], (
-        "one wrong pixel and two wrong bits in each of three frames"
-    )
+    assert list(table["reference_errors"]) == [9], "one wrong pixel and two wrong bits in each of three frames"
 
 
 def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
@@ -222,11 +199,7 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
     theirs = [row for row in rows if row["origin"] == paper.LABEL]
     assert len(theirs) == 5 * len([scene for scene in SCENES if scene in paper.ROWS])
     ours = next(row for row in theirs if row["scene"] == "fairy" and row["method"] == "Our Method")
-    assert (ours["build_ms"], ours["trace_ms"], ours["unscored"]) == (
-        "8.73",
-        "32.43",
-        "the paper states no errors",
-    )
+    assert (ours["build_ms"], ours["trace_ms"], ours["unscored"]) == ("8.73", "32.43", "the paper states no errors")
     text = (tmp_path / "table1.md").read_text()
     assert "| *the paper: HBVH* | *124 / 33.11* |" in text
     assert r"| *39 / n/a\** |" in text
@@ -274,9 +247,7 @@ def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_p
     for word in ("build", "trace", "light build", "shadow", "ms per frame", "(stand-in)", "✓"):
         assert word in text
     records[0].update(status="failed", frames=[])
-    assert "table1.svg" not in {
-        file.name for file in table1.draw(write_records(tmp_path, records[:1]), quiet=True)
-    }
+    assert "table1.svg" not in {file.name for file in table1.draw(write_records(tmp_path, records[:1]), quiet=True)}
     assert not (tmp_path / "table1.svg").exists()
 
 

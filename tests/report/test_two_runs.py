@@ -180,9 +180,7 @@ def test_what_is_faster_because_it_is_wrong_is_never_faster(call, tmp_path, in_a
     assert bool(found["wrong"]) == errs
     (mean,) = found["geometric_means"]
     assert mean["verdict"] == verdict
-    assert (call(tmp_path / "a", tmp_path / "b", "--fail-on", "slower")[0] == 1) == (
-        errs or verdict == "slower"
-    )
+    assert (call(tmp_path / "a", tmp_path / "b", "--fail-on", "slower")[0] == 1) == (errs or verdict == "slower")
     assert call(tmp_path / "a", tmp_path / "b", "--fail-on", "faster")[0] == (verdict == "faster")
 
 
@@ -248,9 +246,7 @@ def test_rounds_of_a_cpu_that_had_too_much_to_do_are_left_out(call, tmp_path):
     assert "1 same." in out
 
 
-def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_request(
-    call, tmp_path, monkeypatch
-):
+def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_request(call, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "4000")  # workers of pytest-xdist have 80
     scenes = ("cloth", "fairy", "sibenik", "buddha", "conference", "bunny_dragon")
     quiet = [made(EMBREE, 20.0, 1, scene) for scene in scenes]
@@ -260,9 +256,7 @@ def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_re
     for one in (single for record in busy for single in record["rounds"]):
         one["clock"] = {"load": 2.6 + one["round"] / 10 if one["round"] < 3 else 1.0, "gpu": None}
     a, b = write(tmp_path / "a", quiet), write(tmp_path / "b", busy)
-    short, whole = (
-        [x for x in call(a, b, *more)[1].splitlines() if "left out" in x] for more in ((), ("--all",))
-    )
+    short, whole = ([x for x in call(a, b, *more)[1].splitlines() if "left out" in x] for more in ((), ("--all",)))
     assert len(short) == len(whole) == 1
     assert short[0].startswith("left out: 18 rounds of B, e.g. load 2.6 on 2 cores: ")
     assert short[0].count("on the CPU (1, 2, 3)") == 4
@@ -313,9 +307,7 @@ def test_bad_input_is_one_line(call, tmp_path):
 
 
 def test_holm_and_the_spread_of_a_run_against_itself():
-    assert two_runs.holm([0.01, 0.04, math.nan, 0.03]) == pytest.approx(
-        [0.03, 0.06, math.nan, 0.06], nan_ok=True
-    )
+    assert two_runs.holm([0.01, 0.04, math.nan, 0.03]) == pytest.approx([0.03, 0.06, math.nan, 0.06], nan_ok=True)
     quiet = np.full(9, 2.0)
     assert two_runs.own_spread(quiet) == 0.0
     gap, low, high = two_runs.gap_between(quiet, quiet * 1.1)

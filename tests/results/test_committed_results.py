@@ -18,9 +18,7 @@ from shadowbench.harness.results.schema import ARCHIVE
 from shadowbench.harness.runner.machine import environment as environment
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
-FOLDERS = sorted(
-    path.parent for path in RESULTS.glob("*/*/records") if path.relative_to(RESULTS).parts[0] != "local"
-)
+FOLDERS = sorted(path.parent for path in RESULTS.glob("*/*/records") if path.relative_to(RESULTS).parts[0] != "local")
 """Folders of committed results. ``local`` holds a user's own runs."""
 
 TEXTS = (".csv", ".md")
@@ -33,11 +31,7 @@ def copied(folder: Path, place: Path) -> Path:
 
 def texts(folder: Path) -> dict[str, str]:
     """What stands in a folder's own tables and reports, by name."""
-    return {
-        path.name: path.read_text(encoding="utf-8")
-        for path in sorted(folder.iterdir())
-        if path.suffix in TEXTS
-    }
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir()) if path.suffix in TEXTS}
 
 
 def experiment_of(folder: Path) -> str:
@@ -88,9 +82,7 @@ def test_environments_name_no_card_and_no_image(path):
 
 
 def test_a_card_is_paired_by_its_number_and_the_number_is_not_kept(monkeypatch):
-    cards = [
-        SimpleNamespace(alias=f"cuda:{i}", name="Card", uuid=f"GPU-{i}", arch=90, sm_count=1) for i in (0, 1)
-    ]
+    cards = [SimpleNamespace(alias=f"cuda:{i}", name="Card", uuid=f"GPU-{i}", arch=90, sm_count=1) for i in (0, 1)]
     told = "".join(f"GPU-{i}, Card, {i}.0, 1, 2, 3, 4\n" for i in (1, 0))
     monkeypatch.setattr(environment.wp, "get_cuda_devices", lambda: cards)
     monkeypatch.setattr(environment.shutil, "which", lambda name: name)

@@ -191,16 +191,7 @@ def test_odd_texts_are_shown_harmlessly(tmp_path, capfd):
 
 @pytest.mark.parametrize(
     "facts",
-    [
-        '{"cpu": "x"}',
-        '{"gpus": 3}',
-        '{"gpus": [1]}',
-        '{"cuda": []}',
-        "[]",
-        "nonsense",
-        '{"a": NaN}',
-        "[" * 10_000,
-    ],
+    ['{"cpu": "x"}', '{"gpus": 3}', '{"gpus": [1]}', '{"cuda": []}', "[]", "nonsense", '{"a": NaN}', "[" * 10_000],
 )
 def test_odd_facts_of_an_environment_are_left_out(tmp_path, capsys, facts):
     place = write_records(tmp_path, [one()])
@@ -234,8 +225,7 @@ def test_a_package_that_fails_on_import_hides_no_record_and_no_method(tmp_path, 
 
 
 @pytest.mark.parametrize(
-    "name",
-    [".lock", "journal/k.jsonl", "scenes.json", "a.svg", "maps/k-0-wrong.png", "truth/disputes-k-0.npz"],
+    "name", [".lock", "journal/k.jsonl", "scenes.json", "a.svg", "maps/k-0-wrong.png", "truth/disputes-k-0.npz"]
 )
 def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path, name):
     """Opening one waits until somebody writes into it."""

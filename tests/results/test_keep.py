@@ -16,11 +16,7 @@ from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.schema import ARCHIVE, read_records
 from shadowbench.harness.runner.planning.experiment import Entry
 
-ENTRIES = [
-    Entry("perspective_spherical", {}, "ours"),
-    Entry("warp_bvh", {}, "tree"),
-    Entry("ray_grids", {}, "grids"),
-]
+ENTRIES = [Entry("perspective_spherical", {}, "ours"), Entry("warp_bvh", {}, "tree"), Entry("ray_grids", {}, "grids")]
 
 
 def run_folder(place: Path, scenes=("cloth",), name="frame_time", **changed) -> Path:

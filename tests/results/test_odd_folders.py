@@ -46,10 +46,7 @@ def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, scene: st
         ):
             with pytest.raises(UserError) as refused:
                 act()
-            assert (
-                str(refused.value)
-                == f"{path}: a link, or no file at all; put a file in its place, or remove it"
-            )
+            assert str(refused.value) == f"{path}: a link, or no file at all; put a file in its place, or remove it"
         path.unlink()
     assert victim.read_text() == "precious"
     assert {one.name for one in tmp_path.iterdir()} == {"victim", "out", "larger disk"}

@@ -32,9 +32,7 @@ def round_event(number, times, frames=(0,), stages=2):
                 "started": 1.0 * number,
                 "total_ms": [t + frame for t in times],
                 "wall_ms": [t + frame + 0.5 for t in times],
-                "passes": [
-                    {"name": n, "part": p, "ms": [1.0 + k] * stages} for k, (n, p) in enumerate(passes)
-                ],
+                "passes": [{"name": n, "part": p, "ms": [1.0 + k] * stages} for k, (n, p) in enumerate(passes)],
                 "stopped_by": "samples",
                 "regrown": number,
                 "memory_bytes": 64,
@@ -190,9 +188,7 @@ def test_a_time_that_is_no_number_is_refused(tmp_path, text):
     """JSON has no such numbers, but Python reads them."""
     whole = made([round_event(0, [1.0]), finished_event()]).to_json()
     (tmp_path / "records").mkdir()
-    (tmp_path / "records" / "k.json").write_text(
-        json.dumps(frame_with(whole, total_ms=["?"])).replace('"?"', text)
-    )
+    (tmp_path / "records" / "k.json").write_text(json.dumps(frame_with(whole, total_ms=["?"])).replace('"?"', text))
     with pytest.raises(UserError, match=r"frames\[0\].total_ms\[0\] is -?(nan|inf), not a number"):
         read_records(tmp_path)
 

@@ -77,11 +77,7 @@ def test_parts_are_missing_where_their_times_contradict_each_other(records, tmp_
         step["ms"] = [ms + by for ms in step["ms"]]
     table = tidy(write_records(tmp_path, records)).set_index("key")
     disturbed = table.loc[[records[0]["key"]]].query("frame == @records[0]['frames'][0]['frame']")
-    assert (
-        disturbed[["build_ms", "trace_ms", "light_build_ms", "shadow_ms", "build_iqr_ms"]]
-        .isna()
-        .all(axis=None)
-    )
+    assert disturbed[["build_ms", "trace_ms", "light_build_ms", "shadow_ms", "build_iqr_ms"]].isna().all(axis=None)
     assert disturbed.filter(like="pass.").isna().all(axis=None)
     assert stage_ms(disturbed, "trace").isna().all()
     assert disturbed["total_ms"].notna().all()

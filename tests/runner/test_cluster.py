@@ -36,9 +36,7 @@ from shadowbench.harness.runner.run import Run
 from shadowbench.harness.runner.workers import scratch
 
 dask = pytest.importorskip("dask", reason="Dask is not installed: the extra `cluster`")
-distributed = pytest.importorskip(
-    "distributed", reason="Dask distributed is not installed: the extra `cluster`"
-)
+distributed = pytest.importorskip("distributed", reason="Dask distributed is not installed: the extra `cluster`")
 Security = distributed.Security
 
 
@@ -207,15 +205,11 @@ def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(
     with contextlib.closing(Cluster(place, os.environ["PYTHONPATH"], scheme="tls")) as cluster:
         worker = cluster.worker()
         with connected_when_ready(cluster) as pool:
-            assert not answers(
-                cluster.address.replace("tls://", "tcp://"), Security(require_encryption=False)
-            )
+            assert not answers(cluster.address.replace("tls://", "tcp://"), Security(require_encryption=False))
             started = Started(pool, chosen)
             until(lambda: rounds_taken(place) >= 1, "a round")
             cluster.scheduler.kill()
-            with pytest.raises(
-                UserError, match="connection to the scheduler was lost; 0 of 1 scenes"
-            ) as caught:
+            with pytest.raises(UserError, match="connection to the scheduler was lost; 0 of 1 scenes") as caught:
                 started.records()
         assert "\n" not in str(caught.value)
         assert not (place / "out" / "records").exists()
@@ -239,10 +233,7 @@ def test_workers_that_are_lost_are_told_and_others_take_their_points(place):
         second = cluster.worker()
         until(lambda: lost(place) == 1, "the first loss")
         first.kill()  # the lock of the machine, which both share, is free with its end
-        until(
-            lambda: started.run.tasks and all(task.shard for task in started.run.tasks.values()),
-            "the second's turn",
-        )
+        until(lambda: started.run.tasks and all(task.shard for task in started.run.tasks.values()), "the second's turn")
         second.kill()
         cluster.worker()
         (record,) = started.records()
@@ -290,13 +281,7 @@ class Imagined:
         if work is introduce and card == "broken":
             return Future(None, error=ModuleNotFoundError("No module named 'shadowbench'"))
         if work is introduce:
-            about = {
-                "host": "h",
-                "device": "cuda:0",
-                "device_name": "Imaginary GPU",
-                "warp": "1",
-                "python": "3",
-            }
+            about = {"host": "h", "device": "cuda:0", "device_name": "Imaginary GPU", "warp": "1", "python": "3"}
             return Future(Worker(card, calibration=self.given[card][0], code=self.code, held=(), **about))
         if work is not measure:
             return Future(None)
@@ -304,9 +289,7 @@ class Imagined:
         files = {f"records/{record['key']}.json": json.dumps(record).encode()}
         points = self.given[card]
         after = points.pop(1) if len(points) > 1 else points[0]
-        return Future(
-            Outcome(card, "Imaginary GPU", "", points[0], after, keys=(record["key"],), files=files)
-        )
+        return Future(Outcome(card, "Imaginary GPU", "", points[0], after, keys=(record["key"],), files=files))
 
 
 def test_cards_that_are_apart_are_not_merged(place):

@@ -69,9 +69,7 @@ def test_what_is_asked_of_a_file_counts(waves, tmp_path):
 def test_every_mesh_of_a_declaration_counts(waves, tmp_path):
     room = files.written(tmp_path, "room.obj", b"# a room\n" + files.obj())
     stl = files.written(tmp_path, "box.stl", files.stl_binary())
-    meshes = "".join(
-        f'[[meshes]]\nfile = "{name}"\n' for name in ("room.obj", "waves/wave_%d.ply", "box.stl")
-    )
+    meshes = "".join(f'[[meshes]]\nfile = "{name}"\n' for name in ("room.obj", "waves/wave_%d.ply", "box.stl"))
     scene = files.written(tmp_path, "scene.toml", meshes.encode())
     keys = [key_of(tmp_path / "out", scene)]
     assert key_of(tmp_path / "out", scene) == keys[0]

@@ -38,9 +38,7 @@ class Stops(Silent):
 
 def order(records):
     """The lighting of each round of each point in the order of time, as pairs of round and label."""
-    rounds = [
-        (r["started"], r["round"], one.scene["lighting"]["label"]) for one in records for r in one.rounds
-    ]
+    rounds = [(r["started"], r["round"], one.scene["lighting"]["label"]) for one in records for r in one.rounds]
     return [(number, label) for _, number, label in sorted(rounds)]
 
 

@@ -38,9 +38,7 @@ def planted(runs: Killed) -> None:
         "rounds [0, 1, 2, 3, 4, 5, 0]": lambda out: (out / "records" / path.name).write_text(
             changed(rounds=[*record["rounds"], record["rounds"][0]])
         ),
-        "rounds that were taken before it was killed are lost": lambda out: runs.taken.update(
-            {record["key"]: [-1.0]}
-        ),
+        "rounds that were taken before it was killed are lost": lambda out: runs.taken.update({record["key"]: [-1.0]}),
         "its score is": lambda out: (out / "records" / path.name).write_text(
             changed(frames=[{**frame, "score": None}])
         ),

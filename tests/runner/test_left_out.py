@@ -31,9 +31,7 @@ def test_one_line_says_so_when_it_is_loaded(scene, capsys):
 
 
 def test_it_stands_in_the_record_the_report_and_the_page(scene, tmp_path, capsys):
-    asked = plan_run(
-        "table1", "quick", "cpu", [scene], ["uniform_grid"], out=tmp_path, size="8x8", overrides=FEW
-    )
+    asked = plan_run("table1", "quick", "cpu", [scene], ["uniform_grid"], out=tmp_path, size="8x8", overrides=FEW)
     assert run(asked) == 0
     line = f"house.obj, as read: {LEFT_OUT}."
     assert line in " ".join(capsys.readouterr().out.split())

@@ -38,24 +38,16 @@ def test_a_worker_that_ends_or_hangs_takes_what_it_started_along(
     records = {one.method["label"]: one for one in Run(chosen, Silent()).go()}
     assert time.monotonic() - began < 10 * PROMPT_S, "nothing was waited for"
     for one in entries:
-        wanted = (
-            ("ok", "")
-            if one.settings["then"] == "on"
-            else ("failed", "the worker exited with code 3: started")
-        )
+        wanted = ("ok", "") if one.settings["then"] == "on" else ("failed", "the worker exited with code 3: started")
         assert (records[one.label].status, records[one.label].reason) == wanted
     assert records["steady"].status == "ok"
     assert not gone(mark)
 
 
 @contextlib.contextmanager
-def started(
-    out: Path, scene: str, environment: dict[str, str], how: str
-) -> Iterator[subprocess.Popen[bytes]]:
+def started(out: Path, scene: str, environment: dict[str, str], how: str) -> Iterator[subprocess.Popen[bytes]]:
     """A run whose method has started another process, and hangs; it is ended, since it holds the lock of the machine."""
-    words = (
-        f"run table1 --preset quick --size 8x8 --no-score --method forks --set forks.how={how} --timeout 3600"
-    )
+    words = f"run table1 --preset quick --size 8x8 --no-score --method forks --set forks.how={how} --timeout 3600"
     command = [sys.executable, "-m", "shadowbench.harness.cli", *words.split(), "--set", "forks.then=hangs"]
     command += ["--out", str(out), "--scene", scene]
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -72,12 +64,9 @@ def started(
 
 
 @pytest.mark.parametrize(
-    ("how", "number"),
-    [("orphan", signal.SIGINT), ("copy", signal.SIGTERM), ("program", signal.SIGKILL)],
+    ("how", "number"), [("orphan", signal.SIGINT), ("copy", signal.SIGTERM), ("program", signal.SIGKILL)]
 )
-def test_a_run_that_is_ended_leaves_none(
-    package: Path, scene: str, tmp_path: Path, how: str, number: int
-) -> None:
+def test_a_run_that_is_ended_leaves_none(package: Path, scene: str, tmp_path: Path, how: str, number: int) -> None:
     mark, environment = marked_environment()
     with started(tmp_path / "out", scene, environment, how) as process:
         process.send_signal(number)

@@ -189,9 +189,7 @@ def test_what_times_nothing_waits_for_nobody_on_a_cpu(tmp_path: Path, monkeypatc
             process.wait(PATIENCE_S)
     lock.wait = True
     lock.share_beside("cpu")
-    assert (lock.held, nicer) == (SHARED, [19]), (
-        "alone it holds the lock, so that who measures next waits for its step"
-    )
+    assert (lock.held, nicer) == (SHARED, [19]), "alone it holds the lock, so that who measures next waits for its step"
     lock.release()
 
 

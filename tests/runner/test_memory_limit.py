@@ -25,9 +25,7 @@ LIMIT = 1 << 20
 BEYOND = r"an allocation failed beyond the limit of 1,048,576 bytes \(.*\)"
 GULPS = [("warp", "prepare"), ("warp", "tenth"), ("numpy", "first"), ("numpy", "tenth"), ("library", "first")]
 
-stopped = pytest.mark.skipif(
-    not memory.stops_allocations(), reason="this system stops no allocation of a process"
-)
+stopped = pytest.mark.skipif(not memory.stops_allocations(), reason="this system stops no allocation of a process")
 
 
 def entry(how: str, where: str, **more: str) -> Entry:

@@ -38,14 +38,10 @@ REASONS = {
 
 
 @pytest.fixture(scope="module")
-def odd(
-    package: Path, scene: str, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, dict[str, Record]]:
+def odd(package: Path, scene: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Record]]:
     """One run: its folder, and its records by label."""
     entries = [Entry("odd", {"what": what}, what) for what in REASONS]
-    entries += [
-        Entry("odd", {"what": what, "later": "true"}, f"later {what}") for what in ("built nan", "built text")
-    ]
+    entries += [Entry("odd", {"what": what, "later": "true"}, f"later {what}") for what in ("built nan", "built text")]
     entries += [Entry("odd_title"), Entry("odd_parameter"), Entry("steady", {}, "steady")]
     out = tmp_path_factory.mktemp("odd")
     records = Run(options(out, [scene], entries, frames=1), Silent()).go()

@@ -75,11 +75,7 @@ def test_the_estimate_is_said_once_there_is_one(clock, capsys):
     bar.note("then")
     bar.left(600.0)
     bar.note("later")
-    assert said(capsys) == [
-        "[   0 s] first",
-        "[  10 s, about 40 s left] then",
-        "[  10 s, about 10 min left] later",
-    ]
+    assert said(capsys) == ["[   0 s] first", "[  10 s, about 40 s left] then", "[  10 s, about 10 min left] later"]
 
 
 def test_a_point_is_printed_with_its_time_or_with_what_went_wrong(clock, capsys):
@@ -161,10 +157,7 @@ def test_small_scenes_are_measured_first_and_records_come_in_the_order_declared(
 def test_the_work_of_a_scene_is_known_before_it_is_made(tmp_path):
     preset = options(tmp_path, [], [], width=256, height=256, frames=2, rounds=1).preset
     assert list(TRIANGLES) == scene_names()
-    work = [
-        expected_work(name, preset)
-        for name in ("bunny", "sibenik", "cloth", "balls-300k", "buddha", "balls-2m")
-    ]
+    work = [expected_work(name, preset) for name in ("bunny", "sibenik", "cloth", "balls-300k", "buddha", "balls-2m")]
     assert work == sorted(work)
     declared = tmp_path / "a.toml"
     declared.write_text('mesh = "cloth"\n')

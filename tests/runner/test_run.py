@@ -29,8 +29,7 @@ def troubled(package, scene, tmp_path_factory):
     """One run of every method of the package: its folder and its records by label."""
     out = tmp_path_factory.mktemp("troubled")
     names = (
-        "steady talker raises late once slow_start fickle hangs exits rejects skips grows greedy "
-        "hoards broken"
+        "steady talker raises late once slow_start fickle hangs exits rejects skips grows greedy hoards broken"
     ).split()
     entries = [Entry(name, {}, name) for name in names]
     # A second point of a method whose worker was lost is measured by a new worker.
@@ -150,9 +149,7 @@ def test_memory_does_not_depend_on_what_the_process_did_before(scene, tmp_path, 
     other = Entry(name, {"threads": "1"} if name == "embree" else {"update": "refit"}, "before")
     after = go(options(tmp_path / "after", [scene], [other, Entry(name, {}, "it")], rounds=1))["it"]
     most = max(alone.frames[0].memory_bytes, after.frames[0].memory_bytes)
-    assert most < 4 << 20, (
-        "four triangles: not the library that was loaded and the kernels that were compiled"
-    )
+    assert most < 4 << 20, "four triangles: not the library that was loaded and the kernels that were compiled"
 
 
 def test_retry_measures_failed_points_only(troubled, scene, tmp_path):
@@ -223,9 +220,7 @@ def test_a_scene_that_is_made_at_last_has_no_column_of_its_failure(package, tmp_
     assert {r.reason for r in found.values()} == {"", "ArithmeticError: tired"}
 
 
-def test_answers_of_a_scoring_process_that_is_killed_are_scored_by_another(
-    scene, tmp_path, monkeypatch, capsys
-):
+def test_answers_of_a_scoring_process_that_is_killed_are_scored_by_another(scene, tmp_path, monkeypatch, capsys):
     """Twice: unseen, before it is asked, and while it loads. After one more there is no score, and the run says so."""
     pytest.importorskip("embreex", reason="the reference needs Embree")
     ask, send, kills = Run._ask_grades, Workers.send, []
@@ -287,9 +282,7 @@ def _breaking(runner, path):
     known = run_module.known_scene
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            run_module,
-            "known_scene",
-            lambda folder, load: None if load["scene"] == str(path) else known(folder, load),
+            run_module, "known_scene", lambda folder, load: None if load["scene"] == str(path) else known(folder, load)
         )
         return runner.go()
 

@@ -47,9 +47,7 @@ def test_a_picture_that_is_gone_or_damaged_is_drawn_again(finished, damage):
     assert not list((out / "journal").iterdir())
 
 
-@pytest.mark.parametrize(
-    "text", ["", "{", "[]", "[1]", "{}", '{"status": "ok"}', '{"key": "a", "status": "ok"}']
-)
+@pytest.mark.parametrize("text", ["", "{", "[]", "[1]", "{}", '{"status": "ok"}', '{"key": "a", "status": "ok"}'])
 def test_what_is_no_whole_record_is_measured_again(tmp_path, text):
     path = tmp_path / "records" / "a.json"
     path.parent.mkdir()

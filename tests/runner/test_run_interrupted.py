@@ -29,9 +29,7 @@ def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_p
         return real(handle)
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(
-        UserError, match=r"cannot write \(No space left on device\); finished measurements are kept"
-    ):
+    with pytest.raises(UserError, match=r"cannot write \(No space left on device\); finished measurements are kept"):
         Run(chosen, Silent()).go()
     (journal,) = (tmp_path / "out" / "journal").glob("*.jsonl")
     assert [e["event"] for e in Journal(journal).events] == ["prepared"]
@@ -49,10 +47,7 @@ def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
     (tmp_path / "part" / "records").write_text("")
     with pytest.raises(UserError, match=r"part/records: a file where a folder is needed; .*another --out"):
         Run(options(tmp_path / "part", [scene], ["steady"]), Silent()).go()
-    with (
-        ResultsFolder(tmp_path / "used").locked(),
-        pytest.raises(UserError, match="another run is writing there"),
-    ):
+    with ResultsFolder(tmp_path / "used").locked(), pytest.raises(UserError, match="another run is writing there"):
         Run(options(tmp_path / "used", [scene], ["steady"]), Silent()).go()
 
 
@@ -73,20 +68,14 @@ def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
 def test_files_that_a_killed_run_was_writing_are_removed_and_no_others(tmp_path):
     folder = ResultsFolder(tmp_path)
     (tmp_path / "records").mkdir()
-    others = (
-        ".gitignore .notes.original .a.json.abcdefgh a.json.abcdefgh.partial .a.json.abcdefgh.partial.d/"
-    ).split()
+    others = (".gitignore .notes.original .a.json.abcdefgh a.json.abcdefgh.partial .a.json.abcdefgh.partial.d/").split()
     for name in others:
         (tmp_path / "records" / name).mkdir() if name[-1] == "/" else (tmp_path / "records" / name).touch()
     for place in (tmp_path, tmp_path / "records"):
-        program = (
-            "from shadowbench.harness.files import replacing; from pathlib import Path; import os, signal\n"
-        )
+        program = "from shadowbench.harness.files import replacing; from pathlib import Path; import os, signal\n"
         program += f"with replacing(Path({str(place / 'a.json')!r})): os.kill(os.getpid(), signal.SIGKILL)"
         subprocess.run([sys.executable, "-c", program])
         assert len(list(place.glob(".a.json.*.partial"))) == 1
     with folder.locked():
         assert not list(tmp_path.glob(".a*"))
-        assert {path.name for path in (tmp_path / "records").iterdir()} == {
-            name.strip("/") for name in others
-        }
+        assert {path.name for path in (tmp_path / "records").iterdir()} == {name.strip("/") for name in others}

@@ -86,9 +86,7 @@ def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
     measuring = [root.removeprefix(f"{PROJECT}.") for root in MEASURING]
     classes = {name: registry.method_class(name) for name in METHODS}
     roots = {
-        name: [
-            base.__module__.removeprefix(f"{PROJECT}.") for base in cls.__mro__ if PROJECT in base.__module__
-        ]
+        name: [base.__module__.removeprefix(f"{PROJECT}.") for base in cls.__mro__ if PROJECT in base.__module__]
         for name, cls in classes.items()
     }
     holds = {name: reached(graph, [*roots[name], *measuring]) for name in METHODS}
@@ -204,10 +202,7 @@ def test_a_method_of_another_package_that_measures_as_ours_do(tmp_path, monkeypa
 def test_a_base_class_from_another_distribution_counts(tmp_path, monkeypatch) -> None:
     """Also one that was found without an import statement."""
     base = installed(
-        tmp_path / "a",
-        {"their_base.py": METHOD + "class Theirs(SimpleMethod): ...\n"},
-        monkeypatch,
-        "their_base",
+        tmp_path / "a", {"their_base.py": METHOD + "class Theirs(SimpleMethod): ...\n"}, monkeypatch, "their_base"
     )
     text = "import importlib\nclass Theirs(importlib.import_module('their_' + 'base').Theirs): ...\n"
     cls = installed(tmp_path / "b", {"their_method.py": text}, monkeypatch, "their_method")
@@ -245,9 +240,7 @@ def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) 
     (tmp_path / "sourced/new.cu").unlink()
     assert source_hash(cls) == before
     (tmp_path / "sourced/data/weights.bin").unlink()
-    with pytest.raises(
-        FileNotFoundError, match=r"Theirs.sources: no file 'data/weights.bin' beside sourced.method"
-    ):
+    with pytest.raises(FileNotFoundError, match=r"Theirs.sources: no file 'data/weights.bin' beside sourced.method"):
         source_hash(cls)
 
 

@@ -66,9 +66,7 @@ def test_only_old_shards_of_our_own_are_removed(place: Path) -> None:
     assert young.exists()
 
 
-@pytest.mark.parametrize(
-    "name", ["", ".", "..", "data set", "../place", f"../place/{NAME}", f"{NAME}/records"]
-)
+@pytest.mark.parametrize("name", ["", ".", "..", "data set", "../place", f"../place/{NAME}", f"{NAME}/records"])
 def test_a_name_that_is_no_shard_s_is_not_forgotten(place: Path, name: str) -> None:
     there = shard(NAME)
     spool.forget(name)

@@ -51,8 +51,7 @@ def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("experiment", "measured_s"),
-    [("table1", 242), ("frame_time", 178), ("two_lights", 132), ("effects", 154)],
+    ("experiment", "measured_s"), [("table1", 242), ("frame_time", 178), ("two_lights", 132), ("effects", 154)]
 )
 def test_the_first_estimate_is_within_a_factor_of_two(experiment, measured_s, tmp_path):
     """The seconds that the quick presets took on two cores, kernels compiled."""
@@ -71,9 +70,7 @@ def test_the_first_estimate_of_a_run_on_a_gpu_is_within_a_factor_of_two(experime
     """The seconds that the paper presets took on an H200, without compiling; made of the times in their records."""
     parts = find_experiment(experiment).presets["paper"].parts()
     every = [(scene, part, light) for part in parts for scene in part.scenes for light in part.lightings]
-    seconds = sum(
-        len(part.methods) * guess(scene, part, light.count, "cuda:0") for scene, part, light in every
-    )
+    seconds = sum(len(part.methods) * guess(scene, part, light.count, "cuda:0") for scene, part, light in every)
     assert measured_s / 2 < seconds < measured_s * 2
 
 
@@ -87,10 +84,7 @@ def test_points_that_are_there_tell_the_time_of_samples_and_nothing_else():
 
     fresh = [point(scene, "", 0.0) for scene in ("fairy", "buddha")]
     rough, known = survey.seconds_left(fresh)
-    assert (known, rough / 2 < survey.seconds_left([point("cloth", "ok", 1.0), *fresh])[0] < rough * 2) == (
-        False,
-        True,
-    )
+    assert (known, rough / 2 < survey.seconds_left([point("cloth", "ok", 1.0), *fresh])[0] < rough * 2) == (False, True)
 
 
 def test_a_busy_machine_is_named_in_the_first_line(monkeypatch, tmp_path):

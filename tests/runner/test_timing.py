@@ -163,9 +163,7 @@ class Sleeper(Spinner):
 
 
 def test_the_budget_stops_a_slow_method_after_at_least_one_sample():
-    measured = sample_frame(
-        session(Sleeper()), Sampling(samples=1000, most=1000, stage_samples=1000, budget_s=0.1)
-    )
+    measured = sample_frame(session(Sleeper()), Sampling(samples=1000, most=1000, stage_samples=1000, budget_s=0.1))
     assert measured.stopped_by == "budget"
     assert 1 <= len(measured.total_ms) < 10
     assert 1 <= len(measured.passes[0]["ms"]) < 10
@@ -258,8 +256,7 @@ def test_orders_are_balanced_random_and_repeatable():
 
 
 @pytest.mark.parametrize(
-    ("count", "wanted", "frames"),
-    [(1, 3, [0]), (16, 3, [0, 8, 15]), (2, 5, [0, 1]), (16, 1, [8]), (21, 1, [10])],
+    ("count", "wanted", "frames"), [(1, 3, [0]), (16, 3, [0, 8, 15]), (2, 5, [0, 1]), (16, 1, [8]), (21, 1, [10])]
 )
 def test_frames_are_spread_over_the_whole_length(count, wanted, frames):
     assert spread_frames(count, wanted) == frames

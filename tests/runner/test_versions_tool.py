@@ -45,14 +45,7 @@ def planted(tmp_path_factory) -> Path:
 def test_a_version_and_a_variant_are_timed_in_turns(tmp_path):
     out = tmp_path / "times.json"
     done = versions(
-        "--version",
-        f"now={ROOT}",
-        "--variant",
-        "now:trial=cells=64",
-        "--scene",
-        "balls-300@16",
-        "--out",
-        str(out),
+        "--version", f"now={ROOT}", "--variant", "now:trial=cells=64", "--scene", "balls-300@16", "--out", str(out)
     )
     assert done.returncode == 0, done.stdout + done.stderr
     rows = json.loads(out.read_text())
@@ -65,9 +58,7 @@ def test_a_version_and_a_variant_are_timed_in_turns(tmp_path):
 
 
 def test_other_answers_are_marked(planted):
-    done = versions(
-        "--version", f"now={ROOT}", "--version", f"planted={planted}", "--scene", "balls-300@16:count=2"
-    )
+    done = versions("--version", f"now={ROOT}", "--version", f"planted={planted}", "--scene", "balls-300@16:count=2")
     assert done.returncode == 1
     assert done.stdout.count("!") == 1
 
@@ -76,10 +67,7 @@ def test_other_answers_are_marked(planted):
     ("arguments", "said"),
     [
         (["--version", "a=nothing", "--scene", "fairy"], "no folder and no commit"),
-        (
-            ["--version", "a=.", "--variant", "b:trial=cells=8", "--scene", "fairy"],
-            "is not VERSION:SETTING=VALUE of a",
-        ),
+        (["--version", "a=.", "--variant", "b:trial=cells=8", "--scene", "fairy"], "is not VERSION:SETTING=VALUE of a"),
         (["--version", "a=.", "--scene", "nothing"], "a, nothing: UserError: no scene or file 'nothing'"),
         (["--version", "a=.", "--scene", "bunny@16:colour=1"], "'colour' is no change of a scene"),
     ],

@@ -60,10 +60,7 @@ def test_a_line_that_is_no_reply_ends_the_worker(worker, line: str) -> None:
     ("line", "reason"),
     [
         ('{"ok": true}', "no record can hold what the worker replied: it has no room"),
-        (
-            '{"ok": true, "room": "much"}',
-            "no record can hold what the worker replied: room is 'much', not a number",
-        ),
+        ('{"ok": true, "room": "much"}', "no record can hold what the worker replied: room is 'much', not a number"),
         ('{"error": "odd", "reason": "\\ud800"}', "?"),
         ('{"error": 5}', ""),
     ],

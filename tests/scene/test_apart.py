@@ -71,9 +71,7 @@ def test_one_process_reads_all_and_ends_with_its_parent(tmp_path):
         "import psutil; print(*(p.pid for p in psutil.Process().children()), flush=True)\n"
         "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
     )
-    said = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
-    ).stdout
+    said = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True).stdout
     (child,) = map(int, said.split())
     _, alive = psutil.wait_procs([psutil.Process(child)] if psutil.pid_exists(child) else [], timeout=60)
     assert not alive
@@ -181,10 +179,7 @@ def test_files_outside_the_folder_of_the_first_are_named(tmp_path, capsys):
     assert capsys.readouterr().err == ""
     beyond = apart.Loaded(found.faces, found.frames, (near, near.parent / ".." / "far.bin"))
     apart._told(beyond, [near])
-    assert (
-        f"{near}: refers to files outside its folder: {near.parent / '..' / far.name}"
-        in capsys.readouterr().err
-    )
+    assert f"{near}: refers to files outside its folder: {near.parent / '..' / far.name}" in capsys.readouterr().err
 
 
 def test_only_numbers_and_known_classes_are_taken_from_a_reader():

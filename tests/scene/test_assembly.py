@@ -54,11 +54,7 @@ def test_meshes_stand_in_their_places_in_order(folder):
 
 def test_a_mirrored_mesh_is_turned_round(folder):
     """So that the front of a closed mesh stays its outside."""
-    for transform in (
-        "scale = [1, -1, 1]",
-        "scale = -2",
-        "matrix = [[0,1,0,0],[1,0,0,0],[0,0,1,0],[0,0,0,1]]",
-    ):
+    for transform in ("scale = [1, -1, 1]", "scale = -2", "matrix = [[0,1,0,0],[1,0,0,0],[0,0,1,0],[0,0,0,1]]"):
         mesh = resolve(declared(folder, f'file = "quad.ply"\ntransform = {{{transform}}}')).geometry()
         assert mesh.faces.tolist() == [[a, c, b] for a, b, c in files.FACES]
     turned = resolve(declared(folder, 'file = "quad.ply"\ntransform = {scale = [-1, -1, 1]}')).geometry()
@@ -145,10 +141,7 @@ def test_what_was_left_out_of_each_is_named(folder):
         ('file = "quad.ply"\ntransform = {turn = 2}', r"transform: unknown key 'turn'"),
         ('file = "quad.ply"\ntransform = {scale = "2"}', r"transform\.scale must be a number"),
         ('file = "quad.ply"\ntransform = {rotate = 90}', r"transform\.rotate must be three numbers"),
-        (
-            'file = "quad.ply"\ntransform = {scale = 1e37, translate = [1e37, 0, 0]}',
-            "too large for float32 rays",
-        ),
+        ('file = "quad.ply"\ntransform = {scale = 1e37, translate = [1e37, 0, 0]}', "too large for float32 rays"),
         ('file = "quad.ply"\ntransform = {matrix = [[1, 0, 0, 0]]}', "four rows of four numbers"),
         (
             'file = "quad.ply"\ntransform = {scale = 1, matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}',

@@ -146,9 +146,7 @@ def test_any_file_is_a_scene(tmp_path):
 
 def test_one_triangle_one_point_and_nan_can_be_looked_at(tmp_path):
     points = np.vstack([files.QUAD, [[np.nan] * 3]])
-    for k, polygons in enumerate(
-        ([(0, 1, 2)], [(0, 0, 0)], [(5, 5, 5)], [(0, 1, 2), (0, 1, 5)], [(0, 1, 1)])
-    ):
+    for k, polygons in enumerate(([(0, 1, 2)], [(0, 0, 0)], [(5, 5, 5)], [(0, 1, 2), (0, 1, 5)], [(0, 1, 1)])):
         path = put(tmp_path, f"m{k}.ply", content=files.ply_binary(points, polygons))
         moment = prepare(catalogue.resolve(path)).moment(0, 4, 4)
         assert np.isfinite(moment.column).all()

@@ -134,10 +134,7 @@ WRONG = {
         'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\ndirectional=true\nspot={direction=[0,-1,0],angle=20}',
         "cannot be a spot",
     ),
-    "a spot without an angle": (
-        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0]}',
-        "angle",
-    ),
+    "a spot without an angle": ('mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0]}', "angle"),
     "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must be greater than 0"),
     "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must have type int"),
     "half a hole": ('mesh = "roof.obj"\n[alpha]\nholes = 1.5', "must have type int"),
@@ -171,31 +168,19 @@ WRONG = {
     ),
     "bounces without end": ('mesh = "roof.obj"\n[mirror]\nbounces = 1000000', r"must lie in 0\.\.64"),
     "an eye nowhere": ('mesh = "roof.obj"\n[camera]\neye = [nan, 0, 0]', "camera.eye must be finite"),
-    "an eye beyond float32": (
-        'mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]',
-        "outside the range of float32",
-    ),
-    "no view": (
-        'mesh = "roof.obj"\n[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]',
-        "must be finite and different",
-    ),
+    "an eye beyond float32": ('mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]', "outside the range of float32"),
+    "no view": ('mesh = "roof.obj"\n[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]', "must be finite and different"),
     "no field of view": ('mesh = "roof.obj"\n[camera]\nfov = 0', "must lie between 0 and 180"),
     "a kind of camera that is none": (
         'mesh = "roof.obj"\n[camera]\nkind = "fisheye"',
         "is not one of perspective, orth",
     ),
-    "an orthographic camera without a height": (
-        'mesh = "roof.obj"\n[camera]\nkind = "orthographic"',
-        "add its height",
-    ),
+    "an orthographic camera without a height": ('mesh = "roof.obj"\n[camera]\nkind = "orthographic"', "add its height"),
     "a fov of an orthographic camera": (
         'mesh = "roof.obj"\n[camera]\nkind = "orthographic"\nheight = 2\nfov = 40',
         "camera.fov does not apply",
     ),
-    "a height of a pinhole camera": (
-        'mesh = "roof.obj"\n[camera]\nheight = 2',
-        "camera.height does not apply",
-    ),
+    "a height of a pinhole camera": ('mesh = "roof.obj"\n[camera]\nheight = 2', "camera.height does not apply"),
     "an orthographic camera that shows nothing": (
         'mesh = "roof.obj"\n[camera]\nkind = "orthographic"\nheight = 0',
         "height 0.0 must be finite and greater than 0",
@@ -268,9 +253,7 @@ def test_plan_takes_settings(folder):
     path = str(declare(folder, 'mesh = "roof.obj"\n[alpha]\nevery = 2'))
     (plain,) = frame_plan(path, ["warp_bvh"], "16x16", "cpu")["methods"]
     assert "warp_bvh.update=bvh_rebuild" in plain["cannot"]
-    (chosen,) = frame_plan(path, ["warp_bvh"], "16x16", "cpu", settings=["warp_bvh.update=bvh_rebuild"])[
-        "methods"
-    ]
+    (chosen,) = frame_plan(path, ["warp_bvh"], "16x16", "cpu", settings=["warp_bvh.update=bvh_rebuild"])["methods"]
     assert not chosen["cannot"]
     assert chosen["settings"] == {"update": "bvh_rebuild"}
 
@@ -337,7 +320,5 @@ def test_plan_of_a_moving_and_of_a_still_scene(scene):
         assert runs["nothing"] == []
         assert runs["geometry"] == [step["name"] for step in method["passes"]]
         assert all(name.startswith("light 0") for name in runs["light 0"])
-        builds = [
-            s["name"] for s in method["passes"] if s["part"] == "build" and s["after"]["camera"]["runs"]
-        ]
+        builds = [s["name"] for s in method["passes"] if s["part"] == "build" and s["after"]["camera"]["runs"]]
         assert bool(builds) == (method["method"] == "perspective_spherical")

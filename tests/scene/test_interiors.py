@@ -89,11 +89,7 @@ def test_an_empty_room_is_one_if_its_walls_face_inwards():
 
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_solid_is_looked_at_from_outside_whichever_way_it_is_oriented(inverted):
-    for mesh in (
-        trimesh.creation.icosphere(3),
-        trimesh.creation.torus(1.0, 0.4),
-        trimesh.creation.cone(1, 2),
-    ):
+    for mesh in (trimesh.creation.icosphere(3), trimesh.creation.torus(1.0, 0.4), trimesh.creation.cone(1, 2)):
         if inverted:
             mesh.invert()
         assert not is_within(loaded(mesh))

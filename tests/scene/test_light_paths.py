@@ -22,9 +22,7 @@ def test_a_quarter_of_an_orbit_is_right_handed():
     assert np.allclose(at(Orbit((0.0, 0.0, 0.0)), 0.25, Light((1.0, 5.0, 0.0))), [0, 5, -1])
 
 
-@given(
-    st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), st.floats(0, 1), st.floats(-3, 3)
-)
+@given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), st.floats(0, 1), st.floats(-3, 3))
 @settings(derandomize=True, max_examples=60, deadline=None)
 def test_an_orbit_keeps_radius_and_height(centre, axis, share, turns):
     if np.linalg.norm(axis) < 1e-3:
@@ -65,11 +63,7 @@ def test_several_lights_about_another_vertical():
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [
-        lambda: at(Orbit((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.5),
-        lambda: spread(LIGHT, (0.0, 0.0, 0.0), 0),
-    ],
+    "wrong", [lambda: at(Orbit((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.5), lambda: spread(LIGHT, (0.0, 0.0, 0.0), 0)]
 )
 def test_a_path_that_leads_nowhere_is_refused(wrong):
     with pytest.raises(ValueError, match="must be"):

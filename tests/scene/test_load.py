@@ -76,10 +76,7 @@ def test_polygons_become_fans_in_the_order_of_the_file(tmp_path, name, make):
         (files.ply_binary().replace(b"float z", b"float w"), "lacks x, y or z"),
         (files.ply_binary().replace(b"vertex_indices", b"other_indices"), "vertex_indices"),
         (files.ply_binary().replace(b"list uchar", b"list float"), "not of an integer type"),
-        (
-            files.ply_binary().replace(b"property float x", b"property quad x"),
-            "header line 'property quad x'",
-        ),
+        (files.ply_binary().replace(b"property float x", b"property quad x"), "header line 'property quad x'"),
         (files.ply_ascii().replace(b"0.5 0.5 1", b"0.5 half 1"), "not a number"),
         (files.ply_ascii().replace(b"3 0 1 2\n", b"3 0 1.5 2\n"), "not a whole number"),
     ],

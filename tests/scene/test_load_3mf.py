@@ -16,14 +16,8 @@ def test_objects_are_built_in_the_order_of_the_items(tmp_path):
     one = np.array([(0, 1, 2)])
     text = model([mesh(1), mesh(7, files.QUAD * 2, one)], item(7, (10, 0, 0)), item(1), item(7))
     loaded = load(written(tmp_path, "a.3mf", package(text)))
-    assert loaded.faces.tolist() == [
-        [0, 1, 2],
-        *[[5 + i for i in face] for face in files.FACES],
-        [10, 11, 12],
-    ]
-    assert np.array_equal(
-        loaded.frames[0], np.concatenate([files.QUAD * 2 + [10, 0, 0], files.QUAD, files.QUAD * 2])
-    )
+    assert loaded.faces.tolist() == [[0, 1, 2], *[[5 + i for i in face] for face in files.FACES], [10, 11, 12]]
+    assert np.array_equal(loaded.frames[0], np.concatenate([files.QUAD * 2 + [10, 0, 0], files.QUAD, files.QUAD * 2]))
     assert loaded.up == (0, 0, 1)
     assert loaded.notes == ()
 
@@ -65,9 +59,7 @@ def test_it_is_what_trimesh_reads(tmp_path):
     scene = trimesh.Scene()
     ball = trimesh.creation.icosphere(2)
     scene.add_geometry(ball, transform=trimesh.transformations.random_rotation_matrix())
-    scene.add_geometry(
-        trimesh.creation.box(), transform=trimesh.transformations.translation_matrix([3, 0, 0])
-    )
+    scene.add_geometry(trimesh.creation.box(), transform=trimesh.transformations.translation_matrix([3, 0, 0]))
     path.write_bytes(scene.export(file_type="3mf"))
     theirs, ours = trimesh.load_scene(path, process=False).to_mesh(), load(path)
     assert len(ours.faces) == len(theirs.faces)
@@ -114,28 +106,19 @@ def test_elements_of_other_namespaces_are_not_those_of_the_core(tmp_path):
         (package(model([mesh(1)], item(1, (1, 2)))), ["a transform is not 12 numbers"]),
         (package(model([mesh(1)], item(1, ("a", 2, 3)))), ["a transform is not 12 numbers"]),
         (package(model([mesh(1)], item(1, ("nan", 2, 3)))), ["a transform is not 12 numbers"]),
-        (
-            package(model([mesh(1, triangles=[(0, 1, 5)])], item(1))),
-            ["object 1 names vertex 5, but there are 5"],
-        ),
+        (package(model([mesh(1, triangles=[(0, 1, 5)])], item(1))), ["object 1 names vertex 5, but there are 5"]),
         (package(model([mesh(1, triangles=[(0, 1, -1)])], item(1))), ["object 1 names vertex -1"]),
         (package(model([mesh(1, triangles=[(0, 1, 1.5)])], item(1))), ["a vertex index is not a number"]),
         (package(model([mesh(1).replace('x="1"', 'x="one"')], item(1))), ["a coordinate is not a number"]),
         (package(model([mesh(1).replace('x="1"', 'x="1 2"')], item(1))), ["a coordinate is not a number"]),
         (package(model([mesh(1).replace('x="1"', 'u="1"')], item(1))), ["a vertex has no 'x'"]),
         (package(model([mesh(1).replace('v2="1"', "")], item(1))), ["a triangle has no 'v2'"]),
-        (
-            package(model(['<object id="1"><d:dots xmlns:d="http://dots"/></object>'], item(1))),
-            ["another shape"],
-        ),
+        (package(model(['<object id="1"><d:dots xmlns:d="http://dots"/></object>'], item(1))), ["another shape"]),
         (
             package(model([mesh(1)], item(1), more='xmlns:x="http://secret" requiredextensions="p x"')),
             ["needs the extension http://secret"],
         ),
-        (
-            package(model([mesh(1)], item(1)).replace("?>", '?><!DOCTYPE a [<!ENTITY b "c">]>')),
-            ["document type"],
-        ),
+        (package(model([mesh(1)], item(1)).replace("?>", '?><!DOCTYPE a [<!ENTITY b "c">]>')), ["document type"]),
     ],
 )
 def test_broken_files(tmp_path, content, words):
@@ -161,7 +144,4 @@ def test_a_package_that_unpacks_to_far_more_than_its_size(tmp_path):
 def test_components_of_components_do_not_multiply_without_end(tmp_path):
     for first in (mesh(0), group(0)):
         objects = [first, *(group(k + 1, use(k), use(k)) for k in range(64))]
-        refused(
-            written(tmp_path, "a.3mf", package(model(objects, item(64)))),
-            "builds 36893488147419103231 objects",
-        )
+        refused(written(tmp_path, "a.3mf", package(model(objects, item(64)))), "builds 36893488147419103231 objects")

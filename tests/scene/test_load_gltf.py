@@ -19,10 +19,7 @@ from shadowbench.harness.scene.readers.load import load, source
 
 def test_transforms_and_order(tmp_path):
     loaded = load(written(tmp_path, "a.glb", files.glb()))
-    assert loaded.faces.tolist() == [
-        *map(list, files.FACES),
-        *[[i + 5 for i in face] for face in files.FACES],
-    ]
+    assert loaded.faces.tolist() == [*map(list, files.FACES), *[[i + 5 for i in face] for face in files.FACES]]
     assert np.array_equal(loaded.frames[0], np.vstack([files.QUAD, files.QUAD + np.float32([10, 0, 0])]))
     assert loaded.up == (0, 1, 0)
 
@@ -128,10 +125,7 @@ def test_strips_and_fans_too_short_for_a_triangle(tmp_path, mode, corners):
 
 def test_several_meshes_modes_and_primitives(tmp_path):
     def change(head):
-        solid, points = (
-            {"attributes": {"POSITION": 0}, "indices": 1},
-            {"attributes": {"POSITION": 0}, "mode": 0},
-        )
+        solid, points = ({"attributes": {"POSITION": 0}, "indices": 1}, {"attributes": {"POSITION": 0}, "mode": 0})
         strip = {"attributes": {"POSITION": 0}, "mode": 5}
         head["meshes"] = [{"primitives": [solid]}, {"primitives": [points, strip, {"attributes": {}}, solid]}]
         head["nodes"] = [{"mesh": 1}]
@@ -140,10 +134,7 @@ def test_several_meshes_modes_and_primitives(tmp_path):
     loaded = load(written(tmp_path, "a.glb", files.glb(change=change)))
     assert loaded.faces[3:].tolist() == [list(face) for face in files.FACES]
     assert len(loaded.frames[0]) == 5, "both primitives are of the same vertices"
-    assert loaded.notes == (
-        "1 primitive of points or lines left out",
-        "1 primitive without positions left out",
-    )
+    assert loaded.notes == ("1 primitive of points or lines left out", "1 primitive without positions left out")
 
 
 def test_only_the_default_scene_is_read(tmp_path):
@@ -247,9 +238,7 @@ def test_files_of_trimesh_have_its_bounds_and_counts(tmp_path, suffix):
     for i, shape in enumerate(SHAPES.values()):
         turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(i).random(3))
         turn[:3, 3] = [3 * i, i, -i]
-        scene.add_geometry(
-            shape, node_name=f"n{i}", transform=turn, parent_node_name=f"n{i - 1}" if i else None
-        )
+        scene.add_geometry(shape, node_name=f"n{i}", transform=turn, parent_node_name=f"n{i - 1}" if i else None)
     path = tmp_path / f"a.{suffix}"
     if suffix == "gltf":
         for name, blob in scene.export(file_type="gltf").items():

@@ -26,10 +26,7 @@ def primitives(count: int, shared: bool) -> Gltf:
     for i in range(count):
         corners = made.accessor(np.arange(i, i + 3) % (count if shared else 4), "u4")
         parts.append(
-            {
-                "attributes": {"POSITION": everything if shared else made.accessor(SQUARE + i)},
-                "indices": corners,
-            }
+            {"attributes": {"POSITION": everything if shared else made.accessor(SQUARE + i)}, "indices": corners}
         )
     made.node(mesh=made.add("meshes", {"primitives": parts}))
     return made

@@ -62,11 +62,7 @@ def test_rotations_take_the_shorter_way_at_constant_speed(tmp_path):
 
 def test_rotations_by_splines_and_integers_have_unit_length(tmp_path):
     made = moved(
-        rotation=(
-            TIMES,
-            np.tile(np.float32([0, 0, 0, 1, 0, 0, 3, 0, 0, 0, 0, 1]), 3).reshape(-1, 4),
-            "CUBICSPLINE",
-        )
+        rotation=(TIMES, np.tile(np.float32([0, 0, 0, 1, 0, 0, 3, 0, 0, 0, 0, 1]), 3).reshape(-1, 4), "CUBICSPLINE")
     )
     loaded = load(made.write(tmp_path))
     for frame in loaded.frames:
@@ -86,9 +82,7 @@ def test_all_parents_move_what_is_below_them(tmp_path):
     middle = made.node(above)
     made.node(middle, mesh=made.mesh(), translation=[1, 0, 0])
     made.node(mesh=0, translation=[100, 0, 0])
-    made.animate(
-        translation=(above, [0, 1], [[0, 0, 0], [0, 10, 0]]), scale=(middle, [0, 1], [[1, 1, 1], [3, 3, 3]])
-    )
+    made.animate(translation=(above, [0, 1], [[0, 0, 0], [0, 10, 0]]), scale=(middle, [0, 1], [[1, 1, 1], [3, 3, 3]]))
     loaded = load(made.write(tmp_path))
     assert np.array_equal(loaded.frames[0][:4], 2 * (SQUARE + [1, 0, 0]))
     assert np.array_equal(loaded.frames[-1][:4], 2 * 3 * (SQUARE + [1, 0, 0]) + [0, 10, 0])
@@ -166,9 +160,7 @@ def test_a_skin_bends_what_morph_targets_have_moved(tmp_path):
     made.primitive()["targets"] = [{"POSITION": made.accessor(np.ones((4, 3)))}]
     made.head["nodes"][2]["weights"] = [0.5]
     plain = skinned(SQUARE + np.float32(0.5))
-    assert np.allclose(
-        load(made.write(tmp_path)).frames[0], load(plain.write(tmp_path, "b.glb")).frames[0], atol=1e-6
-    )
+    assert np.allclose(load(made.write(tmp_path)).frames[0], load(plain.write(tmp_path, "b.glb")).frames[0], atol=1e-6)
 
 
 def test_vertices_without_weights_follow_their_first_joint(tmp_path):
@@ -283,8 +275,5 @@ def test_more_frames_than_memory_holds_are_refused(tmp_path):
     made.animate(translation=(0, [0, 60], [[0, 0, 0], [5, 0, 0]]))
     path = made.write(tmp_path)
     refused(path, "1441 frames of 100000 vertices", "--frames A:B:STEP")
-    refused(
-        moved(translation=([0, 1e5], [[0, 0, 0]] * 2)).write(tmp_path, "long.glb"),
-        "2400001 frames of 4 vertices",
-    )
+    refused(moved(translation=([0, 1e5], [[0, 0, 0]] * 2)).write(tmp_path, "long.glb"), "2400001 frames of 4 vertices")
     assert len(load(path, Wanted(frames=(0, None, 240))).frames) == 7

@@ -43,11 +43,7 @@ def test_a_camera_looks_along_the_negative_z_of_its_node(tmp_path):
 
 
 def test_an_orthographic_camera(tmp_path):
-    camera = {
-        "type": "orthographic",
-        "orthographic": {"xmag": 3, "ymag": 2, "znear": 0, "zfar": 9},
-        "name": "plan",
-    }
+    camera = {"type": "orthographic", "orthographic": {"xmag": 3, "ymag": 2, "znear": 0, "zfar": 9}, "name": "plan"}
     found = load(with_camera(camera).write(tmp_path)).cameras["plan"]
     assert (found.height, found.eye, found.target) == (4, (0, 0, 0), (0, 0, -1))
 

@@ -72,10 +72,7 @@ def test_concave_polygons_keep_their_area(tmp_path):
         (off(polygons=[(0, 1, 2), (0, 1, -1)]), "face 1: it names vertex -1"),
         (off(polygons=[(0, 1, 2.5)]), "face 0: it names vertex 2.5"),
         (off(polygons=[(0, 1, 1 << 40)]), "face 0: it names vertex 1.09951e+12"),
-        (
-            off().replace(b"\n3 0 1 2\n", b"\n4 0 1 2\n"),
-            "face 0: it has 3 numbers after its number of corners, 4",
-        ),
+        (off().replace(b"\n3 0 1 2\n", b"\n4 0 1 2\n"), "face 0: it has 3 numbers after its number of corners, 4"),
         (off().replace(b"0.5 0.5 1", b"0.5 half 1"), "vertex 4: a value is not a number"),
         (off().replace(b"0.5 0.5 1", b"0.5 0.5"), "vertex 4: it has 2 coordinates"),
         (off()[:-9], "lines follow"),

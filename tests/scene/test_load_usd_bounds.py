@@ -130,9 +130,7 @@ def test_gprims_have_the_bounds_of_the_library_and_face_outwards(tmp_path, kind,
         assert (normal[:, "XYZ".index(axis)] > 0).all()
         return
     assert (np.einsum("ij,ij->i", normal, corners.mean(axis=1)) > 0).all()
-    edges = np.sort(
-        np.concatenate([loaded.faces[:, [0, 1]], loaded.faces[:, [1, 2]], loaded.faces[:, [2, 0]]]), axis=1
-    )
+    edges = np.sort(np.concatenate([loaded.faces[:, [0, 1]], loaded.faces[:, [1, 2]], loaded.faces[:, [2, 0]]]), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
 
 

@@ -87,10 +87,7 @@ def test_what_instancers_draw(tmp_path, text, places):
 def test_prototypes_and_instancers_that_draw_nothing_are_named(tmp_path, prototype):
     text = mesh("P", kind="class") + mesh("M") + instancer(prototype, "[0]", "[(9, 0, 0)]")
     loaded = load(written(tmp_path, "a.usda", HEAD + text))
-    assert loaded.notes == (
-        "prototypes of instancers that draw nothing: 1",
-        "in no frame, empty or invisible: /Field",
-    )
+    assert loaded.notes == ("prototypes of instancers that draw nothing: 1", "in no frame, empty or invisible: /Field")
 
 
 def test_orientations_and_scales(tmp_path):
@@ -99,9 +96,7 @@ def test_orientations_and_scales(tmp_path):
     text = instancer("</Field/P>", "[0, 0]", "[(10, 0, 0), (0, 0, 5)]", more, mesh("P"))
     loaded = load(written(tmp_path, "a.usda", HEAD + text))
     expected = [[10, 0, 0], [10, 2, 0], [9, 0, 0], [0, 0, 5], [1, 0, 5], [0, 1, 5]]
-    assert np.allclose(
-        loaded.frames[0][loaded.faces].reshape(-1, 3), expected, atol=2e-3
-    )  # halves hold 11 bits
+    assert np.allclose(loaded.frames[0][loaded.faces].reshape(-1, 3), expected, atol=2e-3)  # halves hold 11 bits
 
 
 def test_instancers_within_instancers_and_instances_of_the_scene_graph(tmp_path):
@@ -125,8 +120,7 @@ def test_native_instances_within_a_prototype(tmp_path):
         "[(10, 0, 0), (20, 0, 0)]",
         inside='def Xform "P" {\n'
         + "".join(
-            f'def Xform "L{i}" (instanceable = true\n references = </Leaf>) {{\n{moved_by(i)}}}\n'
-            for i in (1, 2)
+            f'def Xform "L{i}" (instanceable = true\n references = </Leaf>) {{\n{moved_by(i)}}}\n' for i in (1, 2)
         )
         + "}\n",
     )

@@ -47,9 +47,7 @@ def composed(folder: Path) -> Path:
         double2[] times = [(1, 1), (2, 2)]
     } }
 """
-    head = HEAD.replace(
-        ")\n", "    subLayers = [@./under.usda@]\n    startTimeCode = 1\n    endTimeCode = 2\n)\n"
-    )
+    head = HEAD.replace(")\n", "    subLayers = [@./under.usda@]\n    startTimeCode = 1\n    endTimeCode = 2\n)\n")
     text = f"""{head}def "Referred" (references = @./branch.usda@) {{
 }}
 def Xform "Paid" (payload = @./payload.usda@) {{
@@ -185,9 +183,7 @@ def test_what_the_library_warns_of_is_noted_and_not_printed(tmp_path, capfd):
     assert any(note.startswith("USD warns: ") for note in loaded.notes)
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"#usda 1.0\ndef", b"PXR-USDC" + b"\0" * 100, b"PK\3\4", b"\0" * 4096]
-)
+@pytest.mark.parametrize("content", [b"", b"#usda 1.0\ndef", b"PXR-USDC" + b"\0" * 100, b"PK\3\4", b"\0" * 4096])
 @pytest.mark.parametrize("suffix", ["usd", "usda", "usdc", "usdz"])
 def test_files_that_are_no_stage_are_one_line_and_silent(tmp_path, capfd, content, suffix):
     path = written(tmp_path, f"a.{suffix}", content)

@@ -11,12 +11,7 @@ pytestmark = needs_usd
 
 
 def stage(text: str, start=None, end=None, second=None, rate=None) -> str:
-    values = {
-        "startTimeCode": start,
-        "endTimeCode": end,
-        "timeCodesPerSecond": second,
-        "framesPerSecond": rate,
-    }
+    values = {"startTimeCode": start, "endTimeCode": end, "timeCodesPerSecond": second, "framesPerSecond": rate}
     given = "".join(f"    {name} = {value}\n" for name, value in values.items() if value is not None)
     return HEAD.replace(")\n", given + ")\n") + text
 

@@ -43,10 +43,7 @@ def test_an_orthographic_camera_says_how_much_it_shows(tmp_path):
 
 
 def test_cameras_of_the_same_name_have_their_paths(tmp_path):
-    text = (
-        "".join(f'def Xform "{x}" {{\ndef Camera "Eye" {{\n}}\n}}\n' for x in "AB")
-        + 'def Camera "Other" {\n}\n'
-    )
+    text = "".join(f'def Xform "{x}" {{\ndef Camera "Eye" {{\n}}\n}}\n' for x in "AB") + 'def Camera "Other" {\n}\n'
     assert list(read(tmp_path, text).cameras) == ["/A/Eye", "/B/Eye", "Other"]
 
 
@@ -89,9 +86,7 @@ def test_lights_with_an_extent_are_points(tmp_path, kind):
 def test_a_shaped_light_is_a_spot(tmp_path):
     meta = '(prepend apiSchemas = ["ShapingAPI"])'
     cone = "    float inputs:shaping:cone:angle = 30\n    float inputs:shaping:focus = 2\n"
-    spot = (
-        read(tmp_path, f'def SphereLight "Spot" {meta} {{\n{turned(-90, more=cone)}}}\n').lights["Spot"].spot
-    )
+    spot = read(tmp_path, f'def SphereLight "Spot" {meta} {{\n{turned(-90, more=cone)}}}\n').lights["Spot"].spot
     assert np.allclose(spot.direction, (0, -1, 0))
     assert spot.angle == 30
     assert spot.falloff == 2

@@ -86,11 +86,7 @@ def test_weld_takes_the_lowest_index_and_knows_one_zero():
     assert weld(np.zeros((0, 3))).tolist() == []
 
 
-@given(
-    st.lists(
-        st.tuples(*[st.sampled_from([-1.0, -0.0, 0.0, 1e-45, 1.0, np.inf])] * 3), min_size=1, max_size=40
-    )
-)
+@given(st.lists(st.tuples(*[st.sampled_from([-1.0, -0.0, 0.0, 1e-45, 1.0, np.inf])] * 3), min_size=1, max_size=40))
 @settings(derandomize=True, max_examples=100, deadline=None)
 def test_weld_is_brute_force(rows):
     points = np.array(rows)

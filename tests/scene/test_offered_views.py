@@ -28,10 +28,7 @@ def path(tmp_path, monkeypatch):
 
     def with_views(path, *more):
         return replace(
-            load(path, *more),
-            cameras={"door": DOOR, "above": ABOVE},
-            lights={"lamp": LAMP, "sun": SUN},
-            rate=24.0,
+            load(path, *more), cameras={"door": DOOR, "above": ABOVE}, lights={"lamp": LAMP, "sun": SUN}, rate=24.0
         )
 
     monkeypatch.setattr(catalogue, "load", with_views)

@@ -109,13 +109,7 @@ def test_float32_noise_on_a_straight_side_keeps_the_fan():
 
 
 def test_polygons_keep_their_order_and_their_number_of_triangles():
-    parts = [
-        placed(ARROW, 1),
-        placed([(0, 0), (1, 0), (0, 1)]),
-        placed(COMB, 5),
-        placed(ARROW, 0),
-        placed(STAIR, 3),
-    ]
+    parts = [placed(ARROW, 1), placed([(0, 0), (1, 0), (0, 1)]), placed(COMB, 5), placed(ARROW, 0), placed(STAIR, 3)]
     counts = np.array([len(part) for part in parts])
     points, starts = np.concatenate(parts), np.cumsum(counts) - counts
     faces = triangulate(points, counts, np.arange(len(points)))
@@ -151,10 +145,7 @@ def test_what_has_no_triangulation_still_has_its_number_of_triangles(points):
 
 
 def test_an_index_out_of_range_is_left_to_the_check():
-    assert triangulate(np.zeros((3, 3)), np.array([4]), np.array([0, 1, 2, 7])).tolist() == [
-        [0, 1, 2],
-        [0, 2, 7],
-    ]
+    assert triangulate(np.zeros((3, 3)), np.array([4]), np.array([0, 1, 2, 7])).tolist() == [[0, 1, 2], [0, 2, 7]]
 
 
 def test_a_polygon_of_more_corners_than_a_block():

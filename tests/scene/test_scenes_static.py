@@ -92,9 +92,7 @@ def test_camera_and_light_are_inside_a_closed_room(name: str) -> None:
         assert hit["tfar"].min() > 0.05
 
 
-@pytest.mark.parametrize(
-    ("name", "low", "high"), [("sibenik", 1, 1), ("conference", 1, 1), ("buddha", 0.3, 0.6)]
-)
+@pytest.mark.parametrize(("name", "low", "high"), [("sibenik", 1, 1), ("conference", 1, 1), ("buddha", 0.3, 0.6)])
 def test_view_is_filled_with_lit_and_shadowed_parts(name: str, low: float, high: float) -> None:
     size = 96
     moment = prepared(name).moment(0, size, size)

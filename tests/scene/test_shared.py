@@ -102,9 +102,7 @@ def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path:
     )  # fmt: skip
     options = dataclasses.replace(options, preset=dataclasses.replace(options.preset, methods=tuple(entries)))
     records = Run(options, Silent()).go()
-    assert [(record.method["label"], record.status) for record in records] == [
-        (entry.label, "ok") for entry in entries
-    ]
+    assert [(record.method["label"], record.status) for record in records] == [(entry.label, "ok") for entry in entries]
     assert all(record.frames[0].frame > 0 for record in records)
 
 

@@ -68,9 +68,7 @@ def test_a_text_in_another_encoding_is_read_by_its_mark(tmp_path, encoding, suff
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".toml"])
 def test_a_git_lfs_pointer_is_called_what_it_is(tmp_path, suffix):
-    path = written(
-        tmp_path, f"a{suffix}", "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
-    )
+    path = written(tmp_path, f"a{suffix}", "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
     with pytest.raises(UserError, match=rf"a{suffix}: is a Git LFS pointer.*git lfs pull"):
         resolve(path)
 
@@ -146,9 +144,7 @@ def area(loaded) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-@pytest.mark.parametrize(
-    ("points", "right"), [(ARROW, 3.0), (CONCAVE, 7.0), (U, 8.0)], ids=["arrow", "corner", "U"]
-)
+@pytest.mark.parametrize(("points", "right"), [(ARROW, 3.0), (CONCAVE, 7.0), (U, 8.0)], ids=["arrow", "corner", "U"])
 def test_concave_polygons_have_their_area(tmp_path, points, right):
     for turn in range(len(points)):
         own = np.roll(np.array(points, float), turn, axis=0)
@@ -248,9 +244,7 @@ def test_faces_come_before_strips_and_a_strip_is_checked(tmp_path):
     face = "element face 1\nproperty list uchar int vertex_indices\nend_header"
     text = STRIP.format(rows=1).replace("end_header", face) + "4 0 1 2 3\n3 5 4 3\n"
     assert load(written(tmp_path, "a.ply", text)).faces.tolist() == [[5, 4, 3], [0, 1, 2], [2, 1, 3]]
-    refused(
-        written(tmp_path, "b.ply", STRIP.format(rows=1) + "3 0 1 6"), "vertex 6 (from 0), but there are 6"
-    )
+    refused(written(tmp_path, "b.ply", STRIP.format(rows=1) + "3 0 1 6"), "vertex 6 (from 0), but there are 6")
     refused(written(tmp_path, "c.ply", STRIP.format(rows=1) + "2 0 1"), "holds no triangles")
 
 
@@ -332,9 +326,7 @@ def test_bytes_after_a_binary_stl_are_noted(tmp_path, extra):
 
 
 @pytest.mark.parametrize("extra", [b"", b"tail"])
-@pytest.mark.parametrize(
-    "head", [b"solid", b"solid facet normal vertex", b"SOLID made by a program".ljust(80)]
-)
+@pytest.mark.parametrize("head", [b"solid", b"solid facet normal vertex", b"SOLID made by a program".ljust(80)])
 def test_a_binary_stl_may_begin_with_solid(tmp_path, head, extra):
     blob = head.ljust(80, b"\0") + files.stl_binary()[80:] + extra
     loaded = load(written(tmp_path, "a.stl", blob))

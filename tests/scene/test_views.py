@@ -41,9 +41,7 @@ def test_what_has_no_area_does_not_set_the_camera(tmp_path, more):
 
 @pytest.mark.parametrize("marker", ["first", "last"])
 def test_a_far_marker_leaves_a_picture(tmp_path, marker):
-    text = (
-        MARKER + QUAD.replace("f 1 2 3\nf 1 3 4", "f 4 5 6\nf 4 6 7") if marker == "first" else QUAD + MARKER
-    )
+    text = MARKER + QUAD.replace("f 1 2 3\nf 1 3 4", "f 4 5 6\nf 4 6 7") if marker == "first" else QUAD + MARKER
     path = written(tmp_path, "far.obj", text)
     assert hits(path) > 0.1
     assert resolve(path).source.left_out == "1 triangle too far from the others for the automatic view"
@@ -60,9 +58,7 @@ def test_a_far_marker_beside_a_mesh_of_many_small_triangles(tmp_path):
 def test_scattered_parts_are_all_shown(tmp_path):
     """Balls a hundred radii apart are the scene, not strays of it."""
     balls = [
-        trimesh.creation.icosphere(1).apply_translation((100.0 * i, 0, 70.0 * j))
-        for i in range(3)
-        for j in range(3)
+        trimesh.creation.icosphere(1).apply_translation((100.0 * i, 0, 70.0 * j)) for i in range(3) for j in range(3)
     ]
     path = tmp_path / "balls.ply"
     trimesh.util.concatenate(balls).export(path)

@@ -68,9 +68,7 @@ Found = dict[str, dict[str, str]]
 def hash_of(answers: dict[str, NDArray]) -> str:
     """32 bits for each array, by its name."""
     named = {FORMER.get(name, name): np.ascontiguousarray(values) for name, values in answers.items()}
-    return " ".join(
-        f"{name}={hashlib.sha256(named[name].tobytes()).hexdigest()[:8]}" for name in sorted(named)
-    )
+    return " ".join(f"{name}={hashlib.sha256(named[name].tobytes()).hexdigest()[:8]}" for name in sorted(named))
 
 
 def hashes_of(row: str, prepared: Prepared, moments: list[Moment], device: str) -> list[str]:
@@ -92,10 +90,7 @@ def traced(scenes: list[str], cases: list[str], side: int) -> Iterator[tuple[dic
         asked = AskedScene.read(text, side)
         prepared = asked.prepared()
         frames = sorted({0, prepared.frame_count // 2} if asked.frame is None else {asked.frame})
-        yield (
-            {f"{text.partition('#')[0]} #{k}": prepared.moment(k, asked.side, asked.side) for k in frames},
-            prepared,
-        )
+        yield ({f"{text.partition('#')[0]} #{k}": prepared.moment(k, asked.side, asked.side) for k in frames}, prepared)
     for case in all_cases():
         if case.name.startswith(tuple(cases)) and not case.refused:
             trial = case.make()
@@ -148,9 +143,7 @@ def unpacked(path: Path) -> Found:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--method", action="append", help="NAME: its rows; NAME:SETTING=VALUE,...: that row")
-    parser.add_argument(
-        "--scene", action="append", help="NAME[@SIDE][:CHANGE=VALUE,...][#FRAME]; none: no scene"
-    )
+    parser.add_argument("--scene", action="append", help="NAME[@SIDE][:CHANGE=VALUE,...][#FRAME]; none: no scene")
     parser.add_argument("--cases", action="append", default=[], help="hard cases whose names begin so")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--side", type=int, default=256)
@@ -174,9 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
                 if before not in (None, text):
                     differ += 1
                     print(f"{frame}, {row}: {difference(text, before)}", flush=True)
-    print(
-        f"{sum(map(len, found.values()))} frames hashed: {differ} differ from {path.name}, {unknown} are not in it"
-    )
+    print(f"{sum(map(len, found.values()))} frames hashed: {differ} differ from {path.name}, {unknown} are not in it")
     if given.keep:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(packed(rows, found), encoding="utf-8")

@@ -125,14 +125,10 @@ def fuzz(
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--examples", type=int, default=100_000)
-    parser.add_argument(
-        "--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed"
-    )
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed")
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so long")
     parser.add_argument("--folder", type=Path, default=REGRESSIONS, help="where failures are frozen")
-    parser.add_argument(
-        "--method", action="append", help="repeatable; default: all that have settings to draw"
-    )
+    parser.add_argument("--method", action="append", help="repeatable; default: all that have settings to draw")
     parser.add_argument("--defaults", action="store_true", help="every exact method, at its default settings")
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()

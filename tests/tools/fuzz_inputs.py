@@ -79,16 +79,11 @@ def main() -> int:
             print(f"case {number}, {name}: {error.strip().splitlines()[-1]} (kept: {kept})", flush=True)
         shutil.rmtree(place, ignore_errors=True)
         if (number + 1) % 1000 == 0:
-            print(
-                f"{number + 1 - given.first} cases, {time.monotonic() - began:.0f} s, {failed} failed",
-                flush=True,
-            )
+            print(f"{number + 1 - given.first} cases, {time.monotonic() - began:.0f} s, {failed} failed", flush=True)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     for what, count in sorted(counts.items()):
         print(f"{count:7d}  {what}")
-    print(
-        f"{given.cases} cases, {failed} failed, peak memory {peak / GIB:.2f} GiB, {time.monotonic() - began:.0f} s"
-    )
+    print(f"{given.cases} cases, {failed} failed, peak memory {peak / GIB:.2f} GiB, {time.monotonic() - began:.0f} s")
     return 1 if failed else 0
 
 

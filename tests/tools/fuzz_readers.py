@@ -31,9 +31,7 @@ MOST_GROWTH = 200 * MIB
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--cases", type=int, default=3000, help="damaged files of each format")
-    parser.add_argument(
-        "--cuts", type=int, help="files cut short, of each format; default: at every position"
-    )
+    parser.add_argument("--cuts", type=int, help="files cut short, of each format; default: at every position")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", action="append", help="an ending; repeatable")
     given = parser.parse_args()

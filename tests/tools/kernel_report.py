@@ -227,8 +227,7 @@ def main(arguments: list[str]) -> None:
     for key, use in found.items():
         old = before.get(key)
         cells = [
-            f"{value:>7} {'(' + str(astuple(old)[k]) + ')' if old else '':>8}"
-            for k, value in enumerate(astuple(use))
+            f"{value:>7} {'(' + str(astuple(old)[k]) + ')' if old else '':>8}" for k, value in enumerate(astuple(use))
         ]
         print(f"{': '.join(key):52} {' '.join(cells)}")
     if "--record" in arguments:

@@ -26,12 +26,8 @@ from helpers.kills import Kills, kill_and_resume
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--kills", type=int, default=100)
-    parser.add_argument(
-        "--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed"
-    )
-    parser.add_argument(
-        "--cluster", type=float, default=0.3, help="share of the kills in runs with --cluster local"
-    )
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed")
+    parser.add_argument("--cluster", type=float, default=0.3, help="share of the kills in runs with --cluster local")
     given = parser.parse_args()
     print(f"seed {given.seed}", flush=True)
     began, found = time.monotonic(), Kills()
@@ -49,9 +45,7 @@ def main() -> int:
                     found,
                     lambda text, what=what: print(f"{what}: {text}", flush=True),
                 )
-    print(
-        f"{found.count} kills, {found.resumed} resumed, {found.finished} finished, {time.monotonic() - began:.0f} s"
-    )
+    print(f"{found.count} kills, {found.resumed} resumed, {found.finished} finished, {time.monotonic() - began:.0f} s")
     for (process, doing), count in sorted(found.kills.items()):
         print(f"{count:4} of the {process} while {doing}")
     print(f"{len(found.findings)} findings", *found.findings, sep="\n")

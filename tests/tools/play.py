@@ -46,9 +46,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--frames", type=int, default=1_000_000, help="stop after so many, over all methods")
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so long")
-    parser.add_argument(
-        "--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed"
-    )
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed")
     parser.add_argument("--method", action="append", help="repeatable; default: all")
     parser.add_argument(
         "--effects", action="store_true", help="spots, holes, mirrors: their kernels are compiled first"

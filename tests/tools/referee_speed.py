@@ -53,9 +53,7 @@ def timed(what: str, work: Callable[[], Any]) -> Any:
     """Do it, and print how long it took."""
     wall, busy = time.perf_counter(), time.process_time()
     found = work()
-    print(
-        f"  {what:<42} {time.perf_counter() - wall:6.2f} s  ({time.process_time() - busy:.2f} s of processors)"
-    )
+    print(f"  {what:<42} {time.perf_counter() - wall:6.2f} s  ({time.process_time() - busy:.2f} s of processors)")
     return found
 
 
@@ -71,12 +69,8 @@ def report(scene: str, count: int) -> None:
     referee = timed("tree of the referee", lambda: Referee(moment.points, prepared.faces, moment.valid))
     found = timed(f"{len(pixels):,} disputed pixels", lambda: decided(referee, moment, reference, pixels))
     near = neighbours(pixels, SIDE, SIDE)
-    timed(
-        f"... with their neighbours, {len(near):,} pixels", lambda: decided(referee, moment, reference, near)
-    )
-    print(
-        f"  of the answers planted there {found['triangles']:,} triangles and {found['bits']:,} bits are wrong"
-    )
+    timed(f"... with their neighbours, {len(near):,} pixels", lambda: decided(referee, moment, reference, near))
+    print(f"  of the answers planted there {found['triangles']:,} triangles and {found['bits']:,} bits are wrong")
 
 
 def main() -> None:

@@ -139,9 +139,7 @@ def main() -> int:
     parser.add_argument("--graphs", action="store_true", help="each frame also as a replayed graph")
     parser.add_argument("--jobs", type=int, default=4, help="methods at the same time")
     parser.add_argument("--seconds", type=float, default=600.0, help="limit of a method")
-    parser.add_argument(
-        "--planted", action="store_true", help="errors that the tool must find, in place of methods"
-    )
+    parser.add_argument("--planted", action="store_true", help="errors that the tool must find, in place of methods")
     parser.add_argument("--frames", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.frames == PLANTED:

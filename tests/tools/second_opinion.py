@@ -56,18 +56,14 @@ def cgal_opinion(seed: int, rays: int) -> tuple[int, list[str]]:
             if dot(flat.normal, d) and flat.side(o):
                 asked += 1
                 if do_intersect(ray, shape) != (second.hit(o, d, k) is not None):
-                    found.append(
-                        f"seed {seed}: ray {origin.tolist()} {way.tolist()} and triangle {k}: CGAL differs"
-                    )
+                    found.append(f"seed {seed}: ray {origin.tolist()} {way.tolist()} and triangle {k}: CGAL differs")
     return asked, found
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rays", type=int, default=100_000, help="random rays; 0: none")
-    parser.add_argument(
-        "--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed"
-    )
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed")
     parser.add_argument("--most", type=int, default=1024, help="pixels of a case; 0: no cases")
     given = parser.parse_args()
     start_warp()

@@ -50,15 +50,11 @@ class Frames:
         if key not in self._ready:
             asked = AskedScene.read(scene, SIDE)
             prepared = self.prepared(asked)
-            session = api.Session(
-                api.make_method(method, settings), prepared, asked.side, asked.side, self.device
-            )
+            session = api.Session(api.make_method(method, settings), prepared, asked.side, asked.side, self.device)
             frame = prepared.frame_count // 2 if asked.frame is None else asked.frame
             answers = session.answers(prepared.moment(frame, asked.side, asked.side))
             found = hashlib.sha256()
-            for name in sorted(
-                answers, key=lambda name: name.replace("visibility", "shadowed")
-            ):  # 0.1's name
+            for name in sorted(answers, key=lambda name: name.replace("visibility", "shadowed")):  # 0.1's name
                 found.update(answers[name].tobytes())
             self._ready[key] = session, found.hexdigest()
         return self._ready[key]

@@ -168,9 +168,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--version", action="append", required=True, help="NAME=COMMIT or NAME=FOLDER")
     parser.add_argument("--variant", action="append", default=[], help="NAME:SETTING=VALUE,...")
-    parser.add_argument(
-        "--scene", action="append", required=True, help="NAME[@SIDE][:CHANGE=VALUE,...][#FRAME]"
-    )
+    parser.add_argument("--scene", action="append", required=True, help="NAME[@SIDE][:CHANGE=VALUE,...][#FRAME]")
     parser.add_argument("--method", default="ray_grids")
     parser.add_argument("--device", default="", help="default: cuda:0 if present, else cpu")
     parser.add_argument("--rounds", type=int, default=5)

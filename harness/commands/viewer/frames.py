@@ -224,9 +224,7 @@ class Frames:
             MACHINE.release()
         return facts, webp(picture)
 
-    def _mark_wrong(
-        self, moment: Moment, answers: dict[str, NDArray], picture: NDArray[np.uint8]
-    ) -> dict[str, Any]:
+    def _mark_wrong(self, moment: Moment, answers: dict[str, NDArray], picture: NDArray[np.uint8]) -> dict[str, Any]:
         """Mark the wrong pixels of the picture in red, and count them by class."""
         from ...judge.context import Judge
         from ...judge.score import gravest_classes, judge_frame

@@ -64,20 +64,11 @@ def left_surface(
         + wp.abs(side[2]) * spread(a[2], b[2], c[2], h[2])
         + extent * wp.abs(wp.dot(side, way)) / largest(way)
     )
-    return wp.vec3d(
-        outward(h[0], step * side[0]), outward(h[1], step * side[1]), outward(h[2], step * side[2])
-    )
+    return wp.vec3d(outward(h[0], step * side[0]), outward(h[1], step * side[1]), outward(h[2], step * side[2]))
 
 
 @wp.kernel(enable_backward=False)
-def mirror_kernel(
-    camera: Camera,
-    mesh: Mesh,
-    mirror: wp.array(dtype=wp.uint8),
-    hits: Hits,
-    rays: Rays,
-    mirrored: Rays,
-):
+def mirror_kernel(camera: Camera, mesh: Mesh, mirror: wp.array(dtype=wp.uint8), hits: Hits, rays: Rays, mirrored: Rays):
     """The mirrored ray of each pixel whose hit is a mirror; zero and not active elsewhere."""
     pixel = wp.tid()
     mirrored.origin[pixel] = wp.vec3f(0.0, 0.0, 0.0)
@@ -174,14 +165,7 @@ def traced_bounces(
         for i, wanted in enumerate(effects.shadows):
             if not wanted:
                 continue
-            reads = (
-                *structure,
-                *of_light(i),
-                f"rays/{b}",
-                f"hits/{b}",
-                f"light/{i}",
-                *effects.receiver_reads(i, b),
-            )
+            reads = (*structure, *of_light(i), f"rays/{b}", f"hits/{b}", f"light/{i}", *effects.receiver_reads(i, b))
             passes.append(
                 Pass(
                     f"bounce {b}, light {i}: shadow rays",

@@ -46,8 +46,7 @@ def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -
     r = spots[index, 4] * v[0] + spots[index, 5] * v[1] + spots[index, 6] * v[2]
     u = spots[index, 7] * v[0] + spots[index, 8] * v[1] + spots[index, 9] * v[2]
     return (
-        wp.abs(wp.atan2(r, f)) <= spots[index, 10]
-        and wp.abs(wp.atan2(u, wp.sqrt(f * f + r * r))) <= spots[index, 11]
+        wp.abs(wp.atan2(r, f)) <= spots[index, 10] and wp.abs(wp.atan2(u, wp.sqrt(f * f + r * r))) <= spots[index, 11]
     )
 
 
@@ -63,9 +62,7 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
 
 
 @wp.func
-def faces_light(
-    light: wp.int32, eye: wp.vec3f, corners: Corners, lights: wp.array(dtype=wp.vec3f)
-) -> wp.bool:
+def faces_light(light: wp.int32, eye: wp.vec3f, corners: Corners, lights: wp.array(dtype=wp.vec3f)) -> wp.bool:
     """:func:`faces` of a triangle, whatever its hit: all that :func:`receives` asks where the light is no spot and rays come
     from the eye."""
     a = to_float64(corners.a)
@@ -245,9 +242,7 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
     return mark
 
 
-def receiver_passes(
-    frame: Frame, effects: Effects, planned: Sequence[Pass] = (), threads: int = 1
-) -> list[Pass]:
+def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = (), threads: int = 1) -> list[Pass]:
     """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
     them. ``threads``: of a CPU, 0 for one on each processor."""
     marked = {name for work in planned for name in work.writes}

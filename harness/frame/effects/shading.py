@@ -193,14 +193,7 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
         )  # fmt: skip
 
     lit = [i for i, wanted in enumerate(effects.shadows) if wanted]
-    reads = [
-        "hits",
-        "camera",
-        "points",
-        "triangles",
-        "surfaces",
-        *(f"light/{i}" for i in range(frame.light_count)),
-    ]
+    reads = ["hits", "camera", "points", "triangles", "surfaces", *(f"light/{i}" for i in range(frame.light_count))]
     reads += [f"shadowed/{i}" for i in lit]
     for b in range(1, effects.bounces + 1):
         reads += [f"rays/{b}", f"hits/{b}", *(f"shadowed/{i}/{b}" for i in lit)]
@@ -208,10 +201,7 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
 
 
 def shaded(
-    prepared: Prepared,
-    moment: Moment,
-    answers: dict[str, NDArray],
-    lights: Sequence[Light],
+    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]
 ) -> Callable[[int, int], NDArray[np.float32]]:
     """A function (first pixel, number of pixels) to their linear colours, float32 [n, 3].
 
@@ -253,12 +243,8 @@ def shaded(
         column=on_device(moment.column, wp.vec3f),
         row=on_device(moment.row, wp.vec3f),
     )
-    mesh = filled(
-        Mesh, points=on_device(moment.points, wp.vec3f), triangles=on_device(prepared.faces, wp.vec3i)
-    )
-    hits = filled(
-        Hits, triangle=on_device(answers["triangle"], wp.int32), t=on_device(answers["t"], wp.float32)
-    )
+    mesh = filled(Mesh, points=on_device(moment.points, wp.vec3f), triangles=on_device(prepared.faces, wp.vec3i))
+    hits = filled(Hits, triangle=on_device(answers["triangle"], wp.int32), t=on_device(answers["t"], wp.float32))
     inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]
     kernel = specialised(color_kernel, Switches(bounced=bounces > 0, orthographic=moment.orthographic))
 

@@ -112,9 +112,7 @@ def with_type(kernel: wp.Kernel, name: str, kind: type) -> wp.Kernel:
     return wp.kernel(copied(kernel.func, {}, {name: kind}), module="unique", **kernel.options)
 
 
-def copied(
-    function: types.FunctionType, names: dict[str, Any], annotations: dict[str, type]
-) -> types.FunctionType:
+def copied(function: types.FunctionType, names: dict[str, Any], annotations: dict[str, type]) -> types.FunctionType:
     """A function with the same code, where ``names`` and ``annotations`` replace its own."""
     space = {**function.__globals__, **names}
     cells = tuple(
@@ -123,9 +121,5 @@ def copied(
     )
     copy = types.FunctionType(function.__code__, space, function.__name__, function.__defaults__, cells)
     copy.__annotations__ = {**function.__annotations__, **annotations}
-    copy.__module__, copy.__qualname__, copy.__doc__ = (
-        function.__module__,
-        function.__qualname__,
-        function.__doc__,
-    )
+    copy.__module__, copy.__qualname__, copy.__doc__ = (function.__module__, function.__qualname__, function.__doc__)
     return copy

@@ -25,9 +25,7 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
     early = [work for work in passes if work.hints.early and work.only_if is None]
     for work in early:
         if not made.isdisjoint(work.reads):
-            raise ValueError(
-                f"pass {work.name!r} cannot run early: it reads what another pass of the frame writes"
-            )
+            raise ValueError(f"pass {work.name!r} cannot run early: it reads what another pass of the frame writes")
     rest = [work for work in passes if work not in early]
     refuse_shared(passes)
     refuse_shared(rest)
@@ -105,11 +103,7 @@ def refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
 
 
 def _capture(
-    passes: Sequence[Pass],
-    device: str,
-    running: list[tuple[Pass, Any]],
-    depth: int = 0,
-    awaited: Collection[Pass] = (),
+    passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], depth: int = 0, awaited: Collection[Pass] = ()
 ) -> None:
     """Capture passes on the current stream. ``running``: passes that run early or overlap others, and the events of
     their ends; ``awaited``: those that the stream has waited for. To wait again would be another edge of the graph."""
@@ -166,9 +160,7 @@ def _launch_overlapping(
 
 def _depends(work: Pass, before: Pass) -> bool:
     """Whether a pass uses what an earlier one writes, or writes what that reads."""
-    return not (
-        {*work.reads, *work.writes}.isdisjoint(before.writes) and set(work.writes).isdisjoint(before.reads)
-    )
+    return not ({*work.reads, *work.writes}.isdisjoint(before.writes) and set(work.writes).isdisjoint(before.reads))
 
 
 def _join(running: Sequence[tuple[Pass, Any]]) -> None:

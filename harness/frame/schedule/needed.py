@@ -90,6 +90,4 @@ def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
                 why[k] = f"{cause} is written again"
             dirty.update(dict.fromkeys(work.writes, ""))
             found = True
-    return [
-        Step(work, k in why, why.get(k, "nothing that it reads changed")) for k, work in enumerate(passes)
-    ]
+    return [Step(work, k in why, why.get(k, "nothing that it reads changed")) for k, work in enumerate(passes)]

@@ -57,10 +57,7 @@ def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> 
 
     place = {name: number for number, name in enumerate(order)}
     interest = [place.get(one.frames["experiment"].iloc[0], len(place)) for one in sources]
-    sources = [
-        one
-        for _, one in sorted(zip(interest, sources, strict=True), key=lambda pair: (pair[0], pair[1].name))
-    ]
+    sources = [one for _, one in sorted(zip(interest, sources, strict=True), key=lambda pair: (pair[0], pair[1].name))]
     last = newest_versions(
         pd.concat([t.frames[["method", "method_sha256", "started"]] for t in sources], ignore_index=True)
     )
@@ -81,9 +78,7 @@ def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> 
         "version": installed(),
         "finding": ranking.finding(ranking.ranked(sources[0].frames)),
         "folders": about,
-        "points": columns(
-            every.reindex(columns=[*POINT, *(name for name in every if name.startswith("text."))])
-        ),
+        "points": columns(every.reindex(columns=[*POINT, *(name for name in every if name.startswith("text."))])),
         "frames": columns(pd.concat(frames, ignore_index=True)),
         "ratios": columns(pd.concat(ratios, ignore_index=True)),
         "environments": facts,
@@ -139,9 +134,7 @@ def with_texts(table: DataFrame) -> DataFrame:
     for name, (column, spread, form) in TEXTS.items():
         if column in table:
             values = table[column].astype("float64")
-            around = (
-                values * share if spread == "rate" else table[spread] if spread in table else values * 0.0
-            )
+            around = values * share if spread == "rate" else table[spread] if spread in table else values * 0.0
             made[f"text.{name}"] = numbers.carry(values, around, form)
     return table.assign(**made)
 
@@ -200,12 +193,9 @@ def described(source: Source, points: DataFrame) -> dict[str, Any]:
     busy, older = disturbances(source.path), source.frames.attrs.get("older", 0)
     versions = points[points["method_sha256"] != ""].groupby("method")["method_sha256"].nunique()
     notices = [
-        f"Records of {n} versions of {method} are in this folder."
-        for method, n in versions[versions > 1].items()
+        f"Records of {n} versions of {method} are in this folder." for method, n in versions[versions > 1].items()
     ]
-    notices += [f"{older} older records of the same entries are in the folder and are not shown."] * bool(
-        older
-    )
+    notices += [f"{older} older records of the same entries are in the folder and are not shown."] * bool(older)
     notices += document.not_measured(points)[:12]
     return {
         "name": source.name,

@@ -149,9 +149,7 @@ def compared(
     pictures = [{"label": "reference (exact)", "uri": uri, "classes": None, "wrong": 0}]
     for row in rows:
         image = answered[row["key"]]  # None: it looks like the reference's
-        shown = (
-            uri if image is None else album.add(compact(image, palette), ".webp", f"{row['label']}, {scene}")
-        )
+        shown = uri if image is None else album.add(compact(image, palette), ".webp", f"{row['label']}, {scene}")
         if shown is None:
             continue
         wrong = row["true_errors"]
@@ -179,9 +177,7 @@ def maps(sources: Sequence[Source], album: Album) -> list[dict[str, Any]]:
                     path = map_path(place, row["key"], int(frame))
                     uri = album.file(path) if path.is_file() else None
                     if uri:
-                        found.append(
-                            {"label": row["label"], "frame": int(frame), "uri": uri, "key": row["key"]}
-                        )
+                        found.append({"label": row["label"], "frame": int(frame), "uri": uri, "key": row["key"]})
             if found:
                 made.append({"folder": name, "title": title, "width": int(own["width"].iloc[0]),
                              "height": int(own["height"].iloc[0]), "maps": found})  # fmt: skip

@@ -40,10 +40,7 @@ def write_site(out: Path, data: dict[str, Any], places: Mapping[str, Path], docs
 def experiment_page(about: Mapping[str, Any], drawings: list[str]) -> str:
     """The page of one experiment, which needs no script: what was found, its drawings, and the way to its tables."""
     up = "../" * (about["name"].count("/") + 1)
-    images = [
-        f'<a href="{quote(name)}"><img src="{quote(name)}" alt="{html.escape(name)}"></a>'
-        for name in drawings
-    ]
+    images = [f'<a href="{quote(name)}"><img src="{quote(name)}" alt="{html.escape(name)}"></a>' for name in drawings]
     texts = {
         "TITLE": html.escape(about["title"]),
         "STYLE": resource("page.css"),

@@ -66,9 +66,7 @@ class Delivery:
         with self.folder.writing():
             for name, content in outcome.files.items():
                 if not allowed(name):
-                    raise UserError(
-                        f"{name}: a worker delivered a file of this name, which no results folder has"
-                    )
+                    raise UserError(f"{name}: a worker delivered a file of this name, which no results folder has")
                 path = self.folder.path / name
                 if name == SCENES:
                     write_atomic(path, {**(read_json(path) or {}), **json.loads(content)})
@@ -103,12 +101,7 @@ class Delivery:
             for entry in preset.methods:
                 method = describe_method(entry, "cpu")
                 if device[0] != "cpu" and not method.get("broken"):
-                    method = {
-                        **method,
-                        "device": device[0],
-                        "asked_device": device[0],
-                        "device_name": device[1],
-                    }
+                    method = {**method, "device": device[0], "asked_device": device[0], "device_name": device[1]}
                 scene = facts or unmade_scene(options, name, lighting)
                 point = make_point(options.experiment.name, preset, entry, scene, method, options.seed)
                 kept = self.folder.record(point.key)

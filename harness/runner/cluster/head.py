@@ -278,9 +278,7 @@ class ClusterRun:
             self.ledger.note("shard", **about, points=len(outcome.keys), attempt=shard.attempt)
             self.keys[shard.number] = outcome.keys
             self.report.done()
-        forgetting = self.pool.client.submit(
-            spool.forget, outcome.folder, workers=[address], pure=False, retries=0
-        )
+        forgetting = self.pool.client.submit(spool.forget, outcome.folder, workers=[address], pure=False, retries=0)
         self.cleaning.append(forgetting)
 
     def _lost(self, task: Running, reason: str) -> None:
@@ -323,9 +321,7 @@ class ClusterRun:
 
     def _ended(self, what: str) -> UserError:
         done = f"{len(self.keys)} of {self.count} scenes are finished and in {self.options.out}"
-        return UserError(
-            f"--cluster {self.pool.address}: {what}; {done}; run the same command again to continue"
-        )
+        return UserError(f"--cluster {self.pool.address}: {what}; {done}; run the same command again to continue")
 
 
 def _scene(shard: Shard) -> str:

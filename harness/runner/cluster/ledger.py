@@ -53,9 +53,7 @@ class Ledger:
 
 def middle(points: list[Calibration]) -> Calibration:
     """The median of calibration points, separately for each kernel."""
-    return Calibration(
-        median(point.arithmetic_ms for point in points), median(point.memory_ms for point in points)
-    )
+    return Calibration(median(point.arithmetic_ms for point in points), median(point.memory_ms for point in points))
 
 
 def reference_of(workers: list[Worker]) -> Worker:

@@ -78,9 +78,7 @@ class Pool:
 def kind_of(device: str | None) -> str | None:
     """The kind of device that ``--device`` asks of workers. Raises :class:`UserError` for a single card."""
     if device not in (None, "cpu", "cuda"):
-        raise UserError(
-            f"--cluster with --device {device}: every worker has its own card; give cuda, cpu or nothing"
-        )
+        raise UserError(f"--cluster with --device {device}: every worker has its own card; give cuda, cpu or nothing")
     return device
 
 
@@ -99,9 +97,7 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
             f"--cluster needs Dask ({error.name} is missing): {install('shadowbench-rt[cluster]')}"
         ) from None
     if cluster != LOCAL and ":" not in cluster:  # Dask would look for a host of this name for a while
-        raise UserError(
-            f"--cluster {cluster}: give {LOCAL}, or the address of a scheduler, such as tcp://HOST:8786"
-        )
+        raise UserError(f"--cluster {cluster}: give {LOCAL}, or the address of a scheduler, such as tcp://HOST:8786")
     _quiet()
     settings: dict[str, Any] = {
         "distributed.comm.timeouts.connect": CONNECT_S,
@@ -140,11 +136,7 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
 def _no_worker(pool: Pool, kind: str | None) -> str:
     wanted = RESOURCES[kind] if kind else "GPU"
     there = len(pool.info())
-    what = (
-        f"none of its {there} workers has one thread and the resource {wanted}=1"
-        if there
-        else "it has no worker"
-    )
+    what = f"none of its {there} workers has one thread and the resource {wanted}=1" if there else "it has no worker"
     return (
         f"--cluster {pool.address}: {what}; start workers with "
         f"`dask worker {pool.address} --nthreads 1 --resources {wanted}=1`"
@@ -156,9 +148,7 @@ def _cards(kind: str | None) -> list[str]:
     start_warp()
     found = [] if kind == "cpu" else [str(device.uuid) for device in wp.get_cuda_devices()]
     if kind == "cuda" and not found:
-        raise UserError(
-            "--cluster local --device cuda: this machine has no GPU; leave out --device for its CPU"
-        )
+        raise UserError("--cluster local --device cuda: this machine has no GPU; leave out --device for its CPU")
     return found
 
 
@@ -175,21 +165,13 @@ def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
         raise UserError(
             f"--cluster local needs cryptography for its connections ({error}): {install('shadowbench-rt[cluster]')}"
         ) from None
-    common = {
-        "host": "127.0.0.1",
-        "security": security,
-        "dashboard": False,
-        "dashboard_address": "127.0.0.1:0",
-    }
+    common = {"host": "127.0.0.1", "security": security, "dashboard": False, "dashboard_address": "127.0.0.1:0"}
     options = {**common, "nthreads": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
     specs: dict[Any, Any] = {}
     for number, card in enumerate(cards or [""]):
         env = {**QUIET_WORKERS, **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
         resources = {RESOURCES["cuda" if card else "cpu"]: 1}
-        specs[number] = {
-            "cls": distributed.Nanny,
-            "options": {**options, "env": env, "resources": resources},
-        }
+        specs[number] = {"cls": distributed.Nanny, "options": {**options, "env": env, "resources": resources}}
     scheduler = {"cls": distributed.Scheduler, "options": {**common, "port": 0}}
     about = {"security": security, "silence_logs": logging.CRITICAL, "shutdown_on_close": False}
     try:

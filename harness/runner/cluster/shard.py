@@ -164,9 +164,7 @@ class Relay(Silent):
         get_worker().log_event(TOPIC, {**self.about, "doing": text})
 
     def note(self, text: str) -> None:
-        if text.startswith(
-            "waiting"
-        ):  # short ones are many, where the host times methods on several cards in turn
+        if text.startswith("waiting"):  # short ones are many, where the host times methods on several cards in turn
             self._send(text)
 
     def doing(self, what: str, who: str = "") -> None:

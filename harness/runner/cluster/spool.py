@@ -75,9 +75,7 @@ def made(folder: Path) -> Path:
     here = folder.lstat()
     unmarked = _closed(here) and here.st_uid == os.getuid() and not any(folder.iterdir())
     if not unmarked and not is_own(folder):
-        raise UserError(
-            f"{folder}: it is not a folder of shadowbench; move it, or set {PLACE} to another folder"
-        )
+        raise UserError(f"{folder}: it is not a folder of shadowbench; move it, or set {PLACE} to another folder")
     (folder / MARKER).touch()
     return folder
 
@@ -96,13 +94,7 @@ def name_of(options: Options, card: str) -> str:
     asked = {
         "experiment": options.experiment.name,
         "preset": [options.preset_name, plain(dataclasses.asdict(options.preset))],
-        "options": [
-            options.scene_dir,
-            options.seed,
-            options.save_answers,
-            options.score,
-            options.view.facts(),
-        ],
+        "options": [options.scene_dir, options.seed, options.save_answers, options.score, options.view.facts()],
         "device": options.device,
         "card": card,
     }

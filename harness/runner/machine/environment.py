@@ -20,38 +20,17 @@ from ...files import digest, write_atomic
 from ...frame.devices import cpu_model
 from ...results.folder import read_json
 
-PACKAGES = (
-    "warp-lang",
-    "numpy",
-    "embreex",
-    "trimesh",
-    "pandas",
-    "scipy",
-    "pillow",
-    "usd-core",
-)
+PACKAGES = ("warp-lang", "numpy", "embreex", "trimesh", "pandas", "scipy", "pillow", "usd-core")
 DISTRIBUTION = "shadowbench-rt"
 """The name under which this package is installed."""
 
-GPU_FIELDS = (
-    "name",
-    "driver_version",
-    "memory.total",
-    "clocks.max.sm",
-    "clocks.max.mem",
-    "power.limit",
-)
+GPU_FIELDS = ("name", "driver_version", "memory.total", "clocks.max.sm", "clocks.max.mem", "power.limit")
 
 
 def environment() -> dict[str, Any]:
     """The environment, with an ``id`` that is a hash of all the rest."""
     facts: dict[str, Any] = {
-        "cpu": {
-            "model": cpu_model(),
-            "cores": os.cpu_count(),
-            "usable_cores": usable_cores(),
-            "flags": cpu_flags(),
-        },
+        "cpu": {"model": cpu_model(), "cores": os.cpu_count(), "usable_cores": usable_cores(), "flags": cpu_flags()},
         "memory_bytes": psutil.virtual_memory().total,
         "os": system(),
         "python": platform.python_version(),
@@ -89,9 +68,7 @@ def cpu_flags() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return ""
-    flags = next(
-        (line.split(":", 1)[1] for line in lines if line.lower().startswith(("flags", "features"))), ""
-    )
+    flags = next((line.split(":", 1)[1] for line in lines if line.lower().startswith(("flags", "features"))), "")
     return hashlib.sha256(" ".join(sorted(flags.split())).encode()).hexdigest()[:16] if flags else ""
 
 
@@ -104,12 +81,7 @@ def usable_cores() -> int:
 def gpus() -> list[dict[str, Any]]:
     """One entry per CUDA device, with the data of Warp and nvidia-smi; empty without devices."""
     found = [
-        {
-            "alias": device.alias,
-            "name": device.name,
-            "arch": device.arch,
-            "sms": device.sm_count,
-        }
+        {"alias": device.alias, "name": device.name, "arch": device.arch, "sms": device.sm_count}
         for device in wp.get_cuda_devices()
     ]
     if found and shutil.which("nvidia-smi"):
@@ -117,9 +89,7 @@ def gpus() -> list[dict[str, Any]]:
         fields = ("uuid", *GPU_FIELDS)
         query = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
         try:
-            lines = subprocess.run(
-                query, capture_output=True, text=True, timeout=20, check=True
-            ).stdout.splitlines()
+            lines = subprocess.run(query, capture_output=True, text=True, timeout=20, check=True).stdout.splitlines()
         except (OSError, subprocess.SubprocessError):
             lines = []
         rows = [dict(zip(fields, (v.strip() for v in line.split(",")), strict=False)) for line in lines]
@@ -162,15 +132,11 @@ def _git(file: Path, *words: str) -> str:
 def _version(read: Any) -> str | None:
     try:
         return ".".join(str(part) for part in read())
-    except (
-        Exception
-    ):  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
+    except Exception:  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
         return None
 
 
-CLOCK_FIELDS = (
-    "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
-)
+CLOCK_FIELDS = "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
 
 
 def clock_state(device: str) -> dict[str, Any]:

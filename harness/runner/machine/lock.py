@@ -171,9 +171,7 @@ class MachineLock:
                 continue
             who, advice = in_the_way(file)
             if not self.wait:
-                raise InUse(
-                    f"the machine is in use by {who}{advice}; wait for its end, or leave out --no-wait"
-                )
+                raise InUse(f"the machine is in use by {who}{advice}; wait for its end, or leave out --no-wait")
             self.say(f"waiting until {who} {WHAT_FOR[kind]}{advice}")
             fcntl.flock(file, kind)
             self.waited += time.monotonic() - end
@@ -185,10 +183,7 @@ class MachineLock:
             folder = self.folder or Path(os.environ.get(FOLDER) or tempfile.gettempdir())
             of = f"-{self.of}" if self.of else ""
             with contextlib.suppress(OSError):
-                self._files = (
-                    _opened(folder / f"shadowbench-gate{of}"),
-                    _opened(folder / f"shadowbench-turn{of}"),
-                )
+                self._files = (_opened(folder / f"shadowbench-gate{of}"), _opened(folder / f"shadowbench-turn{of}"))
         return self._files
 
 

@@ -166,9 +166,7 @@ class MeasuredPoint:
             wrong = differing(self.session, self.hashes[frame])
             if wrong:
                 where = f"frame {frame}: {', '.join(wrong)}"
-                raise UnsteadyError(
-                    f"the timed frames gave other answers than the frame that was judged ({where})"
-                )
+                raise UnsteadyError(f"the timed frames gave other answers than the frame that was judged ({where})")
         # Kernels are compiled by now: growth is memory that the method allocates inside a frame.
         peak = peak_resident_bytes()
         extra = peak - resident if peak - resident > ALLOWED_GROWTH else 0
@@ -197,9 +195,7 @@ class MeasuredPoint:
             if not session.overflowed():
                 return measured, session.regrown
             session.run_complete()
-        raise RuntimeError(
-            f"{session.method.name}: the buffer sizes that one frame needs change from run to run"
-        )
+        raise RuntimeError(f"{session.method.name}: the buffer sizes that one frame needs change from run to run")
 
 
 PROCESS = "process growth"
@@ -258,9 +254,7 @@ def differing(session: Session, known: Mapping[str, str]) -> list[str]:
     return [name for name, value in known.items() if found[name] != value]
 
 
-def affordable_frames(
-    frames: list[int], session: Session, seconds: float, runs: int, budget_s: float
-) -> list[int]:
+def affordable_frames(frames: list[int], session: Session, seconds: float, runs: int, budget_s: float) -> list[int]:
     """The frames whose samples fit into the budget: evenly spaced, including the first; at least one.
 
     ``seconds``: time of the first frame including one-time costs. ``runs``: number of times that each frame will run.
@@ -273,9 +267,7 @@ def affordable_frames(
     seconds = time.perf_counter() - start
     count = int(budget_s / (seconds * runs))
     # The first one ran already.
-    return (
-        frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), min(count, len(frames)))]
-    )
+    return frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), min(count, len(frames)))]
 
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:

@@ -123,9 +123,7 @@ def _data_limited(more: int) -> Iterator[None]:
     """Limit the writable private memory of this process (RLIMIT_DATA) to what it has mapped and ``more`` bytes."""
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     most = (_status("VmData") or 0) + more
-    resource.setrlimit(
-        resource.RLIMIT_DATA, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard)
-    )
+    resource.setrlimit(resource.RLIMIT_DATA, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
     try:
         yield
     finally:

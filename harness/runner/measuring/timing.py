@@ -192,9 +192,7 @@ def _stages(session: PassRunner) -> list[float]:
                 wp.capture_launch(graph)
                 wp.record_event(event)
             wp.synchronize_device(device)
-            prefix = [
-                wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)
-            ]
+            prefix = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
         return [float(ms) for ms in np.diff(prefix, prepend=0.0)]
     with wp.ScopedDevice(device):
         events = _events(device, count + 1)

@@ -134,9 +134,7 @@ def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[
     default = experiment.gpu if device.startswith("cuda") else experiment.cpu
     chosen = default if name is None else name
     if chosen not in experiment.presets:
-        raise UserError(
-            f"{experiment.name} has no preset {chosen!r}{did_you_mean(chosen, experiment.presets)}"
-        )
+        raise UserError(f"{experiment.name} has no preset {chosen!r}{did_you_mean(chosen, experiment.presets)}")
     return chosen, experiment.presets[chosen]
 
 

@@ -28,12 +28,9 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
         method, key, value = _parsed(text)
         if method not in {entry.method for entry in entries}:
             known = {entry.method for entry in entries}
-            raise UserError(
-                f"--set {text!r}: {method!r} is not one of the methods to run{did_you_mean(method, known)}"
-            )
+            raise UserError(f"--set {text!r}: {method!r} is not one of the methods to run{did_you_mean(method, known)}")
         result = [
-            dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e
-            for e in result
+            dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e for e in result
         ]
     return check_entries(tuple(result))
 

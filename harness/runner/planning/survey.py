@@ -127,8 +127,7 @@ def as_json(options: Options, points: list[Planned]) -> dict[str, Any]:
     """What ``run --dry-run --json`` prints."""
     seconds, known = seconds_left(points)
     rows = [
-        {"scene": p.scene, "light": p.light, "method": p.method, "status": p.status or "to be measured"}
-        for p in points
+        {"scene": p.scene, "light": p.light, "method": p.method, "status": p.status or "to be measured"} for p in points
     ]
     return {"points": rows, "seconds": round(seconds + untimed_s(options), 1), "rough": not known}
 

@@ -52,9 +52,7 @@ def further_sources(cls: type, files: Mapping[str, Path]) -> dict[str, Path]:
             folder = files[base.__module__].parent
             named = [path for path in folder.glob(pattern) if path.is_file()]
             if not named:
-                raise FileNotFoundError(
-                    f"{base.__name__}.sources: no file {pattern!r} beside {base.__module__}"
-                )
+                raise FileNotFoundError(f"{base.__name__}.sources: no file {pattern!r} beside {base.__module__}")
             found |= {f"{base.__module__}/{path.relative_to(folder).as_posix()}": path for path in named}
     return found
 
@@ -124,9 +122,7 @@ def imported(name: str, file: Path) -> Iterator[str]:
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
     for level, module, names in _statements(file.read_bytes()):
         parents = package.split(".")
-        stem = ".".join(
-            [*(parents[: len(parents) - level + 1] if level else ()), *([module] if module else ())]
-        )
+        stem = ".".join([*(parents[: len(parents) - level + 1] if level else ()), *([module] if module else ())])
         yield stem
         yield from (f"{stem}.{one}" for one in names)
 
@@ -182,8 +178,6 @@ def distribution(name: str, file: Path) -> dict[str, Path]:
     if _file(name, places) != file:  # the names of its folders differ from those of its packages
         package, _, module = name.rpartition(".")
         places |= (
-            {name: file.parent}
-            if file.name == "__init__.py"
-            else {package or module: file.parent if package else file}
+            {name: file.parent} if file.name == "__init__.py" else {package or module: file.parent if package else file}
         )
     return places

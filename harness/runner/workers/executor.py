@@ -119,8 +119,7 @@ class Worker:
         base, base_s = self.base[of]
         prepared = lights.applied(base)
         moments = {
-            frame: prepared.moment(frame, width, height)
-            for frame in spread_frames(prepared.frame_count, frames)
+            frame: prepared.moment(frame, width, height) for frame in spread_frames(prepared.frame_count, frames)
         }
         load_s = base_s + time.perf_counter() - start
         self.last = Lit(prepared, moments, (width, height), scene, lights.changed)
@@ -132,9 +131,7 @@ class Worker:
             facts["view"] = "automatic camera, from within"
         return {"scene": facts, "load_s": load_s}
 
-    def prepare(
-        self, point: dict[str, Any], folder: str, light: str = "", answers: bool = True
-    ) -> dict[str, Any]:
+    def prepare(self, point: dict[str, Any], folder: str, light: str = "", answers: bool = True) -> dict[str, Any]:
         """Prepare a point on the scene with the lighting of this label; ``answers``: hand them over to be graded.
 
         The reply has ``room``, see :func:`room`.

@@ -38,9 +38,7 @@ def handed_path(folder: Path, key: str, frame: int) -> Path:
 class Grader:
     """Scores the answers of every method to the frames of one scene. ``scene_argument``: as on the command line."""
 
-    def __init__(
-        self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str
-    ):
+    def __init__(self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str):
         self.prepared, self.moments, self.scene_argument = prepared, moments, scene_argument
         self.folder, self.device = folder, device
         self.effects = Effects.of(prepared.scene)
@@ -90,13 +88,13 @@ class Grader:
             from ...results.disputes import write_disputes
         except ImportError as error:
             missing = error.name or str(error)
-            reason = f"no exact reference: {missing} is not installed; shadowbench score adds it on a machine that has it"
+            reason = (
+                f"no exact reference: {missing} is not installed; shadowbench score adds it on a machine that has it"
+            )
             return {"score": None, "unscored": reason}
         if frame not in self._judges:
             references = self.folder / "truth"
-            self._judges[frame] = Judge.of(
-                self.prepared, self.moments[frame], self.effects, references, self.device
-            )
+            self._judges[frame] = Judge.of(self.prepared, self.moments[frame], self.effects, references, self.device)
         judge = self._judges[frame]
         looks: dict[str, Any] = {}
         if wrong_map:

@@ -86,9 +86,7 @@ class Workers:
 
     # --- scenes ---
 
-    def make(
-        self, scene: str, lighting: Lighting, methods: set[str]
-    ) -> tuple[dict[str, Any], dict[str, WorkerError]]:
+    def make(self, scene: str, lighting: Lighting, methods: set[str]) -> tuple[dict[str, Any], dict[str, WorkerError]]:
         """Have the grader make a scene, and the workers of ``methods`` read it: its facts, and the workers that failed.
 
         Raises :class:`WorkerError` if it cannot be made.

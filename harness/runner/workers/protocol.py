@@ -97,13 +97,7 @@ class _Scored(Finished):
     compile_s: Annotated[float, 0.0]
 
 
-REPLIES: dict[str, type] = {
-    "load": _Loaded,
-    "prepare": _Prepared,
-    "round": Sampled,
-    "grade": _Scored,
-    "free": _Room,
-}
+REPLIES: dict[str, type] = {"load": _Loaded, "prepare": _Prepared, "round": Sampled, "grade": _Scored, "free": _Room}
 """The schema of the reply to each command."""
 
 

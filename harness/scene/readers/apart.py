@@ -71,9 +71,7 @@ def load_sequence(paths: Sequence[Path], *more: Any) -> Loaded:
 def _told(loaded: Loaded, named: Sequence[Path]) -> Loaded:
     """The same, after a warning where a file has led to others outside its folder."""
     homes = [path if path.is_dir() else path.parent for path in map(Path.resolve, named)]
-    beyond = [
-        str(path) for path in loaded.files if not any(path.resolve().is_relative_to(home) for home in homes)
-    ]
+    beyond = [str(path) for path in loaded.files if not any(path.resolve().is_relative_to(home) for home in homes)]
     if beyond:
         more = f" and {len(beyond) - 3} more" if len(beyond) > 3 else ""
         warn(f"{named[0]}: refers to files outside its folder: {', '.join(beyond[:3])}{more}")

@@ -209,9 +209,7 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
 def refuse_pointer(path: Path, blob: bytes) -> None:
     """Raise :class:`UserError` for the contents of a Git LFS pointer."""
     if blob.startswith(_LFS):
-        raise broken(
-            path, "is a Git LFS pointer, not the file that it stands for", "fetch that with git lfs pull"
-        )
+        raise broken(path, "is a Git LFS pointer, not the file that it stands for", "fetch that with git lfs pull")
 
 
 def within_range(loaded: Loaded) -> None:
@@ -240,18 +238,14 @@ def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = Non
     """The mesh, after checking that shapes and types fit, every index is in range and there is a triangle."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
-        raise broken(
-            path, f"positions have shape {points.shape} and type {points.dtype}, not [vertices, 3] floats"
-        )
+        raise broken(path, f"positions have shape {points.shape} and type {points.dtype}, not [vertices, 3] floats")
     if points.dtype.itemsize not in (4, 8):
         points = points.astype(np.float32 if points.dtype.itemsize < 4 else np.float64)
     faces = np.asarray(faces).reshape(-1, 3)
     if not len(faces):
         raise broken(path, "holds no triangles", "give a triangle mesh")
     if len(faces) > MAX_TRIANGLES:
-        raise broken(
-            path, f"{len(faces)} triangles are more than the {MAX_TRIANGLES} that can be indexed", "split it"
-        )
+        raise broken(path, f"{len(faces)} triangles are more than the {MAX_TRIANGLES} that can be indexed", "split it")
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(points):
         bad = high if high >= len(points) else low

@@ -54,9 +54,7 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
         frames = numbered(path, READERS)
         if not frames:
             kinds = ", ".join(READERS)
-            raise UserError(
-                f"{path}: this folder has no numbered frames ({kinds}); give a file, or a folder of them"
-            )
+            raise UserError(f"{path}: this folder has no numbered frames ({kinds}); give a file, or a folder of them")
         return load_sequence(frames, wanted)
     suffix = path.suffix.lower()
     if suffix == ".npz":

@@ -22,9 +22,7 @@ from .checks import ALL, MAX_LINE, Mesh, Wanted, broken, checked, read_bytes
 from .polygons import triangulate
 from .text import JOINED, decoded, number_of, numbers, parsed, plain_lines, without_comments
 
-_VERTEX, _FACE = (
-    {letter, *(letter + blank for blank in (b" ", b"\t", b"\v", JOINED))} for letter in (b"v", b"f")
-)
+_VERTEX, _FACE = ({letter, *(letter + blank for blank in (b" ", b"\t", b"\v", JOINED))} for letter in (b"v", b"f"))
 """How the lines of vertices and of faces begin."""
 
 _OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")
@@ -80,9 +78,7 @@ def _notes(lines: Sequence[bytes]) -> tuple[str, ...]:
     """What the statements of a file hold beside vertices and faces."""
     others = (line.split(None, 1)[:1] for line in lines if line[:2] not in _NO_STATEMENT)
     found = {words[0] for words in others if words} - _PASSED_OVER
-    notes = [
-        f"{what} left out" for what in dict.fromkeys(_LEFT_OUT[word] for word in _LEFT_OUT if word in found)
-    ]
+    notes = [f"{what} left out" for what in dict.fromkeys(_LEFT_OUT[word] for word in _LEFT_OUT if word in found)]
     unknown = sorted(word[:20].decode("latin-1") for word in found - _LEFT_OUT.keys())
     if unknown:
         more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
@@ -90,9 +86,7 @@ def _notes(lines: Sequence[bytes]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _parsed(
-    path: Path, lines: Sequence[bytes], kind: set[bytes], parse: Callable[[Sequence[bytes]], Any]
-) -> list[Any]:
+def _parsed(path: Path, lines: Sequence[bytes], kind: set[bytes], parse: Callable[[Sequence[bytes]], Any]) -> list[Any]:
     """What ``parse`` makes of the lines of a kind, block by block. Raises :class:`UserError` with the wrong line."""
     own = [line for line in lines if line[:2] in kind]
     return parsed(own, parse, lambda index, problem: _wrong(path, lines, kind, index, problem)) if own else []

@@ -64,9 +64,7 @@ def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:
         raise broken(path, "has no numbers of vertices and faces after OFF")
     vertex_count, face_count = (int(min(value, 1 << 53)) for value in values[:2])
     if vertex_count + face_count != len(lines) - 1:
-        problem = (
-            f"the header claims {vertex_count} vertices and {face_count} faces, but {len(lines) - 1} lines"
-        )
+        problem = f"the header claims {vertex_count} vertices and {face_count} faces, but {len(lines) - 1} lines"
         raise broken(path, f"{problem} follow", "the file is truncated or its header wrong")
     return vertex_count
 

@@ -106,8 +106,7 @@ class Records:
                 at += number * size
         self.at = at
         made = {
-            name: Column(np.array(values), np.array(counts, dtype=np.int64))
-            for name, (values, counts) in read.items()
+            name: Column(np.array(values), np.array(counts, dtype=np.int64)) for name, (values, counts) in read.items()
         }
         return made, sizes
 
@@ -187,7 +186,9 @@ class Rows:
         if not right.all():
             row = int(np.argmin(right))
             values = (self.ends - self.starts)[first + row]
-            problem = f"the number of values in row {row} (from 0) of {element.name!r}, {values}, is not the declared one"
+            problem = (
+                f"the number of values in row {row} (from 0) of {element.name!r}, {values}, is not the declared one"
+            )
             raise broken(self.path, problem, _WRONG)
         return found
 

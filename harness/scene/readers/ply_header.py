@@ -103,9 +103,7 @@ def _check(path: Path, elements: tuple[Element, ...]) -> None:
         if element.length < 0 or twice:
             raise broken(path, f"header: element {element.name!r} has a negative count or a name twice")
         if any(p.count_kind[0] == "f" for p in element.lists):
-            problem = (
-                f"header: a list of element {element.name!r} has a length that is not of an integer type"
-            )
+            problem = f"header: a list of element {element.name!r} has a length that is not of an integer type"
             raise broken(path, problem)
         if element.name == "vertex" and not {"x", "y", "z"} <= properties - {p.name for p in element.lists}:
             raise broken(path, "header: element 'vertex' lacks x, y or z")

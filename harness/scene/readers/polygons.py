@@ -148,9 +148,7 @@ def _clipped(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
     count = len(flat)
     cut = triangulate_float64(flat, np.array([count], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)
     e, f = flat[cut[:, 1]] - flat[cut[:, 0]], flat[cut[:, 2]] - flat[cut[:, 0]]
-    if (
-        e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
-    ).sum() < 0.0:  # all are turned the same way, those without area too
+    if (e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]).sum() < 0.0:  # all are turned the same way, those without area too
         cut = cut[:, [0, 2, 1]]
     if len(cut) < count - 2:
         rings = [np.array(ring) for ring in _rings_left(cut, count) if len(ring) > 2]

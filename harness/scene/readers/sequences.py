@@ -105,9 +105,7 @@ def load_frames(paths: list[Path], read: Callable[[Path], Mesh], rate: float | N
     notes = [note for mesh in meshes for note in mesh.notes]
     if fixed.padded:
         counts = [len(mesh.faces) for mesh in meshes]
-        notes.append(
-            f"the connectivity changes: {min(counts):,} to {max(counts):,} triangles, which vanish and appear"
-        )
+        notes.append(f"the connectivity changes: {min(counts):,} to {max(counts):,} triangles, which vanish and appear")
     notes += _uneven(paths)
     first = meshes[0]
     files = dict.fromkeys([*paths, *(file for mesh in meshes for file in mesh.files)])
@@ -156,9 +154,7 @@ def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
         problem = f"V has shape {vertices.shape} and type {vertices.dtype}"
         raise broken(path, problem, "save V as floats [frames, vertices, 3]")
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
-        raise broken(
-            path, f"F has shape {faces.shape} and type {faces.dtype}", "save F as integers [triangles, 3]"
-        )
+        raise broken(path, f"F has shape {faces.shape} and type {faces.dtype}", "save F as integers [triangles, 3]")
     stack = vertices if vertices.ndim == 3 else vertices[None]
     if not len(stack):
         raise broken(path, "V has no frames")

@@ -18,11 +18,7 @@ _CORE = (_SCHEMAS + "core/2015/02", _SCHEMAS + "core/2013/01", "")
 _PRODUCTION = _SCHEMAS + "production/2015/06"
 _PATH = _PRODUCTION + " path"
 _LATTICE = _SCHEMAS + "beamlattice/2017/02 beamlattice"
-_UNDERSTOOD = (
-    _PRODUCTION,
-    _SCHEMAS + "material/2015/02",
-    _SCHEMAS + "trianglesets/2021/07",
-)
+_UNDERSTOOD = (_PRODUCTION, _SCHEMAS + "material/2015/02", _SCHEMAS + "trianglesets/2021/07")
 """Extensions that a file may require: parts in several files, colours, and names of groups of triangles."""
 
 _COORDINATES, _CORNERS = itemgetter("x", "y", "z"), itemgetter("v1", "v2", "v3")
@@ -136,11 +132,7 @@ class _Reader:
             "triangle": self._triangle,
             "item": self._item,
         }
-        self._ends = {
-            "vertices": self._end_vertices,
-            "triangles": self._end_triangles,
-            "object": self._end_object,
-        }
+        self._ends = {"vertices": self._end_vertices, "triangles": self._end_triangles, "object": self._end_object}
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         space, _, tag = name.rpartition(" ")
@@ -195,9 +187,7 @@ class _Reader:
     def _triangle(self, attributes: dict[str, str]) -> None:
         self._gather(_CORNERS, attributes, np.int64)
 
-    def _gather(
-        self, three: itemgetter[tuple[str, str, str]], attributes: dict[str, str], dtype: type
-    ) -> None:
+    def _gather(self, three: itemgetter[tuple[str, str, str]], attributes: dict[str, str], dtype: type) -> None:
         try:
             self._texts += three(attributes)
         except KeyError as error:

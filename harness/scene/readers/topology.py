@@ -58,15 +58,12 @@ def fixed_topology(frames: Sequence[Sequence[Piece | None]]) -> Fixed:
     dtype = np.result_type(*types) if types else np.dtype(np.float32)
     offsets = np.cumsum([0, *(layout.vertices for layout in layouts)])
     faces = [
-        layout.faces + int(offset) if offset else layout.faces
-        for layout, offset in zip(layouts, offsets, strict=False)
+        layout.faces + int(offset) if offset else layout.faces for layout, offset in zip(layouts, offsets, strict=False)
     ]
     return Fixed(
         _joined(faces, np.int32),
         tuple(
-            _joined(
-                [layout.positions(part[k], dtype) for layout, part in zip(layouts, parts, strict=True)], dtype
-            )
+            _joined([layout.positions(part[k], dtype) for layout, part in zip(layouts, parts, strict=True)], dtype)
             for k in range(len(frames))
         ),
         tuple(i for i, layout in enumerate(layouts) if layout.padded),
@@ -80,8 +77,7 @@ def _layout(part: Sequence[Piece | None]) -> _Layout:
         return _Layout(0, np.zeros((0, 3), dtype=np.int32), False, False)
     points, faces = there[0]
     same = all(
-        len(own) == len(points) and (corners is faces or np.array_equal(corners, faces))
-        for own, corners in there
+        len(own) == len(points) and (corners is faces or np.array_equal(corners, faces)) for own, corners in there
     )
     if same:
         return _Layout(len(points), faces, False, len(there) < len(part))

@@ -35,14 +35,8 @@ _UNREAD = {
     ".stp": ("STEP", _CAD),
     ".iges": ("IGES", _CAD),
     ".igs": ("IGES", _CAD),
-    ".pbrt": (
-        "pbrt",
-        "its meshes are PLY files beside it: declare them, its cameras and lights in a .toml file",
-    ),
-    ".xml": (
-        "Mitsuba",
-        "its meshes are OBJ or PLY files beside it: declare them and its camera in a .toml file",
-    ),
+    ".pbrt": ("pbrt", "its meshes are PLY files beside it: declare them, its cameras and lights in a .toml file"),
+    ".xml": ("Mitsuba", "its meshes are OBJ or PLY files beside it: declare them and its camera in a .toml file"),
     ".las": ("a point cloud", f"it has no triangles: {_MESHLAB} after reconstructing a surface"),
     ".xyz": ("a point cloud", f"it has no triangles: {_MESHLAB} after reconstructing a surface"),
     ".mtl": ("the materials of an OBJ file", "give the .obj file"),

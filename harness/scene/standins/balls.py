@@ -157,9 +157,7 @@ def geometry(count: int) -> Geometry:
     for k in range(BALLS):
         angle, radius = 2.4 * k, 0.42 + 0.95 * k**0.5
         centre = np.array([radius * np.cos(angle), 0.9 + random.uniform(0.0, 1.6), radius * np.sin(angle)])
-        parts.append(
-            ball(centre, random.uniform(0.3, 0.6), random.uniform(3, 9, 3), max(2, around // 2), around)
-        )
+        parts.append(ball(centre, random.uniform(0.3, 0.6), random.uniform(3, 9, 3), max(2, around // 2), around))
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
     vertices = np.concatenate([vertices for vertices, _ in parts])
     faces = np.concatenate([f + start for (_, f), start in zip(parts, starts, strict=False)])
@@ -170,11 +168,7 @@ def ground(side: int) -> tuple[F64, I32]:
     """Rolling ground of ``side`` x ``side`` squares."""
     along = np.linspace(-HALF, HALF, side + 1)
     x, z = np.meshgrid(along, along, indexing="ij")
-    y = (
-        0.25 * np.sin(1.3 * x + 0.4 * z)
-        + 0.2 * np.cos(0.9 * z - 0.5 * x)
-        + 0.03 * np.sin(7 * x) * np.sin(6 * z)
-    )
+    y = 0.25 * np.sin(1.3 * x + 0.4 * z) + 0.2 * np.cos(0.9 * z - 0.5 * x) + 0.03 * np.sin(7 * x) * np.sin(6 * z)
     return np.stack([x, y, z], axis=-1).reshape(-1, 3), squares(side, side, side + 1)
 
 

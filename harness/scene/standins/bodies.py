@@ -91,14 +91,10 @@ def ball(
     return Blob(tuple(middle), tuple(middle), axes=radii, turn=turn, blend=blend, cut=cut, group=group)
 
 
-def chain(
-    points: Iterable[Point], radii: Sequence[float], blend: float = 0.01, group: str = ""
-) -> list[Blob]:
+def chain(points: Iterable[Point], radii: Sequence[float], blend: float = 0.01, group: str = "") -> list[Blob]:
     """Round cones from point to point."""
     line = list(points)
-    return [
-        limb(line[i], line[i + 1], radii[i], radii[i + 1], blend, group=group) for i in range(len(line) - 1)
-    ]
+    return [limb(line[i], line[i + 1], radii[i], radii[i + 1], blend, group=group) for i in range(len(line) - 1)]
 
 
 def both(blobs: Iterable[Blob]) -> list[Blob]:

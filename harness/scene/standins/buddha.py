@@ -172,9 +172,7 @@ def _hands_and_bowl(x: F32, y: F32, z: F32) -> F32:
     finger = np.abs(np.abs(z - 0.03) - 0.028) - 0.014
     grip = _bone(side, y, 0.03 + finger, (0.165, 1.9, 0.03), (0.12, 1.965, 0.03), 0.013, 0.01)
     bowl = _carve(
-        _ball(x, y, z, (0.0, 1.93, 0.03), (0.15, 0.1, 0.13)),
-        _disc(x, y, z - 0.03, 1.965, 2.2, 0.118, 0.02),
-        0.02,
+        _ball(x, y, z, (0.0, 1.93, 0.03), (0.15, 0.1, 0.13)), _disc(x, y, z - 0.03, 1.965, 2.2, 0.118, 0.02), 0.02
     )
     rim = np.hypot(np.sqrt(x * x + (1.12 * (z - 0.03)) ** 2) - 0.135, y - 1.965) - 0.013
     return _blend(_blend(_blend(bowl, rim, 0.01), palm, 0.015), grip, 0.006)
@@ -195,9 +193,7 @@ def _head(x: F32, y: F32, z: F32) -> F32:
     nostril = _ball(side, y, z, (0.02, 1.592, 0.166), (0.014, 0.011, 0.014))
     head = _blend(head, _blend(nose, nostril, 0.008), 0.012)
     smile = y - 1.545 - 5.0 * x * x
-    head = _carve(
-        head, np.hypot(smile * 1.1, np.maximum(np.abs(z - 0.165) - 0.02, 0.0)) - 0.011 + side * 0.1, 0.01
-    )
+    head = _carve(head, np.hypot(smile * 1.1, np.maximum(np.abs(z - 0.165) - 0.02, 0.0)) - 0.011 + side * 0.1, 0.01)
     lip = np.hypot(y - 1.526 - 4.0 * x * x, z - 0.158 + 4.0 * x * x) - 0.011 + 0.1 * side
     head = _blend(head, lip, 0.01)
     ear = _ball(side, y, z, (0.122, 1.6, 0.035), (0.02, 0.085, 0.038))

@@ -132,19 +132,13 @@ def _head_sides() -> list[Blob]:
         x = -0.83 + 0.055 * i
         size = 0.055 if i == 0 else 0.032
         blobs.append(
-            limb(
-                (x, 1.09, 0.045 + 0.004 * i), (x, 1.085 - size, 0.045 + 0.004 * i), 0.012, 0.003, blend=0.004
-            )
+            limb((x, 1.09, 0.045 + 0.004 * i), (x, 1.085 - size, 0.045 + 0.004 * i), 0.012, 0.003, blend=0.004)
         )
-        blobs.append(
-            limb((x + 0.03, 0.965, 0.032), (x + 0.03, 0.99 + 0.5 * size, 0.032), 0.010, 0.003, blend=0.004)
-        )
+        blobs.append(limb((x + 0.03, 0.965, 0.032), (x + 0.03, 0.99 + 0.5 * size, 0.032), 0.010, 0.003, blend=0.004))
     return blobs
 
 
-def _leg(
-    hip: tuple[float, float], knee: tuple[float, float], ankle: tuple[float, float], out: float
-) -> list[Blob]:
+def _leg(hip: tuple[float, float], knee: tuple[float, float], ankle: tuple[float, float], out: float) -> list[Blob]:
     """A leg on the left side with four claws, from points in the plane of the body."""
     wide = out + 0.13
     blobs = [
@@ -168,11 +162,7 @@ def _tail_tip() -> list[Blob]:
     blobs = []
     for i in range(7):
         angle = np.radians(-15 + 30 * i)
-        tip = (
-            foot[0] + 0.15 * np.cos(angle),
-            foot[1] + 0.17 * np.sin(angle) + 0.03,
-            foot[2] + 0.02 * (i % 3 - 1),
-        )
+        tip = (foot[0] + 0.15 * np.cos(angle), foot[1] + 0.17 * np.sin(angle) + 0.03, foot[2] + 0.02 * (i % 3 - 1))
         blobs.append(limb(foot, tip, 0.030, 0.004, blend=0.01))
     return blobs
 
@@ -259,9 +249,7 @@ class _Pieces:
         turn = _turns(self.axis, self.spin * loose[:, 0])[self.piece]
         arm = self.arm
         for row in range(3):
-            moved[:, row] += (
-                turn[:, row, 0] * arm[:, 0] + turn[:, row, 1] * arm[:, 1] + turn[:, row, 2] * arm[:, 2]
-            )
+            moved[:, row] += turn[:, row, 0] * arm[:, 0] + turn[:, row, 1] * arm[:, 1] + turn[:, row, 2] * arm[:, 2]
         return moved
 
 

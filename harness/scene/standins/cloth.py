@@ -45,9 +45,7 @@ def _geometry() -> Geometry:
     ground_faces = np.array([[0, 2, 1], [0, 3, 2]])
     ball_start = count * count
     ground_start = ball_start + len(ball)
-    faces = np.concatenate([sheet_faces, ball_faces + ball_start, ground_faces + ground_start]).astype(
-        np.int32
-    )
+    faces = np.concatenate([sheet_faces, ball_faces + ball_start, ground_faces + ground_start]).astype(np.int32)
 
     def positions(k: int) -> F64:
         angle = SETTINGS.ball_angle(k * FRAME_TIME)
@@ -88,9 +86,7 @@ def _catmull_rom(values: F64, axis: int) -> F64:
     fine[..., -1] = values[..., -1]
     for i in range(REFINE):
         s = i / REFINE
-        fine[..., i:-1:REFINE] = b + 0.5 * s * (
-            (c - a) + s * ((2 * a - 5 * b + 4 * c - d) + s * (3 * (b - c) + d - a))
-        )
+        fine[..., i:-1:REFINE] = b + 0.5 * s * ((c - a) + s * ((2 * a - 5 * b + 4 * c - d) + s * (3 * (b - c) + d - a)))
     return np.moveaxis(fine, -1, axis)
 
 

@@ -48,9 +48,7 @@ def _shell() -> Mesh:
 
 def _panelling() -> Mesh:
     """Wooden panels with a raised field around the lower wall, long skirting and rails, fabric panels above."""
-    panel = join(
-        [box((0.03, 0.14, 0.0), (0.77, 0.86, 0.02)), raised_field((0.09, 0.2), (0.71, 0.8), 0.02, 0.045)]
-    )
+    panel = join([box((0.03, 0.14, 0.0), (0.77, 0.86, 0.02)), raised_field((0.09, 0.2), (0.71, 0.8), 0.02, 0.045)])
     fabric = box((0.04, 1.1, 0.0), (1.56, 2.7, 0.03))
     parts = []
     for half, other, turn in ((X, Z, 0.0), (X, Z, 180.0), (Z, X, 90.0), (Z, X, 270.0)):
@@ -63,10 +61,7 @@ def _panelling() -> Mesh:
             box((-half, 2.82, -other), (half, 2.9, -other + 0.07)),
         ]
         if turn in (180.0, 90.0):
-            wall += [
-                place(fabric, -half + 0.1 + 1.65 * k, 0.0, -other)
-                for k in range(int((2 * half - 0.2) / 1.65))
-            ]
+            wall += [place(fabric, -half + 0.1 + 1.65 * k, 0.0, -other) for k in range(int((2 * half - 0.2) / 1.65))]
         parts.append(place(join(wall), 0.0, 0.0, 0.0, turn))
     return join(parts)
 
@@ -89,9 +84,7 @@ def _windows() -> Mesh:
     frame = [box((x, 1.0, 0.0), (x + 0.06, 2.7, 0.07)) for x in (-1.06, -0.03, 1.0)]
     frame += [box((-1.06, y, 0.0), (1.06, y + 0.06, 0.09)) for y in (1.0, 2.7)]
     blind = [place(slat, 0.0, 1.35 + 0.028 * k, 0.11) for k in range(46)]
-    blind += [
-        place(cylinder(0.0015, 1.4, 5), x, 1.3, 0.11 + d) for x in (-0.7, 0.0, 0.7) for d in (-0.014, 0.014)
-    ]
+    blind += [place(cylinder(0.0015, 1.4, 5), x, 1.3, 0.11 + d) for x in (-0.7, 0.0, 0.7) for d in (-0.014, 0.014)]
     blind += [box((-0.97, 2.65, 0.08), (0.97, 2.7, 0.14)), box((-0.95, 1.32, 0.095), (0.95, 1.335, 0.125))]
     return join([place(join(frame + blind), x, 0.0, -Z) for x in (-3.6, 0.0, 3.6)])
 
@@ -103,11 +96,7 @@ def _doors_and_boards() -> Mesh:
     leaf = [box((0.02, 0.01, 0.0), (0.98, 2.2, 0.06)), tube(grip, 0.012, 12)]
     leaf += [raised_field((0.14, low), (0.86, high), 0.06, 0.08) for low, high in ((0.2, 1.0), (1.15, 2.08))]
     leaf += [place(cylinder(0.012, 0.1, 12), 0.97, y, 0.07) for y in (0.3, 1.1, 1.9)]
-    door = [
-        join(leaf),
-        transform(join(leaf), scale=(-1.0, 1.0, 1.0)),
-        box((-1.08, 2.2, 0.0), (1.08, 2.3, 0.1)),
-    ]
+    door = [join(leaf), transform(join(leaf), scale=(-1.0, 1.0, 1.0)), box((-1.08, 2.2, 0.0), (1.08, 2.3, 0.1))]
     door += [box((x, 0.0, 0.0), (x + 0.08, 2.2, 0.1)) for x in (-1.08, 1.0)]
 
     pen = tube([[0.0, 0.0, 0.0], [0.12, 0.0, 0.0]], 0.008, 10)
@@ -136,8 +125,7 @@ def _table() -> Mesh:
     round_edge = [(-0.03 + 0.03 * np.cos(a), -0.025 + 0.025 * np.sin(a)) for a in edge]
     rings = [(-0.6, -0.05), *round_edge, (-0.2, 0.0)]
     net = [
-        np.stack([along * (TABLE_X + d), np.full(96, TABLE_Y + y), across * (TABLE_Z + d)], axis=-1)
-        for d, y in rings
+        np.stack([along * (TABLE_X + d), np.full(96, TABLE_Y + y), across * (TABLE_Z + d)], axis=-1) for d, y in rings
     ]
     rim = patch(np.stack(net, axis=1), wrap_u=True)
     # The top inside the rim is a fan of triangles as long as half the table.
@@ -212,13 +200,9 @@ def _cables() -> Mesh:
     for x in np.linspace(-3.0, 3.0, 5):
         for side in (-1.0, 1.0):
             wave = 0.02 * np.sin(9.0 * s + x)
-            path = np.stack(
-                [x * (1 - 0.6 * s) + wave, 0 * s + TABLE_Y + 0.004, side * 0.4 * (1 - s) + wave], axis=-1
-            )
+            path = np.stack([x * (1 - 0.6 * s) + wave, 0 * s + TABLE_Y + 0.004, side * 0.4 * (1 - s) + wave], axis=-1)
             parts.append(tube(path, 0.003, 6))
     for x, z in ((-2.4, 0.5), (0.2, -0.4), (2.6, 0.45)):
-        sag = np.stack(
-            [x + 0.25 * np.sin(5.0 * s) * s, 0.006 + 0.69 * (1 - s) ** 2.5, z + 0.4 * s**2], axis=-1
-        )
+        sag = np.stack([x + 0.25 * np.sin(5.0 * s) * s, 0.006 + 0.69 * (1 - s) ** 2.5, z + 0.4 * s**2], axis=-1)
         parts.append(tube(sag, 0.005, 8))
     return join(parts)

@@ -134,18 +134,11 @@ def fairy_body() -> Body:
         limb(HIP_R, KNEE_R, 0.084, 0.056, 0.04, "leg right"),
         limb(KNEE_R, ANKLE_R, 0.054, 0.030, 0.02, "leg right shin"),
         ball((-0.022, 0.37, 0.097), (0.046, 0.11, 0.044), blend=0.03, group="leg right shin"),
-        *chain(
-            [ANKLE_R, (0.05, 0.02, 0.095), (0.09, -0.03, 0.10)], [0.032, 0.028, 0.016], 0.02, "leg right shin"
-        ),
+        *chain([ANKLE_R, (0.05, 0.02, 0.095), (0.09, -0.03, 0.10)], [0.032, 0.028, 0.016], 0.02, "leg right shin"),
         limb(HIP_L, KNEE_L, 0.084, 0.056, 0.04, "leg left"),
         limb(KNEE_L, ANKLE_L, 0.054, 0.030, 0.02, "leg left shin"),
         ball((0.045, 0.45, -0.115), (0.11, 0.046, 0.044), ((0, 0, 1), 52), 0.03, group="leg left shin"),
-        *chain(
-            [ANKLE_L, (-0.10, 0.18, -0.11), (-0.12, 0.12, -0.11)],
-            [0.032, 0.028, 0.016],
-            0.02,
-            "leg left shin",
-        ),
+        *chain([ANKLE_L, (-0.10, 0.18, -0.11), (-0.12, 0.12, -0.11)], [0.032, 0.028, 0.016], 0.02, "leg left shin"),
     ]
     return Body(middle + both(sides) + limbs + _hair())
 
@@ -166,10 +159,7 @@ def _hand(wrist: Point, ahead: Point, across: Point, group: str) -> list[Blob]:
         foot = palm + spread * 0.032 * side
         tip = foot + (0.075 - 0.008 * abs(i - 1.2)) * (forward + 0.45 * spread * side)
         blobs.append(limb(foot, tip, 0.0105, 0.0070, 0.006, group))
-    return [
-        *blobs,
-        limb(start + 0.02 * forward, start + 0.055 * forward + 0.05 * side, 0.011, 0.006, 0.01, group),
-    ]
+    return [*blobs, limb(start + 0.02 * forward, start + 0.055 * forward + 0.05 * side, 0.011, 0.006, 0.01, group)]
 
 
 def _hair() -> list[Blob]:
@@ -194,36 +184,21 @@ def _hair() -> list[Blob]:
 def _dress() -> Part:
     """A dress of petals from the bust to above the knee, with folds that deepen towards the hem."""
     profile = curve(
-        [
-            (1.325, 0.156),
-            (1.22, 0.138),
-            (1.10, 0.104),
-            (1.03, 0.122),
-            (0.92, 0.190),
-            (0.79, 0.262),
-            (0.66, 0.330),
-        ],
-        5,
+        [(1.325, 0.156), (1.22, 0.138), (1.10, 0.104), (1.03, 0.122), (0.92, 0.190), (0.79, 0.262), (0.66, 0.330)], 5
     )
     share = np.linspace(0.0, 1.0, len(profile))[None, :]
     angle = (2 * np.pi * np.arange(112) / 112)[:, None]
     fall = share * share
-    radius = profile[None, :, 1] * (
-        1.0 + 0.16 * fall * np.cos(8 * angle) + 0.05 * fall * np.cos(19 * angle + 1.0)
-    )
+    radius = profile[None, :, 1] * (1.0 + 0.16 * fall * np.cos(8 * angle) + 0.05 * fall * np.cos(19 * angle + 1.0))
     hem = 0.11 * share**4 * np.abs(np.cos(4 * angle))
-    net = np.stack(
-        [0.94 * radius * np.cos(angle), profile[None, :, 0] - hem, 1.04 * radius * np.sin(angle)], axis=-1
-    )
+    net = np.stack([0.94 * radius * np.cos(angle), profile[None, :, 0] - hem, 1.04 * radius * np.sin(angle)], axis=-1)
     mesh = patch(net, wrap_u=True)
     low = np.clip((1.05 - mesh.vertices[:, 1]) / 0.4, 0, 1)[:, None]
     flow = Sway(low * np.array([0.035, 0.01, 0.02]), 1.1 * mesh.vertices[:, 1] + 0.6 * mesh.vertices[:, 2])
     return Part(mesh, [flow])
 
 
-def _wing(
-    ahead: Point, across: Point, length: float, width: float, cells: tuple[int, int] = (44, 22)
-) -> Mesh:
+def _wing(ahead: Point, across: Point, length: float, width: float, cells: tuple[int, int] = (44, 22)) -> Mesh:
     """A wing from the origin: a lobed sheet with raised veins and a slight camber."""
     forward, side = np.asarray(ahead, dtype=np.float64), np.asarray(across, dtype=np.float64)
     forward = forward / np.sqrt((forward**2).sum())
@@ -232,16 +207,10 @@ def _wing(
     up = np.cross(forward, side)
     s = np.linspace(0.0, 1.0, cells[0] + 1)[:, None]
     t = np.linspace(-0.35, 0.65, cells[1] + 1)[None, :]
-    lobe = (
-        width
-        * (np.sin(np.pi * s**1.5) ** 0.75 + 0.06 * (1 - s))
-        * (1.0 + 0.06 * np.cos(14 * np.pi * s) * (t > 0))
-    )
+    lobe = width * (np.sin(np.pi * s**1.5) ** 0.75 + 0.06 * (1 - s)) * (1.0 + 0.06 * np.cos(14 * np.pi * s) * (t > 0))
     vein = 0.006 * np.cos(2 * np.pi * 5 * t) * np.sin(np.pi * s) + 0.06 * s * s - 0.10 * t * t
     return patch(
-        (length * s)[..., None] * forward
-        + (lobe * t)[..., None] * 1.2 * side
-        + (length * vein)[..., None] * up
+        (length * s)[..., None] * forward + (lobe * t)[..., None] * 1.2 * side + (length * vein)[..., None] * up
     )
 
 
@@ -277,9 +246,7 @@ def _dragonfly() -> list[Part]:
     for flank in (1.0, -1.0):
         for i, x in enumerate((0.075, 0.015)):
             root = (x, 0.055, 0.012 * flank)
-            mesh = _wing(
-                (0.22 - 0.42 * i, 0.10, flank), (-1.0, 0.0, 0.0), 0.44 - 0.03 * i, 0.095 + 0.015 * i, (24, 10)
-            )
+            mesh = _wing((0.22 - 0.42 * i, 0.10, flank), (-1.0, 0.0, 0.0), 0.44 - 0.03 * i, 0.095 + 0.015 * i, (24, 10))
             beat = Swing(root, (1, 0, 0), 22 * flank, beats=4, shift=0.22 * i)
             parts.append(Part(transform(mesh, translate=root), [beat]))
     return parts

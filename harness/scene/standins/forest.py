@@ -46,21 +46,15 @@ def trees() -> Mesh:
     return join(part for row in TREES for part in _tree(*row, rng))
 
 
-def _tree(
-    x: float, z: float, radius: float, height: float, lean_x: float, lean_z: float, rng: Generator
-) -> list[Mesh]:
+def _tree(x: float, z: float, radius: float, height: float, lean_x: float, lean_z: float, rng: Generator) -> list[Mesh]:
     around, up = 38, 34
     angle = 2 * np.pi * np.arange(around)[:, None] / around
-    level = (
-        height * (np.arange(up)[None, :] / (up - 1)) ** 1.8
-    )  # close together near the roots, which are seen
+    level = height * (np.arange(up)[None, :] / (up - 1)) ** 1.8  # close together near the roots, which are seen
     root = np.exp(-level / (1.1 * radius))
     turn = rng.random() * 6.28
     wide = radius * (1.0 - 0.55 * level / height) * (1.0 + root * (0.7 + 0.55 * np.cos(5 * angle + turn)))
     where = np.stack(np.broadcast_arrays(np.cos(angle) * 3.5, level * 1.2, np.sin(angle) * 3.5), axis=-1)
-    wide = wide * (
-        1.0 + 0.11 * noise(where + rng.random() * 20, 7, 2) + 0.035 * np.cos(13 * angle + 2 * level)
-    )
+    wide = wide * (1.0 + 0.11 * noise(where + rng.random() * 20, 7, 2) + 0.035 * np.cos(13 * angle + 2 * level))
     net = np.stack(
         [
             x + wide * np.cos(angle) + lean_x * level,
@@ -92,9 +86,7 @@ def mushrooms() -> Mesh:
     for x, z, height, cap in MUSHROOMS:
         stem = 0.22 * cap
         bend = 1.0 - np.cos(np.linspace(0.0, np.pi / 2, 12))
-        dome = [
-            (cap * np.sqrt(max(1.0 - b * b, 0.0)), height - 0.42 * cap * (1.0 - b) + 0.10 * cap) for b in bend
-        ]
+        dome = [(cap * np.sqrt(max(1.0 - b * b, 0.0)), height - 0.42 * cap * (1.0 - b) + 0.10 * cap) for b in bend]
         dome[-1] = (0.0, dome[-1][1])
         profile = [
             *[(1.60 * stem, -0.02), (1.50 * stem, 0.06 * height), (1.05 * stem, 0.20 * height)],
@@ -212,9 +204,7 @@ def _crown_leaves(rng: Generator, count: int) -> Leaves:
     spread = rng.normal(0, 1.0, (count, 3)) * np.array([1.3, 0.5, 1.3])
     foot = np.stack([row[:, 0] + row[:, 4] * level, level, row[:, 1] + row[:, 5] * level], axis=-1) + spread
     length = rng.uniform(0.16, 0.32, count)
-    return _leaf(
-        foot, rng.normal(0, 1, (count, 3)), rng.normal(0, 1, (count, 3)), length, 0.6 * length
-    ), 0.4 * length
+    return _leaf(foot, rng.normal(0, 1, (count, 3)), rng.normal(0, 1, (count, 3)), length, 0.6 * length), 0.4 * length
 
 
 def _falling_leaves(rng: Generator, count: int) -> Leaves:
@@ -222,9 +212,7 @@ def _falling_leaves(rng: Generator, count: int) -> Leaves:
     foot[:, ::2] = _places(rng, count, 0.6, 3.5)
     foot[:, 1] = rng.uniform(0.3, 3.2, count)
     length = rng.uniform(0.05, 0.10, count)
-    return _leaf(
-        foot, rng.normal(0, 1, (count, 3)), rng.normal(0, 1, (count, 3)), length, 0.6 * length
-    ), 1.5 * length
+    return _leaf(foot, rng.normal(0, 1, (count, 3)), rng.normal(0, 1, (count, 3)), length, 0.6 * length), 1.5 * length
 
 
 def _places(rng: Generator, count: int, near: float, far: float) -> F64:

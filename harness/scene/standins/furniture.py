@@ -8,21 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .shapes import (
-    Mesh,
-    box,
-    cushion,
-    cylinder,
-    flip,
-    grid,
-    join,
-    lathe,
-    patch,
-    place,
-    sphere,
-    transform,
-    tube,
-)
+from .shapes import Mesh, box, cushion, cylinder, flip, grid, join, lathe, patch, place, sphere, transform, tube
 
 X_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -56,9 +42,7 @@ def chair() -> Mesh:
     rest = place(cushion((0.075, 0.035, 0.28), 20, 10, 0.6), 0.3, 0.695, -0.03)
     parts += [arm, rest, transform(join([arm, rest]), scale=(-1.0, 1.0, 1.0))]
 
-    parts += [
-        place(cylinder(radius, height, 16), 0.0, 0.1, 0.0) for radius, height in ((0.028, 0.32), (0.05, 0.14))
-    ]
+    parts += [place(cylinder(radius, height, 16), 0.0, 0.1, 0.0) for radius, height in ((0.028, 0.32), (0.05, 0.14))]
     leg = [[0.0, 0.12, 0.03], [0.0, 0.115, 0.1], [0.0, 0.1, 0.2], [0.0, 0.075, 0.3]]
     wheel = lathe(pairs(0, -0.01, 0.022, -0.01, 0.028, -0.005, 0.028, 0.005, 0.022, 0.01, 0, 0.01), 16)
     wheel = transform(wheel, rotate=(Z_AXIS, 90.0))

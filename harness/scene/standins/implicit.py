@@ -23,11 +23,7 @@ COARSEST = 16
 
 
 def polygonise(
-    distance: Callable[[F32], F32],
-    low: Sequence[float],
-    high: Sequence[float],
-    spacing: float,
-    slack: float = 1.3,
+    distance: Callable[[F32], F32], low: Sequence[float], high: Sequence[float], spacing: float, slack: float = 1.3
 ) -> Mesh:
     """The zero set of ``distance`` (negative inside) within a box that holds all of it, as one closed mesh.
 

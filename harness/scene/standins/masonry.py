@@ -20,9 +20,7 @@ def rib(start: ArrayLike, end: ArrayLike, rise: float, radius: float, segments: 
     """A round rib along half an ellipse from ``start`` to ``end`` at one height, ``rise`` metres high."""
     angle = np.linspace(0.0, np.pi, segments + 1)[:, None]
     middle, reach = (np.add(start, end)) / 2, np.subtract(end, start) / 2
-    return tube(
-        middle - np.cos(angle) * reach + np.sin(angle) * np.array([0.0, rise, 0.0]), radius, sides, caps=False
-    )
+    return tube(middle - np.cos(angle) * reach + np.sin(angle) * np.array([0.0, rise, 0.0]), radius, sides, caps=False)
 
 
 def window(half: float, height: float) -> Mesh:
@@ -65,8 +63,5 @@ def turned_column() -> Mesh:
         curl = np.array([[0.0, 4.38, 0.36], [0.0, 4.6, 0.42], [0.0, 4.76, 0.54], [0.0, 4.74, 0.62]])
         leaves.append(transform(tube(curl, [0.05, 0.09, 0.06, 0.03], 5), rotate=((0.0, 1.0, 0.0), 45.0 * k)))
     plinth = box((-0.56, 0.0, -0.56), (0.56, 0.25, 0.56))
-    abacus = [
-        box((-0.6, 4.86, -0.6), (0.6, 4.98, 0.6)),
-        box((-0.56, 4.98, -0.56), (0.56, COLUMN_HEIGHT, 0.56)),
-    ]
+    abacus = [box((-0.6, 4.86, -0.6), (0.6, 4.98, 0.6)), box((-0.56, 4.98, -0.56), (0.56, COLUMN_HEIGHT, 0.56))]
     return join([plinth, turned, *leaves, *abacus])

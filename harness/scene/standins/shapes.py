@@ -105,9 +105,7 @@ def grid(origin: Sequence[float], u: Sequence[float], v: Sequence[float], nu: in
     """A parallelogram from ``origin`` along edges ``u`` and ``v`` in nu x nv quads, facing along u x v."""
     s = np.linspace(0.0, 1.0, nu + 1)[:, None, None]
     t = np.linspace(0.0, 1.0, nv + 1)[None, :, None]
-    return patch(
-        np.asarray(origin, dtype=np.float64) + s * np.asarray(u, dtype=float) + t * np.asarray(v, dtype=float)
-    )
+    return patch(np.asarray(origin, dtype=np.float64) + s * np.asarray(u, dtype=float) + t * np.asarray(v, dtype=float))
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
@@ -177,9 +175,7 @@ def cushion(size: Sequence[float], segments: int, rings: int | None = None, powe
     return Mesh(soft / np.abs(soft).max(axis=0) * np.asarray(size, dtype=np.float64) / 2, ball.faces)
 
 
-def tube(
-    path: ArrayLike, radius: float | ArrayLike, segments: int, closed: bool = False, caps: bool = True
-) -> Mesh:
+def tube(path: ArrayLike, radius: float | ArrayLike, segments: int, closed: bool = False, caps: bool = True) -> Mesh:
     """A round tube along a path [n, 3]; ``radius`` may be [n]; ``closed``: a loop.
 
     Neighbouring points must differ, and the path must not turn back on itself.

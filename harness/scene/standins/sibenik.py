@@ -52,20 +52,13 @@ def _shell() -> Mesh:
     ]
     for sign in (-1.0, 1.0):
         wall = grid((WEST, 0.0, -SIDE), (EAST - WEST, 0.0, 0.0), (0.0, 15.0, 0.0))
-        trim = [
-            box((WEST, 0.0, -SIDE), (EAST, 0.35, -SIDE + 0.12)),
-            box((WEST, 5.3, -SIDE), (EAST, 5.55, -SIDE + 0.2)),
-        ]
+        trim = [box((WEST, 0.0, -SIDE), (EAST, 0.35, -SIDE + 0.12)), box((WEST, 5.3, -SIDE), (EAST, 5.55, -SIDE + 0.2))]
         east = grid((EAST, 0.0, -SIDE), (0.0, 0.0, SIDE - HALF), (0.0, 8.0, 0.0))
-        pilasters = [
-            place(cylinder(0.24, 5.3, 16, caps=False), x, 0.0, -SIDE + 0.1) for x in (*COLUMNS, *CROSSING)
-        ]
+        pilasters = [place(cylinder(0.24, 5.3, 16, caps=False), x, 0.0, -SIDE + 0.1) for x in (*COLUMNS, *CROSSING)]
         windows = [place(window(0.65, 2.4), (a + b) / 2, 2.2, -SIDE) for a, b in BAYS]
         transept = place(rose(1.9), 8.0, 9.0, -SIDE)
         parts.append(
-            transform(
-                join([wall, *trim, flip(east), *windows, *pilasters, transept]), scale=(1.0, 1.0, -sign)
-            )
+            transform(join([wall, *trim, flip(east), *windows, *pilasters, transept]), scale=(1.0, 1.0, -sign))
         )
     parts.append(place(rose(2.3), WEST, 9.6, 0.0, 90.0))
     parts.append(place(window(1.3, 3.4), WEST, 0.0, 0.0, 90.0))
@@ -89,13 +82,7 @@ def _columns() -> Mesh:
 def _arcades() -> Mesh:
     """The wall between nave and aisle over each bay: arch moulding, wall faces down to the arch, clerestory."""
     radius = 1.5
-    roll = [
-        (radius + 0.32, 0.44),
-        (radius + 0.3, 0.5),
-        (radius + 0.2, 0.5),
-        (radius + 0.14, 0.42),
-        (radius, 0.38),
-    ]
+    roll = [(radius + 0.32, 0.44), (radius + 0.3, 0.5), (radius + 0.2, 0.5), (radius + 0.14, 0.42), (radius, 0.38)]
     moulding = flip(arch([(r, -z) for r, z in roll] + roll[::-1], 18))
     angle = np.linspace(np.pi, 0.0, 21)
     x = np.concatenate([[-2.0], radius * np.cos(angle), [2.0]])
@@ -108,9 +95,7 @@ def _arcades() -> Mesh:
     for a, b in BAYS:
         for sign in (-1.0, 1.0):
             bay = [moulding, front, string, place(window(0.5, 1.1), 0.0, 3.0, 0.4)]
-            parts.append(
-                place(join(bay), (a + b) / 2, ARCADE_SPRING, sign * HALF, 0.0 if sign < 0 else 180.0)
-            )
+            parts.append(place(join(bay), (a + b) / 2, ARCADE_SPRING, sign * HALF, 0.0 if sign < 0 else 180.0))
     return join(parts)
 
 
@@ -132,9 +117,7 @@ def _nave_vault() -> Mesh:
     ]
     moulding = flip(arch(edge, 32))
     ribs = [place(moulding, x, SPRING, 0.0, 90.0) for x in (WEST + 0.3, *COLUMNS, EAST - 0.3)]
-    cornice = [
-        box((a, SPRING - 0.3, s - 0.25), (b, SPRING, s + 0.25)) for a, b in BAYS for s in (-HALF, HALF)
-    ]
+    cornice = [box((a, SPRING - 0.3, s - 0.25), (b, SPRING, s + 0.25)) for a, b in BAYS for s in (-HALF, HALF)]
     return join(vaults + ribs + cornice)
 
 
@@ -147,14 +130,10 @@ def _aisle_vaults() -> Mesh:
     rise = 1.9 * np.sqrt(1.0 - np.minimum(np.abs(u), np.abs(v)) ** 2)
     web = flip(patch(np.stack([2.0 * u, rise, -0.5 * depth * v], axis=-1)))
     corner = np.array([2.0, 0.0, depth / 2])
-    ribs = [
-        rib(-corner * k, corner * k, 1.9, 0.1, 14, 6) for k in (np.array([1, 1, 1]), np.array([1, 1, -1]))
-    ]
+    ribs = [rib(-corner * k, corner * k, 1.9, 0.1, 14, 6) for k in (np.array([1, 1, 1]), np.array([1, 1, -1]))]
     ribs.append(rib((-2.0, 0.0, -depth / 2), (-2.0, 0.0, depth / 2), 1.9, 0.16, 16))
     bay = join([web, *ribs, place(sphere(0.22, 10), 0.0, 1.86, 0.0)])
-    return join(
-        [place(bay, (a + b) / 2, AISLE_SPRING, s * (HALF + depth / 2)) for a, b in BAYS for s in (-1.0, 1.0)]
-    )
+    return join([place(bay, (a + b) / 2, AISLE_SPRING, s * (HALF + depth / 2)) for a, b in BAYS for s in (-1.0, 1.0)])
 
 
 def _crossing() -> Mesh:
@@ -170,24 +149,14 @@ def _crossing() -> Mesh:
             for dx, dz in ((0.65, 0.0), (-0.65, 0.0), (0.0, 0.65), (0.0, -0.65)):
                 parts.append(place(half_column, x + dx, 0.0, z + dz))
                 parts += [place(ring, x + dx, y, z + dz) for y in (0.0, 5.0, SPRING - 0.3)]
-    edge = [
-        (4.1, -0.45),
-        (3.8, -0.45),
-        (3.72, -0.3),
-        (3.55, -0.2),
-        (3.55, 0.2),
-        (3.72, 0.3),
-        (3.8, 0.45),
-        (4.1, 0.45),
-    ]
+    edge = [(4.1, -0.45), (3.8, -0.45), (3.72, -0.3), (3.55, -0.2), (3.55, 0.2), (3.72, 0.3), (3.8, 0.45), (4.1, 0.45)]
     great = flip(arch(edge, 40))
     parts += [place(great, x, SPRING, 0.0, 90.0) for x in CROSSING]
     parts += [place(great, middle, SPRING, z) for z in (-HALF, HALF)]
     length = SIDE - HALF
     arm = flip(arch([(HALF, -length / 2), (HALF, length / 2)], 24))
     sides = [
-        grid((x, AISLE_SPRING, -length / 2), (0.0, 0.0, length), (0.0, SPRING - AISLE_SPRING, 0.0))
-        for x in (-4, 4)
+        grid((x, AISLE_SPRING, -length / 2), (0.0, 0.0, length), (0.0, SPRING - AISLE_SPRING, 0.0)) for x in (-4, 4)
     ]
     for sign in (-1.0, 1.0):
         parts.append(place(arm, middle, SPRING, sign * (HALF + length / 2)))
@@ -199,16 +168,7 @@ def _crossing() -> Mesh:
     angle = margin + (np.pi / 2 - 2 * margin) * np.linspace(0.0, 1.0, 13)
     web = patch(np.stack([radius * np.cos(angle), height + 0 * angle, radius * np.sin(angle)], axis=-1))
     parts += [place(web, middle, SPRING, 0.0, 90.0 * k) for k in range(4)]
-    drum = [
-        (4.0, 0.0),
-        (3.8, 0.05),
-        (3.75, 0.3),
-        (4.0, 0.35),
-        (4.0, 3.1),
-        (3.8, 3.15),
-        (3.75, 3.4),
-        (4.0, 3.5),
-    ]
+    drum = [(4.0, 0.0), (3.8, 0.05), (3.75, 0.3), (4.0, 0.35), (4.0, 3.1), (3.8, 3.15), (3.75, 3.4), (4.0, 3.5)]
     bowl = [(4.0 * np.cos(a), 3.5 + 4.4 * np.sin(a)) for a in np.linspace(0.0, 1.42, 13)[1:]]
     lantern = [(0.62, 9.2), (0.3, 9.5), (0.0, 9.6)]
     parts.append(place(flip(lathe(drum + bowl + lantern, 48)), middle, top, 0.0))
@@ -226,19 +186,14 @@ def _apse() -> Mesh:
     """Half-round east end with a half dome and ribs; steps, altar with candlesticks, and a cross."""
     wall = flip(lathe([(HALF, 0.0), (HALF, SPRING)], 24, start=0.0, sweep=180.0))
     angle = np.linspace(0.0, np.pi / 2, 13)
-    dome = flip(
-        lathe(np.stack([HALF * np.cos(angle[:-1]), HALF * np.sin(angle[:-1])], axis=-1), 24, sweep=180.0)
-    )
+    dome = flip(lathe(np.stack([HALF * np.cos(angle[:-1]), HALF * np.sin(angle[:-1])], axis=-1), 24, sweep=180.0))
     path = np.stack([3.95 * np.cos(angle), 3.95 * np.sin(angle), 0 * angle], axis=-1)[:-1]
     ribs = [place(tube(path, 0.1, 6), EAST, SPRING, 0.0, t) for t in (-72.0, -36.0, 0.0, 36.0, 72.0)]
     windows = [
         place(window(0.55, 3.0), EAST + 3.97 * np.cos(t), 4.6, 3.97 * np.sin(t), -90.0 - np.degrees(t))
         for t in np.radians([-54.0, -18.0, 18.0, 54.0])
     ]
-    steps = [
-        box((13.2 + 0.4 * k, 0.18 * k, -3.2 + 0.2 * k), (22.0, 0.18 * (k + 1), 3.2 - 0.2 * k))
-        for k in range(4)
-    ]
+    steps = [box((13.2 + 0.4 * k, 0.18 * k, -3.2 + 0.2 * k), (22.0, 0.18 * (k + 1), 3.2 - 0.2 * k)) for k in range(4)]
     altar = [box((18.0, 0.72, -1.3), (19.0, 1.7, 1.3)), box((17.9, 1.7, -1.45), (19.1, 1.8, 1.45))]
     profile = [(0.0, 0.0), (0.12, 0.0), (0.12, 0.03), (0.04, 0.06), (0.03, 0.14), (0.055, 0.18), (0.03, 0.22)]
     profile += [(0.025, 0.4), (0.07, 0.44), (0.07, 0.46), (0.02, 0.46), (0.02, 0.75), (0.0, 0.77)]

@@ -114,9 +114,7 @@ def passes_planes(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
 
 
 @wp.func
-def moller_trumbore(
-    s: wp.vec3f, d: wp.vec3f, e1: wp.vec3f, e2: wp.vec3f
-) -> tuple[wp.bool, wp.float32, wp.float32]:
+def moller_trumbore(s: wp.vec3f, d: wp.vec3f, e1: wp.vec3f, e2: wp.vec3f) -> tuple[wp.bool, wp.float32, wp.float32]:
     """Whether a line meets the triangle; its determinant, and t times that; s: from vertex 0 to the line's start."""
     p = wp.cross(d, e2)
     det = wp.dot(e1, p)

@@ -224,9 +224,7 @@ def slices_in_tile(item: ImageItem, column: wp.int32, row: wp.int32, known: wp.b
     low = depth[0]
     high = depth[1]
     if s.refine:
-        inverse_high = (
-            wp.max(s.m[0] * x0, s.m[0] * x1) + wp.max(s.m[1] * y0, s.m[1] * y1) + s.m[2] + s.m_error
-        )
+        inverse_high = wp.max(s.m[0] * x0, s.m[0] * x1) + wp.max(s.m[1] * y0, s.m[1] * y1) + s.m[2] + s.m_error
         inverse_low = wp.min(s.m[0] * x0, s.m[0] * x1) + wp.min(s.m[1] * y0, s.m[1] * y1) + s.m[2] - s.m_error
         if inverse_high > 0.0:
             low = wp.max(low, 1.0 / inverse_high)
@@ -256,7 +254,5 @@ def bin_kernel(
     p = piece_of(wp.tid(), boxes, queue)
     if p.item < 0:
         return
-    item = ImageItem(
-        camera, grid, screen_triangle(camera, corners_of(mesh, p.item), widening), depths[p.item]
-    )
+    item = ImageItem(camera, grid, screen_triangle(camera, corners_of(mesh, p.item), widening), depths[p.item])
     write_pairs(slices_in_tile, item, p, wp.vec2i(0, grid.across), grid.slices, p.item, out)

@@ -44,9 +44,7 @@ NO_NEAREST = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 
 
 @wp.func
-def indirect_pixel(
-    camera: Camera, grid: ImageTiles, k: wp.int32, block: wp.int32, place: wp.int32
-) -> wp.vec3i:
+def indirect_pixel(camera: Camera, grid: ImageTiles, k: wp.int32, block: wp.int32, place: wp.int32) -> wp.vec3i:
     """(x, y, sorting tile) of a place in a tracing tile of k x k: sorting tiles row by row, in them pixels. -1 outside."""
     blocks_across = (grid.across + k - 1) // k
     area = grid.tile * grid.tile
@@ -273,11 +271,7 @@ def make_resolve_kernel(test: int) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique")
     def resolve_kernel(
-        camera: Camera,
-        mesh: Mesh,
-        nearest: wp.array(dtype=wp.uint64),
-        hits: Hits,
-        hit_points: wp.array(dtype=wp.vec3d),
+        camera: Camera, mesh: Mesh, nearest: wp.array(dtype=wp.uint64), hits: Hits, hit_points: wp.array(dtype=wp.vec3d)
     ):
         pixel = wp.tid()
         ray = ray_of(camera, pixel)

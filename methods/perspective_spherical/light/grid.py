@@ -100,9 +100,7 @@ class LightGrid:
         scene = ("points", "triangles", light, rect, *((rays,) if self.tiles.skip_empty else ()))
         traced = ("points", "triangles", "hits", light, grid, chunks, *parts, *self.effects.surface_reads())
 
-        def one(
-            name: str, part: str, reads: tuple[str, ...], writes: str, launch: Any, scratch: bool = False
-        ) -> Pass:
+        def one(name: str, part: str, reads: tuple[str, ...], writes: str, launch: Any, scratch: bool = False) -> Pass:
             return Pass(f"light {i}: {name}", part, reads, (writes,), launch, effect, scratch)
 
         passes = [
@@ -146,15 +144,7 @@ class LightGrid:
     def launch_bin(self) -> None:
         bins, places = self.bins, self.places
         bins.clear_pairs()
-        inputs = [
-            self.widening,
-            places.space,
-            self.tiles,
-            self.frame.mesh,
-            bins.boxes,
-            self.spans,
-            bins.queue,
-        ]
+        inputs = [self.widening, places.space, self.tiles, self.frame.mesh, bins.boxes, self.spans, bins.queue]
         self._launch(bin_kernel, bins.threads, inputs, [bins.pairs], BIN_BLOCK)
 
     def traced(self) -> bool:

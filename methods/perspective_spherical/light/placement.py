@@ -103,9 +103,7 @@ class LightPlaces:
         passes = [
             *first,
             Pass(f"light {i}: rectangle", "light build", around, (rect,), self.launch_rectangle, effect),
-            Pass(
-                f"light {i}: map rays", "shadow", (*seen, rect), (place, *made), self.launch_map_rays, effect
-            ),
+            Pass(f"light {i}: map rays", "shadow", (*seen, rect), (place, *made), self.launch_map_rays, effect),
         ]
         return passes, rect, place
 

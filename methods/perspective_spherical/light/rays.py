@@ -100,11 +100,7 @@ def box_middle(box: wp.array(dtype=wp.float64)) -> wp.vec3d:
 
 @wp.kernel(enable_backward=False)
 def aim_kernel(
-    aimed: wp.bool,
-    centred: wp.bool,
-    pad: wp.float64,
-    spots: wp.array2d(dtype=wp.float64),
-    space: LightSpace,
+    aimed: wp.bool, centred: wp.bool, pad: wp.float64, spots: wp.array2d(dtype=wp.float64), space: LightSpace
 ):
     """Fill ``space.axes`` and ``space.pads`` of a light.
 

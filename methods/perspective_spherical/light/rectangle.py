@@ -101,9 +101,7 @@ def joint(a: wp.vec4d, b: wp.vec4d) -> wp.vec4d:
 
 
 @wp.func
-def in_range(
-    low: wp.float64, high: wp.float64, least: wp.float64, most: wp.float64, wrap: wp.int32
-) -> wp.vec2d:
+def in_range(low: wp.float64, high: wp.float64, least: wp.float64, most: wp.float64, wrap: wp.int32) -> wp.vec2d:
     """What an interval covers of a coordinate's range: all of it where it reaches beyond a seam."""
     if wrap == 1 and (low < least or high > most):
         return wp.vec2d(least, most)

@@ -17,16 +17,7 @@ from ...exact.planes import edge_plane, facing_to, farthest_corner, longest_edge
 from ...exact.segment import light_edge_functions, occludes, plane_crosses_segment
 from ...exact.triangle import FLOOR32, U32, certainly_outside, largest, to_float64, total
 from ...gpu.entries import set_entry
-from ..camera.ray_tests import (
-    EDGE_PLANES,
-    EXACT,
-    MOLLER_TRUMBORE,
-    dot3,
-    first3,
-    joined,
-    moller_trumbore,
-    near_inside,
-)
+from ..camera.ray_tests import EDGE_PLANES, EXACT, MOLLER_TRUMBORE, dot3, first3, joined, moller_trumbore, near_inside
 
 USED = (4, 6, 3)
 """By test: how many vec4f of a triangle's record it reads, of 6."""
@@ -203,13 +194,7 @@ def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r
 
 
 @wp.func
-def occludes_near(
-    h: wp.vec3d,
-    light: wp.vec3f,
-    corners: Corners,
-    weld: wp.vec3i,
-    origin_size: wp.float64,
-) -> wp.bool:
+def occludes_near(h: wp.vec3d, light: wp.vec3f, corners: Corners, weld: wp.vec3i, origin_size: wp.float64) -> wp.bool:
     """As ``occludes``, but within the tolerance of the triangle rather than in it."""
     l64 = to_float64(light)
     a64 = to_float64(corners.a)

@@ -90,9 +90,7 @@ def small_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
     flat_a = length2(a[0], a[1])
     flat_b = length2(b[0], b[1])
     flat_c = length2(c[0], c[1])
-    if not (
-        wp.abs(a[2]) < steep * flat_a and wp.abs(b[2]) < steep * flat_b and wp.abs(c[2]) < steep * flat_c
-    ):
+    if not (wp.abs(a[2]) < steep * flat_a and wp.abs(b[2]) < steep * flat_b and wp.abs(c[2]) < steep * flat_c):
         return none
     to_b = small_arctangent(cross_b / ab)
     to_c = small_arctangent(cross_c / ac)
@@ -143,14 +141,10 @@ def triangle_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
     bounds = arc_elevation(bounds, c, a, nc)
 
     # How far a vertex is from the poles' axis, as a share of its distance: azimuths are known to ROUNDING / this.
-    axis = wp.min(
-        length2(a[0], a[1]) / pa[2], wp.min(length2(b[0], b[1]) / pb[2], length2(c[0], c[1]) / pc[2])
-    )
+    axis = wp.min(length2(a[0], a[1]) / pa[2], wp.min(length2(b[0], b[1]) / pb[2], length2(c[0], c[1]) / pc[2]))
     doubt = wp.float64(8.0) * ROUNDING / wp.max(axis, ROUNDING)
     widest = wp.max(wp.abs(dab), wp.max(wp.abs(dbc), wp.abs(dca)))
-    pole = (
-        wp.abs(dab + dbc + dca) > PI or widest > PI - wp.float64(1.0e-6) - doubt or axis < wp.float64(1.0e-12)
-    )
+    pole = wp.abs(dab + dbc + dca) > PI or widest > PI - wp.float64(1.0e-6) - doubt or axis < wp.float64(1.0e-12)
     # All three planes have the poles' axis on one side (zeros allowed): a pole is inside.
     slack_a = ROUNDING * largest(a) * largest(b - a)
     slack_b = ROUNDING * largest(b) * largest(c - b)

@@ -164,13 +164,7 @@ def beyond(column: wp.vec4d, row: wp.vec4d, n: wp.vec3d, stretch: wp.float64, er
 
 @wp.func
 def missed(
-    column: wp.vec4d,
-    row: wp.vec4d,
-    stretch: wp.vec2d,
-    n0: wp.vec3d,
-    n1: wp.vec3d,
-    n2: wp.vec3d,
-    error: wp.float64,
+    column: wp.vec4d, row: wp.vec4d, stretch: wp.vec2d, n0: wp.vec3d, n1: wp.vec3d, n2: wp.vec3d, error: wp.float64
 ) -> wp.bool:
     """Whether a tile certainly misses the triangle with inward planes n0, n1, n2, known to ``error`` for unit d.
 

@@ -192,9 +192,7 @@ class TileBins(TileSort):
         self.clear()
 
 
-def grown_bins(
-    needed: NDArray[np.int64], capacity: tuple[int, int, int], memory: int
-) -> tuple[int, int, int]:
+def grown_bins(needed: NDArray[np.int64], capacity: tuple[int, int, int], memory: int) -> tuple[int, int, int]:
     """The new capacities (pairs, rows, items). Raises CapacityRejected beyond ``memory`` bytes."""
     pairs, rows, items = capacity
     return (

@@ -43,9 +43,7 @@ def tag_thread_kernel(threadArr: wp.array(dtype=wp.int32)):
 
 
 @wp.kernel(enable_backward=False)
-def flag_scan_kernel(
-    tiles: wp.int32, tileIDArr: wp.array(dtype=wp.int32), pseudoArr: wp.array(dtype=wp.int32)
-):
+def flag_scan_kernel(tiles: wp.int32, tileIDArr: wp.array(dtype=wp.int32), pseudoArr: wp.array(dtype=wp.int32)):
     """C: 1 at a hard boundary, where another light tile begins."""
     i = wp.tid()
     flag = wp.int32(0)
@@ -118,10 +116,7 @@ def compact_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def chunk_count_kernel(
-    r: wp.int32,
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
-    chunks: wp.array(dtype=wp.int32),
+    r: wp.int32, begin: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32), chunks: wp.array(dtype=wp.int32)
 ):
     """ceil(R / r) chunks for a tile of R rays (paper, section 4.3)."""
     tile = wp.tid()
@@ -190,9 +185,7 @@ class Chunks:
         runs = [self.r, self.lists.begin, self.lists.end]
         self._launch(chunk_count_kernel, self.tiles, runs, [self.chunks])
         wp.utils.array_scan(self.chunks, self.scan, inclusive=True)
-        self._launch(
-            chunk_kernel, self.tiles, [*runs, self.chunks, self.scan], [self.outArr, self.numCBlocks]
-        )
+        self._launch(chunk_kernel, self.tiles, [*runs, self.chunks, self.scan], [self.outArr, self.numCBlocks])
 
     def _algorithm1(self, tileIDArr: wp.array) -> None:
         n, tiles = self.rays, self.tiles

@@ -54,23 +54,14 @@ def part_count(lists: TileLists, tile: wp.int32, split: wp.int32) -> wp.int32:
 
 
 @wp.kernel(enable_backward=False)
-def count_tiles_kernel(
-    split: wp.int32,
-    lists: TileLists,
-    count: wp.array(dtype=wp.int64),
-):
+def count_tiles_kernel(split: wp.int32, lists: TileLists, count: wp.array(dtype=wp.int64)):
     """Parts of a tile's list; one where it is empty, so that its pixels are still written."""
     tile = wp.tid()
     count[tile] = wp.int64(wp.max(1, part_count(lists, tile, split)))
 
 
 @wp.kernel(enable_backward=False)
-def count_chunks_kernel(
-    split: wp.int32,
-    chunks: RayChunks,
-    lists: TileLists,
-    count: wp.array(dtype=wp.int64),
-):
+def count_chunks_kernel(split: wp.int32, chunks: RayChunks, lists: TileLists, count: wp.array(dtype=wp.int64)):
     """Parts of the list that a chunk of shadow rays is tested against."""
     chunk = wp.tid()
     number = wp.int64(0)
@@ -80,9 +71,7 @@ def count_chunks_kernel(
 
 
 @wp.kernel(enable_backward=False)
-def write_kernel(
-    count: wp.array(dtype=wp.int64), scan: wp.array(dtype=wp.int64), items: wp.array(dtype=wp.vec2i)
-):
+def write_kernel(count: wp.array(dtype=wp.int64), scan: wp.array(dtype=wp.int64), items: wp.array(dtype=wp.vec2i)):
     """(source, part) of every item. Beyond the capacity nothing is written; the harness repeats the frame."""
     source = wp.tid()
     place = scan[source] - count[source]

@@ -58,11 +58,7 @@ def put_pair(place: wp.int64, cell: wp.int32, value: wp.int32, out: PairSink):
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def place_pairs_kernel(
-    tiles: wp.int32,
-    slices: wp.int32,
-    pairs: PairSink,
-    cell_end: wp.array(dtype=wp.int32),
-    lists: TileLists,
+    tiles: wp.int32, slices: wp.int32, pairs: PairSink, cell_end: wp.array(dtype=wp.int32), lists: TileLists
 ):
     """The counting sort's last step: every pair to its cell; and the run of each tile. Pairs of no tile are left out.
 
@@ -107,9 +103,7 @@ class TileSort:
     lists   :class:`TileLists`, after it: begin, end int32 [tiles]; keys, values int32 [capacity]
     """
 
-    def __init__(
-        self, tiles: int, slices: int, capacity: int, needs: wp.array, slot: int, sort: str, device: str
-    ):
+    def __init__(self, tiles: int, slices: int, capacity: int, needs: wp.array, slot: int, sort: str, device: str):
         self.tiles, self.slices, self.cells = tiles, slices, tiles * slices
         self.capacity, self.device = max(1, capacity), device
         self.counted = sort == "counting" and self.cells <= MOST_COUNTED

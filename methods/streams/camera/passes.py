@@ -56,9 +56,7 @@ class Camera:
         passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
         return passes
 
-    def launch(
-        self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]
-    ) -> None:
+    def launch(self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
         """Launch a kernel of a step, for the frame's effects. ``outputs``: those before the queue of the share."""
         wp.launch(
             specialised(kernel, self.effects.switches()),

@@ -112,15 +112,11 @@ def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
     if height == wp.float64(0.0):
         return wp.vec3d()
     inverse = reciprocal(height)
-    return wp.vec3d(
-        quotient(n[0], height, inverse), quotient(n[1], height, inverse), quotient(n[2], height, inverse)
-    )
+    return wp.vec3d(quotient(n[0], height, inverse), quotient(n[1], height, inverse), quotient(n[2], height, inverse))
 
 
 @wp.func
-def candidate_of(
-    i: wp.int32, o: wp.vec3f, corners: Corners, camera: Camera, triangles: wp.int32
-) -> Candidate:
+def candidate_of(i: wp.int32, o: wp.vec3f, corners: Corners, camera: Camera, triangles: wp.int32) -> Candidate:
     """A triangle as pixels are tested against it; without holes."""
     candidate = Candidate()
     candidate.i = i
@@ -208,9 +204,7 @@ def least_edge(planes: Planes, d: wp.vec3f) -> wp.float32:
 
 
 @wp.func
-def test_pixel(
-    nearest: wp.array(dtype=wp.uint64), pixel: wp.int32, candidate: Candidate, d: wp.vec3f
-) -> wp.bool:
+def test_pixel(nearest: wp.array(dtype=wp.uint64), pixel: wp.int32, candidate: Candidate, d: wp.vec3f) -> wp.bool:
     """Store a certain hit if it is the nearest of its pixel so far; whether float64 must decide."""
     known = entry_now(nearest, pixel)
     low = least_edge(candidate.planes, d)
@@ -238,9 +232,7 @@ def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
 
 
 @wp.func
-def test_box(
-    nearest: wp.array(dtype=wp.uint64), queue: Queue, box: wp.vec4i, candidate: Candidate, camera: Camera
-):
+def test_box(nearest: wp.array(dtype=wp.uint64), queue: Queue, box: wp.vec4i, candidate: Candidate, camera: Camera):
     """Test every pixel of a small box, 32 at a time: all against the planes first, then those stored that passed.
 
     A warp waits for its lane with the most work. Tests are short and read only the directions of pixels. Slow steps

@@ -43,9 +43,7 @@ def stored_planes(queue: Queue, i: wp.int32) -> StoredPlanes:
 
 
 @wp.func
-def stored_candidate(
-    queue: Queue, i: wp.int32, planes: Planes, spare: wp.int32, bound: wp.float32
-) -> Candidate:
+def stored_candidate(queue: Queue, i: wp.int32, planes: Planes, spare: wp.int32, bound: wp.float32) -> Candidate:
     """A queued triangle, with its :func:`stored_planes`; without holes."""
     candidate = Candidate()
     candidate.i = i

@@ -113,12 +113,7 @@ def pixel_of(rows: Rows, lanes: LaneRow, at: wp.int32, lane: wp.int32) -> wp.vec
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def rows_kernel(
-    threads: wp.int32,
-    size: wp.int32,
-    camera: Camera,
-    alpha: Alpha,
-    nearest: wp.array(dtype=wp.uint64),
-    queue: Queue,
+    threads: wp.int32, size: wp.int32, camera: Camera, alpha: Alpha, nearest: wp.array(dtype=wp.uint64), queue: Queue
 ):
     """Queued groups of rows, a warp for each: its first ``size`` pixels; further chunks of so many are queued."""
     k = wp.tid()

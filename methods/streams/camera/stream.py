@@ -19,15 +19,7 @@ from ...exact.triangle import hit_distance, spare_bits, to_float64
 from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...gpu.reserve import reserve
 from ..queues import ITEMS, UNDECIDED, Queue, Share, triangle_of
-from .pixels import (
-    Candidate,
-    Planes,
-    candidate_of,
-    hit_word,
-    inverse_depth,
-    test_box,
-    test_pixel_or_queue,
-)
+from .pixels import Candidate, Planes, candidate_of, hit_word, inverse_depth, test_box, test_pixel_or_queue
 from .queued import store_candidate
 
 GROUP = wp.constant(32)
@@ -77,13 +69,7 @@ def lines_of(planes: Planes, bound: wp.float32, first: wp.vec3f, last: wp.vec3f,
 
 @wp.func
 def pixels_of_row(
-    planes: Planes,
-    bound: wp.float32,
-    lines: Lines,
-    d: wp.vec3f,
-    first: wp.int32,
-    last: wp.int32,
-    length: wp.int32,
+    planes: Planes, bound: wp.float32, lines: Lines, d: wp.vec3f, first: wp.int32, last: wp.int32, length: wp.int32
 ) -> wp.vec2i:
     """First and last pixel of first..last that are not certainly outside an edge plane, in the row of direction d.
 
@@ -109,9 +95,7 @@ def pixels_of_row(
                 high = x + margin
         elif rest + bound < 0.0:
             high = -1.0
-    return wp.vec2i(
-        wp.int32(wp.ceil(wp.min(low, wp.float32(length)))), wp.int32(wp.floor(wp.max(high, -1.0)))
-    )
+    return wp.vec2i(wp.int32(wp.ceil(wp.min(low, wp.float32(length)))), wp.int32(wp.floor(wp.max(high, -1.0))))
 
 
 @wp.func
@@ -122,9 +106,7 @@ def queue_triangle(queue: Queue, box: wp.vec4i, tall: wp.bool, candidate: Candid
     """
     i = candidate.i
     store_candidate(queue, candidate, lines.start)
-    set_entry_of_four(
-        queue.records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0)
-    )
+    set_entry_of_four(queue.records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0))
     first = box[1]
     last = box[3]
     along = box[0] | (box[2] << 16)
@@ -177,9 +159,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         face = entry(mesh.triangles, i)
         counted = entry(mesh.valid, i) != wp.uint8(0)
         o = entry(camera.eye, 0)
-        corners = Corners(
-            entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2])
-        )
+        corners = Corners(entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2]))
         box = box_of(corners, o, camera)
         if not counted or box[2] < box[0] or box[3] < box[1]:
             return
@@ -205,9 +185,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         if wp.static(not queued):
             for y in range(box[1], box[3] + 1):
                 d = entry(camera.row, y)
-                ends = pixels_of_row(
-                    candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width
-                )
+                ends = pixels_of_row(candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width)
                 for x in range(ends[0], ends[1] + 1):
                     pixel = y * camera.width + x
                     test_pixel_or_queue(nearest, queue, pixel, candidate, direction_at(camera, x, y))
@@ -219,12 +197,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def undecided_kernel(
-    threads: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    alpha: Alpha,
-    nearest: wp.array(dtype=wp.uint64),
-    queue: Queue,
+    threads: wp.int32, camera: Camera, mesh: Mesh, alpha: Alpha, nearest: wp.array(dtype=wp.uint64), queue: Queue
 ):
     """(triangle, pixel) pairs that float32 could not decide."""
     k = wp.tid()

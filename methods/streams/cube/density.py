@@ -125,14 +125,7 @@ def expect_draws(
 
 @wp.func
 def expect_triangles(
-    i: wp.int32,
-    lanes: wp.int32,
-    box: wp.vec4i,
-    o: wp.vec3f,
-    camera: Camera,
-    cube: Cube,
-    mesh: Mesh,
-    cells: RayCells,
+    i: wp.int32, lanes: wp.int32, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, mesh: Mesh, cells: RayCells
 ):
     """Expect the rays of the triangles of a warp, which have these boxes on the image. The ``lanes`` of the warp (32, or 1
     on a CPU) share the draws of large ones. All lanes must call it."""
@@ -140,14 +133,7 @@ def expect_triangles(
 
 @wp.func
 def expect_triangles(
-    i: wp.int32,
-    lanes: wp.int32,
-    box: wp.vec4i,
-    o: wp.vec3f,
-    camera: Camera,
-    cube: Cube,
-    mesh: Mesh,
-    cells: SpacedCells,
+    i: wp.int32, lanes: wp.int32, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, mesh: Mesh, cells: SpacedCells
 ):
     pixels = wp.float32(wp.max(box[2] - box[0] + 1, 0)) * wp.float32(wp.max(box[3] - box[1] + 1, 0))
     each = wp.float32(camera.width) * wp.float32(camera.height) / wp.float32(DRAWN)
@@ -168,9 +154,7 @@ def expect_triangles(
 
 
 @wp.func
-def bin_of_cells(
-    axis: wp.int32, face: wp.int32, b: wp.int32, along: wp.int32, cells: SpacedCells
-) -> wp.vec2f:
+def bin_of_cells(axis: wp.int32, face: wp.int32, b: wp.int32, along: wp.int32, cells: SpacedCells) -> wp.vec2f:
     """The cell where a bin begins, and how many it has, by the rays that are expected before and in it."""
     r = face_rectangle(face, cells.rectangle)
     low = wp.where(axis == 0, r[0], r[1])

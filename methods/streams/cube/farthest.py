@@ -39,12 +39,7 @@ def empty_tiles(farthest: wp.array(dtype=wp.int32), thread: wp.int32, width: wp.
 
 @wp.func
 def raise_farthest(
-    farthest: wp.array(dtype=wp.int32),
-    face: wp.int32,
-    x: wp.int32,
-    y: wp.int32,
-    along: wp.float32,
-    cells: wp.int32,
+    farthest: wp.array(dtype=wp.int32), face: wp.int32, x: wp.int32, y: wp.int32, along: wp.float32, cells: wp.int32
 ):
     """A ray in cell (x, y) of a face ends at depth ``along`` > 0."""
     tile = tile_index(face, x, y, cells)
@@ -67,11 +62,7 @@ def nearest_depth(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> w
 
 @wp.func
 def all_rays_end_before(
-    depth: wp.float32,
-    farthest: wp.array(dtype=wp.int32),
-    face: wp.int32,
-    box: wp.vec4i,
-    cells: wp.int32,
+    depth: wp.float32, farthest: wp.array(dtype=wp.int32), face: wp.int32, box: wp.vec4i, cells: wp.int32
 ) -> wp.bool:
     """Whether certainly no ray in a box of cells (first column and row, last column and row) reaches ``depth``.
 

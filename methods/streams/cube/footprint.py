@@ -99,16 +99,12 @@ def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, extent: wp.float32, r: wp.vec
         nearness = wp.max(near_a, wp.max(near_b, near_c))
         widest = wp.max(
             wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
-            wp.max(
-                wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.max(wp.abs(low_u), wp.abs(low_v)), FINEST)
-            ),
+            wp.max(wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.max(wp.abs(low_u), wp.abs(low_v)), FINEST)),
         )
         flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
         flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
         flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
-        flat.pad = (
-            32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK
-        )
+        flat.pad = 32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK
     return flat
 
 
@@ -261,13 +257,7 @@ def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corner
 
 @wp.func
 def cells_of_row(
-    sides: Sides,
-    face: wp.int32,
-    y: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
-    along: wp.int32,
-    cells: Any,
+    sides: Sides, face: wp.int32, y: wp.int32, first: wp.int32, last: wp.int32, along: wp.int32, cells: Any
 ) -> wp.vec2i:
     """First and last cell of first..last in row y that the triangle may cover; none if last < first."""
     row = row_between(cells, face, y, along)
@@ -290,6 +280,5 @@ def cells_of_row(
     if low > high:
         return wp.vec2i(0, -1)
     return wp.vec2i(
-        wp.max(first, first_cell(cells, 0, face, low, along)),
-        wp.min(last, last_cell(cells, 0, face, high, along)),
+        wp.max(first, first_cell(cells, 0, face, low, along)), wp.min(last, last_cell(cells, 0, face, high, along))
     )

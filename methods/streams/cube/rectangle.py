@@ -148,10 +148,7 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32)) -> wp.ve
         high_u = -from_ordered(rectangle[HIGH_U])
         high_v = -from_ordered(rectangle[HIGH_V])
     n = wp.float32(BINS)
-    margin = (
-        1.0e-6 * wp.max(wp.max(wp.abs(low_u), wp.abs(high_u)), wp.max(wp.abs(low_v), wp.abs(high_v)))
-        + 1.0e-30
-    )
+    margin = 1.0e-6 * wp.max(wp.max(wp.abs(low_u), wp.abs(high_u)), wp.max(wp.abs(low_v), wp.abs(high_v))) + 1.0e-30
     return wp.vec4f(low_u, low_v, n / (high_u - low_u + margin), n / (high_v - low_v + margin))
 
 
@@ -184,9 +181,7 @@ def face_in_use(rectangle: wp.array(dtype=wp.int32), number: wp.int32) -> wp.int
 
 
 @wp.func
-def set_table(
-    k: wp.int32, rectangle: wp.array(dtype=wp.int32), table: wp.array(dtype=wp.vec4f), along: wp.int32
-):
+def set_table(k: wp.int32, rectangle: wp.array(dtype=wp.int32), table: wp.array(dtype=wp.vec4f), along: wp.int32):
     """Set row k of the table, if there is one; ``along``: cells along a face."""
     if k < FACES:
         t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
@@ -198,9 +193,7 @@ def set_table(
         for face in range(FACES):
             if rectangle[FACE + face] == 0:
                 faces = faces | (1 << face)
-        table[k] = wp.vec4f(
-            wp.float32(along), wp.cast(rectangle[LARGEST], wp.float32), wp.float32(faces), 0.0
-        )
+        table[k] = wp.vec4f(wp.float32(along), wp.cast(rectangle[LARGEST], wp.float32), wp.float32(faces), 0.0)
 
 
 @wp.func

@@ -47,9 +47,7 @@ def in_cells(cells: RayCells, axis: wp.int32, face: wp.int32, t: wp.float32, alo
 
 
 @wp.func
-def in_cells(
-    cells: SpacedCells, axis: wp.int32, face: wp.int32, t: wp.float32, along: wp.int32
-) -> wp.float32:
+def in_cells(cells: SpacedCells, axis: wp.int32, face: wp.int32, t: wp.float32, along: wp.int32) -> wp.float32:
     inside = wp.clamp(t, 0.0, wp.float32(BINS))
     b = wp.min(wp.int32(inside), BINS - 1)
     begun = entry(cells.spacing, first_bin(axis, face) + b)
@@ -57,9 +55,7 @@ def in_cells(
 
 
 @wp.func
-def edge_of_row(
-    spacing: wp.array(dtype=wp.vec2f), face: wp.int32, row: wp.int32, along: wp.int32
-) -> wp.float32:
+def edge_of_row(spacing: wp.array(dtype=wp.vec2f), face: wp.int32, row: wp.int32, along: wp.int32) -> wp.float32:
     """Where a row begins, in bins; the last one begins at ``along``."""
     if row == along:
         return wp.float32(BINS)

@@ -50,14 +50,7 @@ def places_of(queue: Queue, low: wp.int32, high: wp.int32, number: wp.int32) -> 
 
 
 @wp.func
-def sides_on_face(
-    flat: Flat,
-    light: wp.vec3f,
-    cube: Cube,
-    face: wp.int32,
-    corners: Corners,
-    r: wp.vec4f,
-) -> Sides:
+def sides_on_face(flat: Flat, light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corners, r: wp.vec4f) -> Sides:
     """The lines that bound a triangle's cells on a face, from its projection if that is known."""
     if flat.valid:
         return sides_of_flat(flat)
@@ -76,13 +69,7 @@ def queue_rows(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, sides: 
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def split_kernel(
-    threads: wp.int32,
-    light: Light,
-    table: wp.array(dtype=wp.vec4f),
-    mesh: Mesh,
-    queue: Queue,
-):
+def split_kernel(threads: wp.int32, light: Light, table: wp.array(dtype=wp.vec4f), mesh: Mesh, queue: Queue):
     """Queue the rows of large triangles in groups, with the lines that bound them and the planes of the triangle."""
     k = wp.tid()
     first = k % SPLITTERS

@@ -36,9 +36,7 @@ def has_holes(alpha: Alpha, i: wp.int32) -> wp.bool:
 
 
 @wp.func
-def certainly_occludes(
-    i: wp.int32, own: wp.int32, h: wp.vec3f, eye: wp.vec3f, light: wp.vec3f, mesh: Mesh
-) -> wp.bool:
+def certainly_occludes(i: wp.int32, own: wp.int32, h: wp.vec3f, eye: wp.vec3f, light: wp.vec3f, mesh: Mesh) -> wp.bool:
     """Whether triangle i of the mesh (any number) certainly occludes the ray of a pixel that hit triangle ``own`` at h.
 
     The bound covers this one hit point, which the camera's words give (:mod:`..rays.hit_points`). With the eye in it,
@@ -131,15 +129,7 @@ class LastOccluder:
         """The pass before the rays are placed."""
         r = self.rays
         memory, of_receivers = r.name("occluders"), r.effects.receiver_reads(r.index)
-        reads = (
-            "points",
-            "triangles",
-            "camera",
-            WORDS,
-            f"light/{r.index}",
-            memory,
-            *r.effects.surface_reads(),
-        )
+        reads = ("points", "triangles", "camera", WORDS, f"light/{r.index}", memory, *r.effects.surface_reads())
         writes = (memory, r.name("rays sought"), r.name("shadowed"))
         name = f"{r.who}: last occluders"
         return Pass(name, "shadow", (*reads, *of_receivers), writes, self.launch_settle, r.effect)

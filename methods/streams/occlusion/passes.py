@@ -28,9 +28,7 @@ class Occlusion:
         self.kind = ShadowBits if last is None else RememberedBits
         given = {} if last is None else {"last": last}
         shadowed = rays.frame.answers.shadowed
-        self.bits: Any = filled(
-            self.kind, light=rays.index, triangle=rays.cells.triangle, shadowed=shadowed, **given
-        )
+        self.bits: Any = filled(self.kind, light=rays.index, triangle=rays.cells.triangle, shadowed=shadowed, **given)
 
     def of_rays(self, kernel: wp.Kernel) -> wp.Kernel:
         """A kernel for the effects of the light and the class of :attr:`bits`."""
@@ -55,9 +53,7 @@ class Occlusion:
 
     def launch_stream(self, share: int) -> None:
         r, f, q, settings = self.rays, self.rays.frame, self.rays.queues, self.rays.settings
-        kernel = stream.make_stream_kernel(
-            q.queued, q.queued and settings.groups == "stream", not self.overlaps
-        )
+        kernel = stream.make_stream_kernel(q.queued, q.queued and settings.groups == "stream", not self.overlaps)
         wp.launch(
             self.of_rays(r.of_cells(kernel)),
             dim=q.share_threads,

@@ -108,13 +108,7 @@ def test_rays_of_row(
 
 @wp.func
 def test_rays_of_box(
-    bits: Any,
-    queue: Queue,
-    cells: Any,
-    along: wp.int32,
-    face: wp.int32,
-    box: wp.vec4i,
-    occluder: Occluder,
+    bits: Any, queue: Queue, cells: Any, along: wp.int32, face: wp.int32, box: wp.vec4i, occluder: Occluder
 ):
     """Test the rays in a box of cells; ``along``: cells along a face.
 

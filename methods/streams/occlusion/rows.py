@@ -82,21 +82,12 @@ class Tested:
 def append_tested(tested: Tested, last: wp.bool, queue: Queue) -> wp.int32:
     """Queue the pair if it is undecided; how many the warp still holds. All lanes must call it."""
     return append_pairs(
-        tested.own != tested.i,
-        tested.i,
-        tested.pixel,
-        tested.held,
-        last,
-        queue.counts,
-        UNDECIDED,
-        queue.undecided,
+        tested.own != tested.i, tested.i, tested.pixel, tested.held, last, queue.counts, UNDECIDED, queue.undecided
     )
 
 
 @wp.func
-def test_fetched(
-    h: wp.vec4f, occluder: Occluder, inside: wp.bool, before: Tested, bits: Any, queue: Queue
-) -> Tested:
+def test_fetched(h: wp.vec4f, occluder: Occluder, inside: wp.bool, before: Tested, bits: Any, queue: Queue) -> Tested:
     """Test a lane's ray, if it has one (``inside``), and queue the pair that it tested ``before`` if that is undecided. All
     lanes must call it."""
     misses, hits = certain(h, occluder)
@@ -116,14 +107,7 @@ def make_rows_kernel(again: bool) -> wp.Kernel:
     chunks of so many (``again``)."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
-    def rows_kernel(
-        threads: wp.int32,
-        size: wp.int32,
-        cells: RayCells,
-        alpha: Alpha,
-        bits: ShadowBits,
-        queue: Queue,
-    ):
+    def rows_kernel(threads: wp.int32, size: wp.int32, cells: RayCells, alpha: Alpha, bits: ShadowBits, queue: Queue):
         k = wp.tid()
         capacity = queue.groups.shape[0]
         large = wp.min(queue.counts[ITEMS], capacity)

@@ -20,15 +20,7 @@ from ...gpu.reserve import next_number
 from ..cube.cells import RayCells
 from ..cube.faces import on_face
 from ..cube.farthest import all_rays_end_before, nearest_depth
-from ..cube.footprint import (
-    cells_of_row,
-    cube_space,
-    depth_slack,
-    extent_with_rays,
-    flat_box,
-    leaves_out,
-    on_bins,
-)
+from ..cube.footprint import cells_of_row, cube_space, depth_slack, extent_with_rays, flat_box, leaves_out, on_bins
 from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of

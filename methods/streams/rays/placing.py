@@ -211,13 +211,7 @@ class ByTriangles(ByRays):
             block_dim=BLOCK_DIM,
         )
         if self.region == "cone":
-            wp.launch(
-                cone_kernel,
-                dim=1,
-                inputs=[r.light],
-                outputs=[r.cells.rectangle, self.outside],
-                device=f.device,
-            )
+            wp.launch(cone_kernel, dim=1, inputs=[r.light], outputs=[r.cells.rectangle, self.outside], device=f.device)
         wp.launch(r.of_cells(sort.table_kernel), dim=int(FACES) + 1, outputs=[r.cells], device=f.device)
         self.launch_spacing()
 

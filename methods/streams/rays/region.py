@@ -51,9 +51,7 @@ def lower(words: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float32):
 
 
 @wp.func
-def rectangle_of(
-    a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, extent: wp.float32, before: wp.vec4f
-) -> wp.vec4f:
+def rectangle_of(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, extent: wp.float32, before: wp.vec4f) -> wp.vec4f:
     """The part of a rectangle of face 0 (least u and v, greatest u and v) that the convex hull of four points may cover.
 
     Points are (along, across, up), and ``extent`` bounds |p - middle|_1 of them; errors are those of
@@ -108,9 +106,7 @@ def part_is_known(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera) 
     across = largest(entry(camera.column, camera.width - 1) - entry(camera.column, 0))
     down = largest(entry(camera.row, camera.height - 1) - entry(camera.row, 0))
     # An image of one column or row has no neighbours: it is not known either.
-    if not (
-        across > LEAST_PIXEL * wp.float32(camera.width) and down > LEAST_PIXEL * wp.float32(camera.height)
-    ):
+    if not (across > LEAST_PIXEL * wp.float32(camera.width) and down > LEAST_PIXEL * wp.float32(camera.height)):
         return False
     return edge_planes(o, corners).steep
 

@@ -71,13 +71,7 @@ def rays_in_box(offset: wp.array(dtype=wp.int32), face: wp.int32, box: wp.vec4i,
 
 @wp.func
 def count_in_cell(
-    pixel: wp.int32,
-    p: wp.vec4f,
-    face: wp.int32,
-    r: wp.vec4f,
-    along: wp.int32,
-    stored: wp.bool,
-    cells: Any,
+    pixel: wp.int32, p: wp.vec4f, face: wp.int32, r: wp.vec4f, along: wp.int32, stored: wp.bool, cells: Any
 ):
     """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it; ``stored``:
     whether its point is."""
@@ -115,11 +109,7 @@ def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: Any):
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    hits: PrimaryHits,
-    receivers: wp.array2d(dtype=wp.uint8),
-    cells: RayCells,
+    first: wp.int32, light: wp.int32, hits: PrimaryHits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
 ):
     """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
     does."""
@@ -180,11 +170,7 @@ def make_scatter_kernel(slotted: bool) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def scatter_kernel(
-        first: wp.int32,
-        light: wp.int32,
-        hits: PrimaryHits,
-        receivers: wp.array2d(dtype=wp.uint8),
-        cells: RayCells,
+        first: wp.int32, light: wp.int32, hits: PrimaryHits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
     ):
         at = tile_pixel(first + wp.tid(), hits.camera.width, hits.camera.height)
         if at[0] < 0:

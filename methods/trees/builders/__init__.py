@@ -27,7 +27,4 @@ def tree_of(frame: Frame, update: str, builder: str) -> Rebuilt | Refitted:
 
 def built(update: str, builder: str) -> dict[str, Any]:
     """For :meth:`....harness.frame.method.Method.built`."""
-    return {
-        "update": update,
-        "tree": builder if update == "rebuild" else "SAH of the first frame, on the host",
-    }
+    return {"update": update, "tree": builder if update == "rebuild" else "SAH of the first frame, on the host"}

@@ -96,11 +96,7 @@ def make_builder(text: str) -> Any:
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def build_kernel(
-        leaves: Leaves,
-        mesh: Mesh,
-        scratch: wp.array(dtype=wp.vec4f),
-        flags: wp.array(dtype=wp.uint64),
-        tree: Tree,
+        leaves: Leaves, mesh: Mesh, scratch: wp.array(dtype=wp.vec4f), flags: wp.array(dtype=wp.uint64), tree: Tree
     ):
         pad = padding(entry(tree.max_coordinate, 0), entry(tree.extent, 0))
         build(wp.tid(), entry(leaves.count, 0), pad, leaves, mesh, scratch, flags, tree)

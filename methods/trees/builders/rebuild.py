@@ -18,10 +18,7 @@ from .keys import NO_LEAF, SceneBox, key_kernel
 from .lbvh import make_lbvh_kernel
 from .sort import Sort
 
-MAKERS: dict[str, Callable[[], Any]] = {
-    "hploc": lambda: make_hploc_kernel(constants.RADIUS),
-    "lbvh": make_lbvh_kernel,
-}
+MAKERS: dict[str, Callable[[], Any]] = {"hploc": lambda: make_hploc_kernel(constants.RADIUS), "lbvh": make_lbvh_kernel}
 
 
 class Rebuilt:

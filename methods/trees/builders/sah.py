@@ -88,13 +88,7 @@ def boxes(corners: NDArray[np.float32], valid: NDArray[np.uint8]) -> tuple[NDArr
 
 
 def divide(
-    order: NDArray,
-    begin: NDArray,
-    end: NDArray,
-    low: NDArray,
-    high: NDArray,
-    centre: NDArray,
-    halve: bool,
+    order: NDArray, begin: NDArray, end: NDArray, low: NDArray, high: NDArray, centre: NDArray, halve: bool
 ) -> NDArray:
     """Sort the places of each range by the side of its split that they lie on; where the second sides begin."""
     length = end - begin
@@ -136,9 +130,7 @@ def best_split(bins: NDArray, nodes: int, low: NDArray, high: NDArray) -> tuple[
     most[used] = np.maximum.reduceat(high[sequence], firsts, axis=0)
     number = counts.reshape(nodes, BINS)
     lows, highs = least.reshape(nodes, BINS, 3), most.reshape(nodes, BINS, 3)
-    cost = (
-        swept(lows, highs, number)[:, :-1] + swept(lows[:, ::-1], highs[:, ::-1], number[:, ::-1])[:, -2::-1]
-    )
+    cost = swept(lows, highs, number)[:, :-1] + swept(lows[:, ::-1], highs[:, ::-1], number[:, ::-1])[:, -2::-1]
     at = cost.argmin(axis=1)
     return cost[np.arange(nodes), at], at
 

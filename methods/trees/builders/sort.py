@@ -171,11 +171,7 @@ def count_digits(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
-    count: wp.int32,
-    passes: wp.int32,
-    nothing: wp.int32,
-    unsorted: Pairs,
-    state: wp.array(dtype=wp.int32),
+    count: wp.int32, passes: wp.int32, nothing: wp.int32, unsorted: Pairs, state: wp.array(dtype=wp.int32)
 ):
     """How many keys have each digit, for all passes at once."""
     count_digits(count, passes, nothing, unsorted.keys, state)
@@ -216,9 +212,7 @@ def make_sweep_kernel(items: int) -> Any:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def held_kernel(
-    count: wp.int32, nothing: wp.int32, keys: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)
-):
+def held_kernel(count: wp.int32, nothing: wp.int32, keys: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)):
     """How many sorted keys there are before the first ``nothing``."""
     low = wp.int32(0)
     high = count
@@ -270,7 +264,5 @@ class Sort:
             kernel = make_sweep_kernel(self.items)
             self._run(kernel, SORT_THREADS * self.tiles, inputs, [self.held, target])
 
-    def _run(
-        self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = SORT_THREADS
-    ) -> None:
+    def _run(self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = SORT_THREADS) -> None:
         wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)

@@ -272,12 +272,7 @@ def light_kernel(
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def float32_kernel(
-    mesh: Mesh,
-    index: wp.int32,
-    origins: wp.array(dtype=wp.vec3f),
-    records: wp.array(dtype=wp.vec4f),
-):
+def float32_kernel(mesh: Mesh, index: wp.int32, origins: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
     """Three words per triangle for float32 tests from ``origins[index]``: Moeller & Trumbore 1997 with the fixed origin's
     terms precomputed.
 

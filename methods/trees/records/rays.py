@@ -73,13 +73,7 @@ def precise_normal(e: wp.vec3d, f: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def is_sure(
-    n: wp.float64,
-    near: wp.float32,
-    ej: wp.float64,
-    fk: wp.float64,
-    ek: wp.float64,
-    fj: wp.float64,
-    exact: wp.bool,
+    n: wp.float64, near: wp.float32, ej: wp.float64, fk: wp.float64, ek: wp.float64, fj: wp.float64, exact: wp.bool
 ) -> wp.bool:
     """Whether a component n = ej fk - ek fj of the normal, and ``near``, it scaled and rounded, are known relative to
     themselves. ``exact``: whether the edges are, or n is known to be 0; else they are right to 2^-53."""
@@ -111,9 +105,7 @@ def downscale(size: wp.float32) -> wp.float32:
 
 
 @wp.func
-def set_record(
-    records: wp.array(dtype=wp.vec4f), at: wp.int32, a: wp.vec3f, e: wp.vec3f, f: wp.vec3f, n: wp.vec3f
-):
+def set_record(records: wp.array(dtype=wp.vec4f), at: wp.int32, a: wp.vec3f, e: wp.vec3f, f: wp.vec3f, n: wp.vec3f):
     set_entry(records, 3 * at, wp.vec4f(a[0], a[1], a[2], e[0]))
     set_entry(records, 3 * at + 1, wp.vec4f(e[1], e[2], f[0], f[1]))
     set_entry(records, 3 * at + 2, wp.vec4f(f[2], n[0], n[1], n[2]))

@@ -66,9 +66,7 @@ def ray_at(rays: Rays, pixel: wp.int32) -> Ray:
 
 
 @wp.func
-def write_closest(
-    hits: Hits, pixel: wp.int32, triangle: wp.int32, t: wp.float32, u: wp.float32, v: wp.float32
-):
+def write_closest(hits: Hits, pixel: wp.int32, triangle: wp.int32, t: wp.float32, u: wp.float32, v: wp.float32):
     """Write an answer, or with triangle -1 and infinite t a miss."""
     set_entry(hits.triangle, pixel, triangle)
     set_entry(hits.t, pixel, t)
@@ -152,9 +150,7 @@ resolve_hit, resolve_holes = make_resolve(False), make_resolve(True)
 
 
 @wp.func
-def write_flat_start(
-    ray: Ray, triangle: wp.int32, pixel: wp.int32, mesh: Mesh, starts: wp.array(dtype=wp.vec3f)
-):
+def write_flat_start(ray: Ray, triangle: wp.int32, pixel: wp.int32, mesh: Mesh, starts: wp.array(dtype=wp.vec3f)):
     """Write the origin of shadow rays of a ray that is flat on its triangle. Such rays are few, and slow to compute."""
     corners = corners_at(mesh, triangle)
     set_entry(starts, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, corners), corners)))
@@ -266,9 +262,7 @@ def make_resolve_kernel(parallel: bool) -> Any:
     """One thread per listed pixel: the answer, and the origin of shadow rays. ``parallel``: rays of an orthographic
     camera may start far from the scene; mirrored rays start in it."""
 
-    @wp.kernel(
-        enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=RESOLVE_REGISTERS
-    )
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=RESOLVE_REGISTERS)
     def resolve_kernel(
         listed: Listed,
         rays: Rays,

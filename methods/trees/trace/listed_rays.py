@@ -35,13 +35,7 @@ class ListedRays:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        tree: Tree,
-        effects: Effects,
-        exact: bool,
-        shares: Shares,
-        starts: Sequence[wp.array],
+        self, frame: Frame, tree: Tree, effects: Effects, exact: bool, shares: Shares, starts: Sequence[wp.array]
     ):
         self.frame, self.tree, self.effects, self.exact = frame, tree, effects, exact
         self.shares, self.starts = shares, starts

@@ -31,13 +31,7 @@ def make_hidden(holes: bool) -> Any:
 
     @wp.func
     def hidden(
-        found: wp.vec4i,
-        ray: Ray,
-        own: wp.int32,
-        light: wp.vec3f,
-        mesh: Mesh,
-        alpha: Alpha,
-        undecided: Undecided,
+        found: wp.vec4i, ray: Ray, own: wp.int32, light: wp.vec3f, mesh: Mesh, alpha: Alpha, undecided: Undecided
     ) -> wp.uint8:
         """That of a traversal that gave ``found`` (:func:`.traversal.make_any`), or float64's verdict on what it left,
         for which the hit point of ``ray`` on the triangle ``own`` is computed again."""

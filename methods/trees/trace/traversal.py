@@ -145,9 +145,7 @@ auto traverse = [&](auto leave, auto full) {
 meet after each. The others test a leaf in the iteration that has come to it."""
 
 
-def traversal(
-    ray: str, test: str, result: str, exact: bool, packets: bool = False, holes: bool = False
-) -> str:
+def traversal(ray: str, test: str, result: str, exact: bool, packets: bool = False, holes: bool = False) -> str:
     """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle."""
 
     def loop(stack: str, leaving: str) -> str:
@@ -177,12 +175,7 @@ def make_closest(records: str, exact: bool, packets: bool = False, holes: bool =
 
     @wp.func_native(traversal(CLOSEST, test, result, exact, packets, holes))
     def closest(
-        seen: wp.bool,
-        o: wp.vec3f,
-        d: wp.vec3f,
-        tree: Tree,
-        records: wp.array(dtype=wp.vec4f),
-        undecided: Undecided,
+        seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f), undecided: Undecided
     ) -> wp.vec4i: ...
 
     return closest

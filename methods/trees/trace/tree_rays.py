@@ -71,9 +71,7 @@ class TreeRays:
         self.shares = Shares(frame, shares if cuda else cpu_threads(threads, frame.device))
         count = frame.triangle_count
         with wp.ScopedDevice(frame.device):
-            self.counts = wp.zeros(
-                (effects.bounces + 1, frame.light_count + 1, self.shares.count), dtype=wp.int32
-            )
+            self.counts = wp.zeros((effects.bounces + 1, frame.light_count + 1, self.shares.count), dtype=wp.int32)
             self.pairs = [wp.zeros(capacity, dtype=wp.vec2i) for _ in self.shares.parts]
             self.starts = [wp.zeros(frame.pixels, dtype=wp.vec3f) for _ in range(effects.bounces)]
             if primary_starts is None:
@@ -85,9 +83,7 @@ class TreeRays:
                     LightPlanes,
                     edges=wp.zeros(3 * count, dtype=wp.vec4f),
                     sides=wp.zeros(count if i in exact else 0, dtype=wp.vec4f),
-                    facing=wp.zeros(
-                        count + count % 2 if i in exact else 0, dtype=wp.uint8
-                    ),  # read two at a time
+                    facing=wp.zeros(count + count % 2 if i in exact else 0, dtype=wp.uint8),  # read two at a time
                 )
                 for i in self.lights
             }
@@ -218,9 +214,7 @@ class TreeRays:
     def _eye_records(self) -> None:
         f = self.frame
         kernel, inputs = (
-            (planes.eye_kernel, [f.mesh, f.eye])
-            if self.exact
-            else (planes.float32_kernel, [f.mesh, 0, f.eye])
+            (planes.eye_kernel, [f.mesh, f.eye]) if self.exact else (planes.float32_kernel, [f.mesh, 0, f.eye])
         )
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=[self.eye_records], device=f.device)
 
@@ -244,9 +238,7 @@ class TreeRays:
 
     def _shadow(self, light: int, bounce: int, shares: Shares, share: int) -> None:
         f = self.frame
-        listed = (
-            self.listed.lists[bounce][share] if self.listed is not None and f.tabled(bounce) else Listed()
-        )
+        listed = self.listed.lists[bounce][share] if self.listed is not None and f.tabled(bounce) else Listed()
         kernel = make_shadow_kernel(self._exactly(light), self.marks and bounce == 0)
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),

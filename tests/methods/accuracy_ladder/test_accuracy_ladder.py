@@ -14,18 +14,14 @@ NAME = "accuracy_ladder"
 
 
 @pytest.mark.parametrize("test", ["exact", "float64"])
-@pytest.mark.parametrize(
-    "trial", ["rays at vertices", "eye in a box", "broken triangles", "teapot in a stadium"]
-)
+@pytest.mark.parametrize("trial", ["rays at vertices", "eye in a box", "broken triangles", "teapot in a stadium"])
 def test_the_ladder_is_exact_at_its_top(trial, test, device):
     prepared, width, height = TRIALS[trial]
     assert_exact(NAME, {"test": test}, prepared, width, height, device)
     assert make_method(NAME, {"test": test}).known_inexact is None
 
 
-@pytest.mark.parametrize(
-    "test", ["moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes"]
-)
+@pytest.mark.parametrize("test", ["moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes"])
 def test_float32_tests_are_right_on_an_ordinary_scene_and_say_that_they_need_not_be(test):
     vertices, faces = soup(21, 150, size=0.2)
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
@@ -50,12 +46,7 @@ def test_a_fixed_determinant_loses_a_small_scene_and_the_others_do_not():
 
 @pytest.mark.parametrize(
     ("origin", "acne", "leak"),
-    [
-        ("hit_point", False, False),
-        ("ray", True, False),
-        ("barycentric", True, False),
-        ("epsilon_1e-2", False, True),
-    ],
+    [("hit_point", False, False), ("ray", True, False), ("barycentric", True, False), ("epsilon_1e-2", False, True)],
 )
 def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     # A tilted floor and a thin roof just above a part of it, nearer than 1e-2 radii.

@@ -32,11 +32,7 @@ INEXACT_TRIALS = (
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_nearly_equals_brute_force(scale, robust):
     vertices, faces = soup(21, 150, size=0.2)
-    lights = [
-        (2.0 * scale, 3.0 * scale, 4.0 * scale),
-        (0.1 * scale, 0.0, 0.2 * scale),
-        (0.0, 1e5 * scale, 0.0),
-    ]
+    lights = [(2.0 * scale, 3.0 * scale, 4.0 * scale), (0.1 * scale, 0.0, 0.2 * scale), (0.0, 1e5 * scale, 0.0)]
     prepared = make_scene(vertices * scale, faces, lights, (0.0, 0.5 * scale, 3.0 * scale))
     assert_nearly(NAME, {"robust": robust}, prepared, 41, 29)
 
@@ -178,18 +174,14 @@ MONITOR = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_ssize_t, cty
 
 
 def test_static_refuses_moving_geometry():
-    with pytest.raises(
-        UserError, match=r"embree.update=static: moving moves over 3 frames; choose rebuild or refit"
-    ):
+    with pytest.raises(UserError, match=r"embree.update=static: moving moves over 3 frames; choose rebuild or refit"):
         Session(make_method(NAME, {"update": "static"}), moving(False), 8, 8, "cpu")
 
 
 def test_a_library_that_cannot_be_used_is_one_line(monkeypatch, tmp_path):
     assert library.library_path().is_file()
     assert ctypes.sizeof(Arguments) == 40
-    monkeypatch.setattr(
-        library.Device, "fact", lambda self, number: 30 if number == library.VERSION_MAJOR else 30_102
-    )
+    monkeypatch.setattr(library.Device, "fact", lambda self, number: 30 if number == library.VERSION_MAJOR else 30_102)
     with pytest.raises(
         UserError, match=r"^embree: version 3.1.2; the layout of rays is that of Embree 4: .*'embreex>=4'$"
     ):
@@ -205,9 +197,7 @@ def test_a_library_that_cannot_be_used_is_one_line(monkeypatch, tmp_path):
     damaged = tmp_path / "libembree4.so.4"
     damaged.write_text("no library")
     monkeypatch.setattr(library, "library_path", lambda: damaged)
-    with pytest.raises(
-        UserError, match=r"^embree: .*libembree4.so.4 cannot be used \(.*\); reinstall embreex$"
-    ):
+    with pytest.raises(UserError, match=r"^embree: .*libembree4.so.4 cannot be used \(.*\); reinstall embreex$"):
         library.library.__wrapped__()
 
 

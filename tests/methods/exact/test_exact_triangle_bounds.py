@@ -45,10 +45,7 @@ def rays_at_edges(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, 
     """Triangles and rays that pass an edge of theirs at shares of 2^-10 to 2^-29 of their size, on either side."""
     corners = np.float32(random.normal(size=(COUNT, 3, 3)))
     origins = np.float32(random.normal(size=(COUNT, 3)) * 3)
-    share, off = (
-        random.uniform(size=COUNT),
-        random.choice([-1.0, 1.0], COUNT) * 2.0 ** -random.uniform(10, 29, COUNT),
-    )
+    share, off = (random.uniform(size=COUNT), random.choice([-1.0, 1.0], COUNT) * 2.0 ** -random.uniform(10, 29, COUNT))
     weights = np.stack([share * (1 - off), (1 - share) * (1 - off), off], axis=1)
     # A long way to the point: the rounding of the direction is then less than what the ray is beside the edge.
     targets = np.einsum("ij,ijk->ik", weights, corners.astype(np.float64))
@@ -71,18 +68,14 @@ def test_axes_of_unlike_scale_change_no_answer(rays, powers) -> None:
     origins, directions, corners = rays(np.random.default_rng(3))
     plain = distances(origins, directions, corners)
     factors = np.float32(2.0) ** np.float32(powers)
-    np.testing.assert_array_equal(
-        distances(origins * factors, directions * factors, corners * factors), plain
-    )
+    np.testing.assert_array_equal(distances(origins * factors, directions * factors, corners * factors), plain)
     assert 0.2 < (plain > 0).mean() <= 1.0
 
 
 def test_an_eye_on_a_corner_or_in_the_plane_sees_nothing() -> None:
     """t is 0, whatever the sizes of the coordinates: in all of these the rounded height is not always 0."""
     random = np.random.default_rng(9)
-    corners = np.float32(
-        10.0 ** random.uniform(-8, 8, (COUNT, 3, 3)) * random.choice([-1.0, 1.0], (COUNT, 3, 3))
-    )
+    corners = np.float32(10.0 ** random.uniform(-8, 8, (COUNT, 3, 3)) * random.choice([-1.0, 1.0], (COUNT, 3, 3)))
     directions = np.float32(random.normal(size=(COUNT, 3)))
     for corner in range(3):
         np.testing.assert_array_equal(distances(corners[:, corner], directions, corners), -1.0)

@@ -34,9 +34,7 @@ def test_spare_bits() -> None:
     """Those of 24 that no index needs, between 0 and 8."""
     counts = np.array([1, 2, 3, 255, 65535, 65536, 65537, 131072, 131073, 1 << 23, 1 << 24], dtype=np.int32)
     spare = wp.zeros(len(counts), dtype=wp.int32, device="cpu")
-    wp.launch(
-        spare_kernel, dim=len(counts), inputs=[wp.array(counts, device="cpu")], outputs=[spare], device="cpu"
-    )
+    wp.launch(spare_kernel, dim=len(counts), inputs=[wp.array(counts, device="cpu")], outputs=[spare], device="cpu")
     expected = [min(8, 24 - int(count - 1).bit_length()) for count in counts]
     assert spare.numpy().tolist() == expected
 

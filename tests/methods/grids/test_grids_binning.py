@@ -11,18 +11,14 @@ NAME = "uniform_grid"
 
 
 @pytest.mark.parametrize("density", ["0.3", "4", "60"])
-@pytest.mark.parametrize(
-    "trial", ["random", "teapot in a stadium", "triangles through every cell", "eye in a box"]
-)
+@pytest.mark.parametrize("trial", ["random", "teapot in a stadium", "triangles through every cell", "eye in a box"])
 def test_every_cell_that_a_triangle_meets_lists_it(trial, density):
     """Points all over each triangle, and on its edges: the cell of each must hold the triangle."""
     prepared, width, height = random_trial(5) if trial == "random" else TRIALS[trial]
     session, moment, _ = trace(NAME, {"density": density}, prepared, width, height)
     method = session.method
     grid = method._grid.grid.numpy()[0]
-    begin, end, members = (
-        getattr(method._grid.binned.list, name).numpy() for name in ("begin", "end", "values")
-    )
+    begin, end, members = (getattr(method._grid.binned.list, name).numpy() for name in ("begin", "end", "values"))
     random = np.random.default_rng(0)
     weights = np.concatenate(
         [random.dirichlet([0.4] * 3, 400), np.eye(3), random.dirichlet([1.0] * 2, 50) @ np.eye(3)[:2]]

@@ -10,9 +10,7 @@ from helpers.method_trials import trace
 NAME = "uniform_grid"
 
 
-@pytest.mark.parametrize(
-    "extent", [(1, 1, 1), (1, 1, 0), (1, 0, 0), (1000, 1, 1), (1, 1000, 1e-3), (1e-6, 1e-6, 1)]
-)
+@pytest.mark.parametrize("extent", [(1, 1, 1), (1, 1, 0), (1, 0, 0), (1000, 1, 1), (1, 1000, 1e-3), (1e-6, 1e-6, 1)])
 def test_cells_never_exceed_what_was_made_room_for(extent):
     vertices, faces = soup(9, 200, size=0.1)
     flat = vertices * np.asarray(extent) + np.eye(3)[np.arange(len(vertices)) % 3] * 1e-4

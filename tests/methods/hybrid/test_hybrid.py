@@ -92,9 +92,7 @@ def test_a_tree_takes_the_shadow_rays_of_few_triangles(height, wanted):
 
 def shells(count: int, lights: list[tuple[float, ...]]) -> Prepared:
     """Octahedra around one another, of radii 1, 2 ...: each line from the middle crosses one triangle of each."""
-    corners = np.array(
-        [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)], dtype=np.float32
-    )
+    corners = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)], dtype=np.float32)
     faces = np.array([(x, y, z) for x in (0, 3) for y in (1, 4) for z in (2, 5)])
     points = np.concatenate([corners * np.float32(k + 1) for k in range(count)])
     return make_scene(points, np.concatenate([faces + 6 * k for k in range(count)]), lights)
@@ -104,9 +102,7 @@ def shells(count: int, lights: list[tuple[float, ...]]) -> Prepared:
     ("count", "height", "wanted"),
     [(1, 74, "grid"), (1, 75, "tree"), (2, 15, "grid"), (2, 16, "tree"), (3, 23, "grid"), (3, 24, "tree")],
 )
-def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light_from_64_pixels_a_triangle_on(
-    count, height, wanted
-):
+def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light_from_64_pixels_a_triangle_on(count, height, wanted):
     prepared = shells(count, [(0.01, 0.02, 0.03)])
     assert prepared.triangle_count == 8 * count
     frame = Session(make_method(NAME), prepared, 64, height, "cpu").frame
@@ -136,10 +132,7 @@ def test_a_tree_that_mirrors_need_takes_the_shadow_rays_too():
 
 @pytest.mark.parametrize(
     ("changed", "left_out"),
-    [
-        ("light/0", {"camera: resolve", "tree", "light 1: triangles", "light 1: shadow rays"}),
-        ("camera", TREE),
-    ],
+    [("light/0", {"camera: resolve", "tree", "light 1: triangles", "light 1: shadow rays"}), ("camera", TREE)],
 )
 def test_what_did_not_move_is_not_made_again(changed, left_out):
     session = Session(make_method(NAME, WITH_TREE), two_lights(), 8, 8, "cpu")
@@ -156,9 +149,7 @@ def test_tree_and_stream_are_branches_of_one_fork():
         if not work.hints.parallel:
             break
         forked.append(work)
-    branches = {
-        name: {w.hints.parallel[0] for w in forked if w.name == name} for name in ("tree", "camera: resolve")
-    }
+    branches = {name: {w.hints.parallel[0] for w in forked if w.name == name} for name in ("tree", "camera: resolve")}
     assert len(branches["tree"] | branches["camera: resolve"]) == 2
 
 

@@ -92,9 +92,7 @@ def around_the_origin(sizes: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndar
     return (corners * sizes[:, None, None]).reshape(-1, 3), np.arange(3 * len(sizes)).reshape(-1, 3)
 
 
-@pytest.mark.parametrize(
-    "sizes", [np.ones(1500), 0.5 ** (np.arange(1500) / 15.0)], ids=["one size", "halving"]
-)
+@pytest.mark.parametrize("sizes", [np.ones(1500), 0.5 ** (np.arange(1500) / 15.0)], ids=["one size", "halving"])
 def test_triangles_that_no_plane_parts_end_in_few_large_leaves(sizes):
     """They would be doubled at each level: what is listed stays within a bound, and so does the depth."""
     prepared = make_scene(*around_the_origin(sizes, 1), [(3.0, 4.0, 5.0)], (0.0, 0.0, 4.0))

@@ -58,9 +58,7 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
     centre = random.normal(size=(count, 1, 3))
     centre[: count // 3, :, 0] *= 0.05  # about the circle that two angles collapse
     centre[count // 3 : count // 2, :, :2] *= 0.01  # about the poles
-    corners = (
-        centre / np.linalg.norm(centre, axis=2, keepdims=True) + random.normal(size=(count, 3, 3)) * size / 2
-    )
+    corners = centre / np.linalg.norm(centre, axis=2, keepdims=True) + random.normal(size=(count, 3, 3)) * size / 2
     points = np.einsum("sk,nkj->nsj", random.dirichlet([0.4, 0.4, 0.4], samples), corners).reshape(-1, 3)
     places = wp.zeros(len(points), dtype=wp.vec4d, device="cpu")
     single = precision == "float32"
@@ -76,9 +74,7 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
         device="cpu",
     )
     u, v, distance, face = places.numpy().reshape(count, samples, 4).transpose(2, 0, 1)
-    np.testing.assert_allclose(
-        distance.ravel(), np.linalg.norm(points, axis=1), rtol=1e-6 if single else 1e-14
-    )
+    np.testing.assert_allclose(distance.ravel(), np.linalg.norm(points, axis=1), rtol=1e-6 if single else 1e-14)
     keep = np.ones_like(u, dtype=bool)
     if name == "cube":
         # The face's own frame, written apart: forward is the axis of the largest coordinate, with its sign.

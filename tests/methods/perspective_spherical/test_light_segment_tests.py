@@ -48,9 +48,7 @@ def test_a_verdict_without_doubt_is_what_float64_says(distance, scale, middle):
     # Hit points on, beside and exactly behind the triangle's edges, before and behind its plane.
     weights = random.dirichlet([0.5, 0.5, 0.5], (count, rays))
     weights[:, ::4, 0] = 0.0
-    weights[:, 1::4] += random.normal(size=weights[:, 1::4].shape) * 10.0 ** random.uniform(
-        -9, 0, (count, 15, 1)
-    )
+    weights[:, 1::4] += random.normal(size=weights[:, 1::4].shape) * 10.0 ** random.uniform(-9, 0, (count, 15, 1))
     on = np.einsum("nrk,nkj->nrj", weights, corners.astype(np.float64))
     reach = np.abs(middle * scale) + 4 * scale
     away = on - lights[:, None]

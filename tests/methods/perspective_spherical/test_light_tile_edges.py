@@ -30,9 +30,7 @@ def tile_kernel(
     i, tile = wp.tid()
     column = columns[tile % tiles]
     row = rows[tile // tiles]
-    out[i, tile] = missed(
-        column, row, stretch[0], planes[i, 0], planes[i, 1], planes[i, 2], wp.float64(1.0e-12)
-    )
+    out[i, tile] = missed(column, row, stretch[0], planes[i, 0], planes[i, 1], planes[i, 2], wp.float64(1.0e-12))
     slopes[i, tile] = slope_bounds(column, row, planes[i, 0], stretch[0])
 
 
@@ -61,8 +59,7 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
         low_u, high_u, low_v, high_v = rectangle
         extent = np.array([low_u, low_v, 1.0, high_u, high_v, 2.0, 0.0, 0.0])
         columns, rows, stretch = (
-            wp.zeros(n, dtype=kind, device="cpu")
-            for n, kind in ((tiles, wp.vec4d), (tiles, wp.vec4d), (1, wp.vec2d))
+            wp.zeros(n, dtype=kind, device="cpu") for n, kind in ((tiles, wp.vec4d), (tiles, wp.vec4d), (1, wp.vec2d))
         )
         wp.launch(
             edges_kernel, dim=tiles, inputs=[LIGHT_MAPS.index(name), tiles, on_cpu(extent, wp.float64)],
@@ -87,9 +84,7 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
             s, w = np.meshgrid(np.linspace(0, 1, 15), np.linspace(0, 1, 15))
             u = low_u + (high_u - low_u) * (tile % tiles + s.ravel()) / tiles
             v = low_v + (high_v - low_v) * (tile // tiles + w.ravel()) / tiles
-            if (
-                name == "two-angle"
-            ):  # only where both angles are in front, or both behind, is there a direction
+            if name == "two-angle":  # only where both angles are in front, or both behind, is there a direction
                 u, v = (x[(np.abs(u) > np.pi / 2) == (np.abs(v) > np.pi / 2)] for x in (u, v))
                 u, v = (x[(np.abs(np.abs(u) - np.pi / 2) > 1e-6)] for x in (u, v))
             d = directions(name, u, v)

@@ -18,10 +18,7 @@ from shadowbench.methods.perspective_spherical.lists.binning import (
 
 
 @wp.kernel(enable_backward=False)
-def queue_kernel(
-    boxes: wp.array(dtype=wp.vec4i),
-    queue: PieceQueue,
-):
+def queue_kernel(boxes: wp.array(dtype=wp.vec4i), queue: PieceQueue):
     i = wp.tid()
     if boxes[i][2] >= boxes[i][0]:
         queue_large(i, boxes[i], queue)
@@ -47,19 +44,7 @@ def visit_kernel(
 @pytest.mark.parametrize("lanes", [1, LANES])
 def test_every_tile_of_every_box_is_one_threads_work(lanes):
     side = 300
-    shapes = [
-        (1, 1),
-        (4, 4),
-        (16, 1),
-        (17, 1),
-        (1, 17),
-        (5, 4),
-        (33, 7),
-        (1, side),
-        (128, 128),
-        (side, side),
-        (0, 0),
-    ]
+    shapes = [(1, 1), (4, 4), (16, 1), (17, 1), (1, 17), (5, 4), (33, 7), (1, side), (128, 128), (side, side), (0, 0)]
     random = np.random.default_rng(lanes)
     boxes = []
     for w, h in shapes:

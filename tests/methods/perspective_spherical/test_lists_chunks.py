@@ -18,10 +18,7 @@ from shadowbench.methods.perspective_spherical.parameters import BALANCING
 def chunks_of(keys: wp.array, tiles: int, r: int, balancing: str) -> Chunks:
     """The chunks of sorted rays, of which ``keys`` are the tiles; its second half is room for a sort."""
     ids = keys.numpy()[: keys.shape[0] // 2]
-    runs = {
-        "begin": np.searchsorted(ids, np.arange(tiles)),
-        "end": np.searchsorted(ids, np.arange(tiles), "right"),
-    }
+    runs = {"begin": np.searchsorted(ids, np.arange(tiles)), "end": np.searchsorted(ids, np.arange(tiles), "right")}
     lists = filled(
         TileLists, keys=keys, values=wp.zeros_like(keys),
         **{name: wp.array(run, dtype=wp.int32, device=keys.device) for name, run in runs.items()},
@@ -41,9 +38,7 @@ def test_algorithm_1_as_figure_8_is_described():
     tile_of_pixel = [4, 0, 1, 0, 3, 4, 0, 1, 4]
     count, tiles, r = len(tile_of_pixel), 6, 2
     keys = wp.array(tile_of_pixel + [0] * count, dtype=wp.int32, device="cpu")
-    pixels = wp.array(
-        [*range(count)] + [0] * count, dtype=wp.int32, device="cpu"
-    )  # line 9: each pixel's own number
+    pixels = wp.array([*range(count)] + [0] * count, dtype=wp.int32, device="cpu")  # line 9: each pixel's own number
     wp.utils.radix_sort_pairs(keys, pixels, count, 0, tiles.bit_length())  # line 10, as the method calls it
     a, b = pixels.numpy()[:count], keys.numpy()[:count]
     assert a.tolist() == [1, 3, 6, 2, 7, 4, 0, 5, 8]
@@ -87,9 +82,7 @@ def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(so
 def test_both_balancings_make_the_same_chunks(seed, device):
     random = np.random.default_rng(seed)
     rays, tiles = int(random.integers(1, 700)), int(random.integers(1, 60))
-    ids = np.sort(
-        random.choice(tiles + 1, rays) if seed else np.full(rays, tiles)
-    )  # seed 0: no shadow ray at all
+    ids = np.sort(random.choice(tiles + 1, rays) if seed else np.full(rays, tiles))  # seed 0: no shadow ray at all
     keys = wp.array(np.concatenate([ids, ids]), dtype=wp.int32, device=device)
     for r in (1, 2, 7, 64, 1000):
         made = []

@@ -66,9 +66,7 @@ def test_inexact_tests_differ_from_the_exact_one_at_edges_only():
 def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     """Split vertices, pixels exactly on edges and corners, from inside: every ray must hit."""
     vertices, faces = grid_of_squares(16)
-    prepared = make_scene(
-        vertices, faces, [(0.0, 0.0, 0.0)], eye=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), fov=90.0
-    )
+    prepared = make_scene(vertices, faces, [(0.0, 0.0, 0.0)], eye=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), fov=90.0)
     _, _, got = answers_of(prepared, 33, 33, {"triangle_test": name})
     assert (got["triangle"] >= 0).all()
     assert (got["shadowed"] == 0).all()
@@ -102,12 +100,7 @@ def test_what_float32_accepts_beside_an_edge_is_listed_in_every_tile():
     vertices = [[x, -1, -1], [x, 1, -1], [x + 2, 0, -1], [x - 5, -5, -2], [x + 7, -5, -2], [x + 1, 9, -2]]
     vertices += [[-x, 0, 9], [-x, 1, 9], [-x, 0, 8]]  # keeps the scene where it is
     prepared = make_scene(
-        vertices,
-        [[0, 1, 2], [3, 4, 5], [6, 7, 8]],
-        [(x, 0.0, 0.0)],
-        (x, 0.3, 0.5),
-        (x - 4e-6, 0.3, -0.5),
-        0.3,
+        vertices, [[0, 1, 2], [3, 4, 5], [6, 7, 8]], [(x, 0.0, 0.0)], (x, 0.3, 0.5), (x - 4e-6, 0.3, -0.5), 0.3
     )
     seen = set()
     for tiles in (150, 156, 167, 178, 189):

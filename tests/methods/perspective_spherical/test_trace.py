@@ -57,11 +57,7 @@ def test_counters_add_up():
             assert abs(counts[f"{grid} list, mean"] - mean) <= 0.5
             assert counts[f"{grid} list, mean"] <= counts[f"{grid} list, longest"]
             assert counts[f"{grid} list, p99"] <= counts[f"{grid} list, longest"]
-            assert (
-                counts[f"{grid} occupied tiles"]
-                <= counts[f"{grid} occupied cells"]
-                <= counts[f"{grid} pairs"]
-            )
+            assert counts[f"{grid} occupied tiles"] <= counts[f"{grid} occupied cells"] <= counts[f"{grid} pairs"]
     assert found[0]["light 0 pairs"] < found[1]["light 0 pairs"]
     assert found[2]["camera pairs"] > found[0]["camera pairs"]
 

@@ -57,9 +57,7 @@ def test_equals_the_papers_method_bit_for_bit(device):
     """Large and small triangles, light inside and outside; every knob of ours the same bits."""
     small, large = soup(7, 400, size=0.05), soup(8, 12, size=3.0)
     vertices = np.concatenate([small[0], large[0]])
-    prepared = make_scene(
-        vertices, np.arange(len(vertices)).reshape(-1, 3), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)]
-    )
+    prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
     _, _, reference = answers_of(prepared, 93, 71, {}, device, "perspective_spherical")
     for settings in (
         {},
@@ -95,10 +93,7 @@ def test_nothing_to_see(vertices, faces):
 
 def test_a_moved_frame_equals_a_fresh_one():
     vertices, faces = soup(5, 200)
-    near, far = (
-        make_scene(vertices, faces, [(1.0, 2.0, 3.0)]),
-        make_scene(vertices * 0.5, faces, [(0.1, 0.2, 0.3)]),
-    )
+    near, far = (make_scene(vertices, faces, [(1.0, 2.0, 3.0)]), make_scene(vertices * 0.5, faces, [(0.1, 0.2, 0.3)]))
     session, moment, first = answers_of(near, 32, 32, {})
     moved = far.moment(0, 32, 32)
     session.answers(moved)

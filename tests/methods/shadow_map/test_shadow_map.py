@@ -153,14 +153,7 @@ def test_a_map_beyond_the_memory_is_rejected():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [
-        ("size", "32"),
-        ("size", "many"),
-        ("shape", "round"),
-        ("bias", "big"),
-        ("filter", "soft"),
-        ("amount", "nan"),
-    ],
+    [("size", "32"), ("size", "many"), ("shape", "round"), ("bias", "big"), ("filter", "soft"), ("amount", "nan")],
 )
 def test_wrong_parameters_are_one_line(key, value):
     with pytest.raises(UserError, match=key) as caught:

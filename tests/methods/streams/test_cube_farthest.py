@@ -83,10 +83,7 @@ def light_items(vertices: np.ndarray) -> tuple[int, np.ndarray]:
 @on_gpu_side
 def test_what_lies_below_a_floor_is_no_work():
     top = floor(0.0, 4)
-    below, above = (
-        np.concatenate([top, floor(-0.5, 16)]),
-        np.concatenate([top, floor(0.5, 16) * (0.2, 1, 0.2)]),
-    )
+    below, above = (np.concatenate([top, floor(-0.5, 16)]), np.concatenate([top, floor(0.5, 16) * (0.2, 1, 0.2)]))
     items, bits = light_items(top)
     assert items >= len(top) // 3
     more, bits_below = light_items(below)

@@ -17,13 +17,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.methods.streams.cube.cells import RayCells, SpacedCells
 from shadowbench.methods.streams.cube.density import INTERVALS, SPACING_THREADS, spacing_kernel
 from shadowbench.methods.streams.cube.footprint import first_cell, last_cell
-from shadowbench.methods.streams.cube.rectangle import (
-    EMPTY,
-    RANGE,
-    RECTANGLE_WORDS,
-    cells_in_use,
-    face_rectangle,
-)
+from shadowbench.methods.streams.cube.rectangle import EMPTY, RANGE, RECTANGLE_WORDS, cells_in_use, face_rectangle
 from shadowbench.methods.streams.cube.spacing import BIN_SLACK, BINS, row_between, set_edges
 from shadowbench.methods.streams.rays.sort import cell_of
 

@@ -20,9 +20,7 @@ def queued(cells, capacity="0", groups="split", light=(5.0, 4.0, 3.0)):
     small, large = soup(7, 200, size=0.2), soup(8, 12, size=3.0)
     vertices = np.concatenate([small[0], large[0]])
     prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [light])
-    method = make_method(
-        "ray_grids", trial(inline_cells=0, shares=1, cells=cells, groups=groups, items=capacity)
-    )
+    method = make_method("ray_grids", trial(inline_cells=0, shares=1, cells=cells, groups=groups, items=capacity))
     session = Session(method, prepared, 64, 64, "cpu")
     session.answers(prepared.moment(0, 64, 64))
     counts = method._queues.counts.numpy()[1].copy()
@@ -41,9 +39,7 @@ def test_the_groups_of_a_triangle_are_all_its_rows(cells):
     for i, face, first, number in np.concatenate([large, small]):
         for row in range(first, first + number):
             rows.setdefault((i, face), []).append(row)
-    expected = {
-        (i, face): list(range(row & 65535, (row >> 16) + 1)) for i, face, _, row in triangles.tolist()
-    }
+    expected = {(i, face): list(range(row & 65535, (row >> 16) + 1)) for i, face, _, row in triangles.tolist()}
     assert {key: sorted(found) for key, found in rows.items()} == expected
     assert counts[SMALL] == sum(len(found) <= FEW_ROWS for found in expected.values())
     assert (small[:, 3] <= FEW_ROWS).all()

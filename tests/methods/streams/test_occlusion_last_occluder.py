@@ -59,21 +59,12 @@ def masked_soup() -> Prepared:
     camera = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
     lights = Light(LIGHTS[0], spot=Spot((-0.5, -4.0, -2.0), 12.0)), Light(LIGHTS[1])
     scene = Scene(
-        "masked",
-        "masked",
-        lambda: Geometry.static(vertices, faces),
-        camera,
-        lights,
-        facing=True,
-        alpha=lambda _: mask,
+        "masked", "masked", lambda: Geometry.static(vertices, faces), camera, lights, facing=True, alpha=lambda _: mask
     )
     return prepare(scene)
 
 
-SCENES = {
-    "plain": lambda: make_scene(*soup(11, 120, size=0.8), LIGHTS),
-    "with holes and receivers": masked_soup,
-}
+SCENES = {"plain": lambda: make_scene(*soup(11, 120, size=0.8), LIGHTS), "with holes and receivers": masked_soup}
 
 
 def garbage(kind: str, session: Session, light: LastOccluder, random: np.random.Generator) -> NDArray:
@@ -90,9 +81,7 @@ def garbage(kind: str, session: Session, light: LastOccluder, random: np.random.
     return np.roll(light.last.numpy(), int(random.integers(1, pixels)))
 
 
-@pytest.mark.parametrize(
-    "kind", ["any triangle", "any number", "around the last", "its own", "of other pixels"]
-)
+@pytest.mark.parametrize("kind", ["any triangle", "any number", "around the last", "its own", "of other pixels"])
 @pytest.mark.parametrize("scene", SCENES)
 def test_no_answer_depends_on_what_is_remembered(scene, kind, device):
     prepared = SCENES[scene]()
@@ -130,9 +119,7 @@ def test_frames_of_a_moving_scene_equal_fresh_ones(device):
     random = np.random.default_rng(8)
     still = prepared.moment(0, *SIZE)
     session = session_of(
-        prepared,
-        {"occluders": "last", **trial(inline_rays=4, groups="split", items=1, chunks=1, undecided=1)},
-        device,
+        prepared, {"occluders": "last", **trial(inline_rays=4, groups="split", items=1, chunks=1, undecided=1)}, device
     )
     saved = 0
     for k in range(8):

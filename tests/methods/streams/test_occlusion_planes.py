@@ -26,12 +26,7 @@ def room(light):
 @pytest.mark.parametrize("groups", ["stream", "split"])
 @pytest.mark.parametrize(
     "light",
-    [
-        (0.0, 0.2, -0.3),
-        (0.0, 1.75, 0.1),
-        (2.0**-30, 0.2, -0.3),
-        (-(2.0**-30), 1.75, 0.1),
-    ],
+    [(0.0, 0.2, -0.3), (0.0, 1.75, 0.1), (2.0**-30, 0.2, -0.3), (-(2.0**-30), 1.75, 0.1)],
     ids=["in the square", "beside it", "nearly in it", "nearly beside it"],
 )
 def test_few_pairs_are_left_to_float64(light, groups, device):

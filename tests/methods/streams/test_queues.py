@@ -45,8 +45,7 @@ def places_kernel(counts: wp.array(dtype=wp.int32), places: wp.array(dtype=wp.in
 
 
 @pytest.mark.parametrize(
-    ("before", "place"),
-    [(7, 7), (BEYOND - 1, BEYOND - 1), (2**31 - 9, BEYOND), (-(2**31), BEYOND), (-5, BEYOND)],
+    ("before", "place"), [(7, 7), (BEYOND - 1, BEYOND - 1), (2**31 - 9, BEYOND), (-(2**31), BEYOND), (-5, BEYOND)]
 )
 def test_what_a_counter_past_31_bits_hands_out_lies_in_no_list(before, place, device):
     counts = wp.array([before, before], dtype=wp.int32, device=device)

@@ -45,9 +45,7 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     answers = session.answers(prepared.moment(0, *SIZE))
     (light,) = lights_of_session(session)
     pixels = SIZE[0] * SIZE[1]
-    kinds = dict(
-        triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f
-    )
+    kinds = dict(triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f)
     found = {name: wp.zeros(pixels, dtype=kind, device="cpu") for name, kind in kinds.items()}
     wp.launch(
         points_kernel,
@@ -76,9 +74,7 @@ def scene_of(seed: int) -> Prepared:
     light = random.normal(size=3) * 10.0 ** random.uniform(-2, 4)
     target = vertices[faces[0]].mean(0)
     shifted = [tuple(float(x) for x in point + middle) for point in (light, eye, target)]
-    return make_scene(
-        (vertices + middle).astype(np.float32), faces, shifted[:1], shifted[1], shifted[2], 50.0
-    )
+    return make_scene((vertices + middle).astype(np.float32), faces, shifted[:1], shifted[1], shifted[2], 50.0)
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +84,7 @@ def many() -> dict[str, NDArray[np.generic]]:
 
 
 @wp.kernel(enable_backward=False)
-def word_kernel(
-    inverse: wp.array(dtype=wp.float64), i: wp.array(dtype=wp.int32), t: wp.array2d(dtype=wp.float64)
-):
+def word_kernel(inverse: wp.array(dtype=wp.float64), i: wp.array(dtype=wp.int32), t: wp.array2d(dtype=wp.float64)):
     k, spare = wp.tid()
     t[k, spare] = distance_of(hit_word(inverse[k], i[k] >> spare, spare), spare)
 
@@ -131,9 +125,7 @@ def test_points_of_some_triangles_would_be_farther_off(many):
 def test_points_beside_the_light_are_not_placed_by_the_words():
     """A floor a thousandth of its distance from the eye below the light."""
     vertices = np.array([(-9, 0, -9), (9, 0, -9), (0, 0, 9)], dtype=np.float32)
-    prepared = make_scene(
-        vertices, np.array([[0, 1, 2]]), [(0.0, 1e-3, 0.0)], (0.0, 4.0, 0.01), (0.0, 0.0, 0.0), 0.2
-    )
+    prepared = make_scene(vertices, np.array([[0, 1, 2]]), [(0.0, 1e-3, 0.0)], (0.0, 4.0, 0.01), (0.0, 0.0, 0.0), 0.2)
     found = points_of(prepared)
     near = found["placed_as"][:, 2] == -1.0
     assert 0 < near.sum() < near.size

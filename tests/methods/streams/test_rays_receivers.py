@@ -57,11 +57,7 @@ CORNER = (-3.0, FLOOR, -3.0)
 LIGHTS = {
     "outside and within": (POINT, BEHIND, Light((0.1, 0.05, 0.2))),
     "in the plane of the floor": (Light((2.0, FLOOR, 0.5)), Light((1.0e6, FLOOR, -3.0e5))),
-    "at a corner, below the floor and at the eye": (
-        Light(CORNER),
-        Light((0.3, -7.0, 0.1)),
-        Light(EYE.eye),
-    ),
+    "at a corner, below the floor and at the eye": (Light(CORNER), Light((0.3, -7.0, 0.1)), Light(EYE.eye)),
     "directional and far": (Light((0.2, 1.0, 0.3), directional=True), Light((-4.0e6, -1.0e6, 2.0e6))),
     "some of them spots": (POINT, SPOT, BEHIND, Light((-0.6, -4.0, 0.2))),
 }
@@ -93,11 +89,7 @@ def test_the_triangles_decide_which_hits_face_a_light(name, device):
     prepared = rough(LIGHTS[name])
     by_triangles, by_rays, by_harness = (
         Session(make_method(*way), prepared, *SIZE, device)
-        for way in (
-            ("ray_grids", trial(region="triangles")),
-            ("ray_grids", trial(region="rays")),
-            ("uniform_grid", {}),
-        )
+        for way in (("ray_grids", trial(region="triangles")), ("ray_grids", trial(region="rays")), ("uniform_grid", {}))
     )
     assert len(known_lights(by_triangles)) == len(LIGHTS[name])
     known = [light for light in known_lights(by_triangles) if light.receivers() == "facing"]

@@ -162,9 +162,7 @@ def test_holds_every_ray_of_pixels_closer_than_their_directions_are_rounded(seed
 def test_of_a_large_triangle_only_the_part_in_view_counts():
     """A floor that reaches far behind the eye and on both sides, seen from above; the light is far above it."""
     vertices = np.array([(-500, 0, -500), (500, 0, -500), (0, 0, 900)], dtype=np.float32)
-    prepared = make_scene(
-        vertices, np.array([[0, 1, 2]]), [(0.0, 2000.0, 1.0)], (0.3, 2.0, 0.2), (0.5, 0.0, 0.4), 60.0
-    )
+    prepared = make_scene(vertices, np.array([[0, 1, 2]]), [(0.0, 2000.0, 1.0)], (0.3, 2.0, 0.2), (0.5, 0.0, 0.4), 60.0)
     (known,) = lights_of(prepared, "triangles")
     (found,) = lights_of(prepared, "rays")
     extent, least = (-sides[2:] - sides[:2] for sides in (sides_of(known), sides_of(found)))
@@ -187,10 +185,7 @@ def test_triangles_that_face_away_do_not_count():
         lights_of(one, "triangles") for one in (prepared, only_facing(prepared), only_facing(alone))
     )
     (by_rays,) = lights_of(only_facing(prepared), "rays")
-    most = [
-        light.rays.cells.rectangle.numpy()[LARGEST].view(np.float32)
-        for light in (every, found, known, by_rays)
-    ]
+    most = [light.rays.cells.rectangle.numpy()[LARGEST].view(np.float32) for light in (every, found, known, by_rays)]
     assert most[1] == most[2] < 0.2 * most[0]
     assert most[3] <= most[1]
     in_use = [light.rays.cells.rectangle.numpy()[FACE:LARGEST] == 0 for light in (found, by_rays)]
@@ -210,9 +205,7 @@ def test_rays_outside_the_region_of_a_spot_are_tested_against_every_triangle(dev
         view = (tuple(eye), (0.0, 0.0, 0.0), float(np.degrees(3.0 / np.linalg.norm(eye))))
         plain = make_scene(vertices, faces, [(0.0, 9.0, 0.0)], *view)
         moment = plain.moment(0, *SIZE)
-        hit = (
-            Session(make_method("uniform_grid", {}), plain, *SIZE, device).answers(moment)["triangle"].ravel()
-        )
+        hit = Session(make_method("uniform_grid", {}), plain, *SIZE, device).answers(moment)["triangle"].ravel()
         lights = []
         for pixel in random.choice(np.flatnonzero(hit >= 0), 8):
             a, b, c = moment.points[plain.faces[hit[pixel]]].astype(np.float64)

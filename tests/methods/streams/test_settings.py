@@ -59,12 +59,7 @@ def test_cells_are_spaced_by_the_rays_of_several_lights():
 
 def test_cells_are_chosen_from_the_numbers_of_triangles_and_of_pixels():
     of = {n: on_gpu(n, 1, PIXELS).cells for n in (4096, PIXELS // 4, PIXELS, 9 * PIXELS)}
-    assert of == {
-        4096: (152, 256, 4),
-        PIXELS // 4: (448, 1024, 4),
-        PIXELS: (536, 1536, 4),
-        9 * PIXELS: (920, 1536, 4),
-    }
+    assert of == {4096: (152, 256, 4), PIXELS // 4: (448, 1024, 4), PIXELS: (536, 1536, 4), 9 * PIXELS: (920, 1536, 4)}
     assert on_gpu(82_298, 1, 16 * PIXELS).cells == (1056, 1752, 4)
     assert on_gpu(10**8, 1, 2**24).cells == (3328, 4096, 4)
     assert chosen(1, 1).cells == (64, 64, 1)

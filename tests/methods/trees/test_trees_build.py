@@ -65,13 +65,7 @@ def scenes() -> dict[str, tuple[NDArray, NDArray]]:
     broken = soup(3, 400)[0].copy()
     broken[::21] = np.nan
     sets = {"soup": soup(5, 5000)[0], "one": one, "two": np.concatenate([one, one + 1.0])}
-    sets |= {
-        "few": soup(6, 17)[0],
-        "halved": halved,
-        "nested": nested,
-        "one centroid": same,
-        "broken": broken,
-    }
+    sets |= {"few": soup(6, 17)[0], "halved": halved, "nested": nested, "one centroid": same, "broken": broken}
     return {name: (points, np.arange(len(points)).reshape(-1, 3)) for name, points in sets.items()}
 
 

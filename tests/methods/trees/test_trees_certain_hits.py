@@ -15,9 +15,7 @@ COUNT = 20_000
 
 
 @wp.kernel(enable_backward=False)
-def quotient_kernel(
-    a: wp.array(dtype=wp.float64), b: wp.array(dtype=wp.float64), found: wp.array(dtype=wp.float64)
-):
+def quotient_kernel(a: wp.array(dtype=wp.float64), b: wp.array(dtype=wp.float64), found: wp.array(dtype=wp.float64)):
     i = wp.tid()
     found[i] = quotient(a[i], b[i], reciprocal(b[i]))
 
@@ -42,11 +40,7 @@ def hit_kernel(
 
 def products(random: np.random.Generator, count: int) -> np.ndarray:
     """Numbers of the sizes that sums of products of three float32 numbers have, with either sign."""
-    return (
-        random.choice([-1.0, 1.0], count)
-        * random.uniform(1, 2, count)
-        * 2.0 ** random.integers(-440, 380, count)
-    )
+    return random.choice([-1.0, 1.0], count) * random.uniform(1, 2, count) * 2.0 ** random.integers(-440, 380, count)
 
 
 def test_a_quotient_is_that_of_a_division(device):

@@ -18,15 +18,11 @@ from shadowbench.methods.trees.records.planes import joined_pairs
 FLOOR = np.array([[-1.0, 0.7, -1.0], [-1.0, 0.7, 1.0], [1.0, 0.7, 0.0], [0.0, -1.0, 0.0]])
 
 
-def over_floor(
-    scale: float, corners: np.ndarray, light: np.ndarray, eye: np.ndarray, target: np.ndarray, fov: float
-):
+def over_floor(scale: float, corners: np.ndarray, light: np.ndarray, eye: np.ndarray, target: np.ndarray, fov: float):
     """A floor, and a triangle over it that hides the light from a part of it. All in units of ``scale``."""
     vertices = np.vstack([FLOOR, corners])
     places = [tuple((np.asarray(at) * scale).tolist()) for at in (light, eye, target)]
-    return make_scene(
-        vertices * scale, [[0, 1, 2], [4, 5, 6]], [places[0]], places[1], places[2], fov, (0.0, 0.0, 1.0)
-    )
+    return make_scene(vertices * scale, [[0, 1, 2], [4, 5, 6]], [places[0]], places[1], places[2], fov, (0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("gap", [2.0**-18, 2.0**-17, 2.0**-16, 2.0**-15, 2.0**-14])
@@ -37,11 +33,7 @@ def test_a_small_triangle_of_a_small_scene_hides_the_floor_under_it(width, gap, 
     corners = np.array([[0, 0.7 + gap, 0], [0, 0.7 + gap, edge], [edge, 0.7 + gap, 0]])
     middle = np.array([edge / 4, 0.7, edge / 4])
     light = middle + [0.0, 1.0 / scale, 0.0]
-    eye = middle + [
-        edge / 8,
-        -edge,
-        edge / 8,
-    ]  # from below, since from above the triangle covers what it hides
+    eye = middle + [edge / 8, -edge, edge / 8]  # from below, since from above the triangle covers what it hides
     got = assert_exact("bvh2", {}, over_floor(scale, corners, light, eye, middle, 80.0), 24, 24, device)
     assert got["shadowed"][0].any()
 

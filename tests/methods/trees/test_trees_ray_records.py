@@ -71,9 +71,7 @@ def test_settings_change_no_answer(settings, device):
     assert_same(walked, wanted, device)
 
 
-@pytest.mark.parametrize(
-    "name", ["soup", "small triangles", "far from the origin", "huge", "noise of an exporter"]
-)
+@pytest.mark.parametrize("name", ["soup", "small triangles", "far from the origin", "huge", "noise of an exporter"])
 def test_float32_decides_nearly_all_plain_rays(name, device):
     """Of each ray, which meets many boxes and up to 200 triangles."""
     _, _, undecided = answers_of(session_of(*MESHES[name], {}, device), 3, [PLAIN])

@@ -21,9 +21,7 @@ NAME = "bvh2"
 
 
 @pytest.mark.parametrize(
-    "settings",
-    [{"SHARED_AREA": 0.0}, {"SHARED_AREA": 1e3}, {"SHARED_AREA": 1e3, "primary": "packet"}],
-    ids=str,
+    "settings", [{"SHARED_AREA": 0.0}, {"SHARED_AREA": 1e3}, {"SHARED_AREA": 1e3, "primary": "packet"}], ids=str
 )
 def test_a_wall_one_step_from_the_eye_is_not_hidden_by_a_sure_hit(settings, device):
     """float32 knows no depth of it; in a leaf of four it is tested after the wall behind it."""

@@ -23,9 +23,7 @@ def small_and_large(seed: int = 7) -> Prepared:
     small, large = soup(seed, 300, size=0.05), soup(seed + 1, 12, size=3.0)
     vertices = np.concatenate([small[0], large[0]])
     return make_scene(
-        vertices,
-        np.arange(len(vertices)).reshape(-1, 3),
-        [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0), tuple(vertices[0])],
+        vertices, np.arange(len(vertices)).reshape(-1, 3), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0), tuple(vertices[0])]
     )
 
 
@@ -50,13 +48,7 @@ def test_equals_brute_force_under_random_settings(seed, device):
 
 @pytest.mark.parametrize(
     "settings",
-    [
-        {},
-        TILES,
-        {"inline_pixels": 4000, "inline_cells": 4000, "cells": 128},
-        {**TILES, "cells": 8, "shares": 1},
-        FEW,
-    ],
+    [{}, TILES, {"inline_pixels": 4000, "inline_cells": 4000, "cells": 128}, {**TILES, "cells": 8, "shares": 1}, FEW],
     ids=str,
 )
 def test_has_the_bits_of_ray_grids(settings, device):
@@ -95,18 +87,13 @@ def test_queues_grow_and_the_frame_is_repeated(device):
 
 @pytest.mark.parametrize(
     ("settings", "memory", "message"),
-    [
-        ({"cells": 1024}, 2**20, "map of .* texels"),
-        ({**TILES, "items": 1, "shares": 1}, 2**12, "needs .* work items"),
-    ],
+    [({"cells": 1024}, 2**20, "map of .* texels"), ({**TILES, "items": 1, "shares": 1}, 2**12, "needs .* work items")],
 )
 def test_a_need_beyond_the_memory_limit_is_rejected(settings, memory, message):
     prepared = small_and_large()
     method = make_method(NAME, trial(**{"cells": 8, **settings}))
     with pytest.raises(CapacityRejected, match=message):
-        Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=memory)).answers(
-            prepared.moment(0, 64, 64)
-        )
+        Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=memory)).answers(prepared.moment(0, 64, 64))
 
 
 def test_a_moved_frame_equals_a_fresh_one(device):

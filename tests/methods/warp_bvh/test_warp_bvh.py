@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import (
-    TRIALS,
-    assert_exact,
-    assert_misses,
-    assert_nearly,
-    random_trial,
-    trace,
-)
+from helpers.method_trials import TRIALS, assert_exact, assert_misses, assert_nearly, random_trial, trace
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -41,11 +34,7 @@ INEXACT_TRIALS = (
 
 @pytest.mark.parametrize("seed", range(16))
 def test_exact_variant_equals_brute_force_on_random_scenes(seed, device):
-    settings = {
-        **EXACT,
-        "leaf_size": str(1 + seed % 5),
-        "constructor": ["default", "median", "lbvh"][seed % 3],
-    }
+    settings = {**EXACT, "leaf_size": str(1 + seed % 5), "constructor": ["default", "median", "lbvh"][seed % 3]}
     assert_exact(NAME, settings, *random_trial(seed + 100), device)
 
 
@@ -58,11 +47,7 @@ def test_exact_variant_equals_brute_force_on_hard_scenes(trial, device):
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_mesh_nearly_equals_brute_force(settings, scale, device):
     vertices, faces = soup(21, 150, size=0.2)
-    lights = [
-        (2.0 * scale, 3.0 * scale, 4.0 * scale),
-        (0.1 * scale, 0.0, 0.2 * scale),
-        (0.0, 1e5 * scale, 0.0),
-    ]
+    lights = [(2.0 * scale, 3.0 * scale, 4.0 * scale), (0.1 * scale, 0.0, 0.2 * scale), (0.0, 1e5 * scale, 0.0)]
     prepared = make_scene(vertices * scale, faces, lights, (0.0, 0.5 * scale, 3.0 * scale))
     assert_nearly(NAME, settings, prepared, 41, 29, device)
 
@@ -145,10 +130,7 @@ def test_built_says_what_was_really_built():
     for asked, got in (("default", "sah"), ("lbvh", "sah"), ("median", "median"), ("cubql", "cubql")):
         session, _, _ = trace(NAME, {"constructor": asked}, prepared, 4, 4)
         assert session.method.built()["constructor"] == got
-    assert make_method(NAME, {"update": "refit", "leaf_size": "2"}).built() == {
-        "update": "refit",
-        "leaf_size": 2,
-    }
+    assert make_method(NAME, {"update": "refit", "leaf_size": "2"}).built() == {"update": "refit", "leaf_size": 2}
 
 
 def test_exact_variant_counts_fewer_tests_than_brute_force_and_changes_no_answer():
@@ -198,8 +180,7 @@ def visits(prepared: Prepared, indices: np.ndarray, frame: int) -> int:
     tree.refit()
     moment = prepared.moment(frame, 16, 16)
     rays = (
-        wp.array(made(np.arange(256)), dtype=wp.vec3f, device="cpu")
-        for made in (moment.origins, moment.directions)
+        wp.array(made(np.arange(256)), dtype=wp.vec3f, device="cpu") for made in (moment.origins, moment.directions)
     )
     count = wp.zeros(1, dtype=wp.int32, device="cpu")
     wp.launch(visits_kernel, dim=256, inputs=[tree.id, *rays], outputs=[count], device="cpu")
@@ -248,9 +229,7 @@ def test_a_refitted_tree_has_the_boxes_that_it_was_built_with(device):
     whole = prepared.faces.ravel()
     session.answers(prepared.moment(2, 16, 16))
     np.testing.assert_array_equal(triangles.indices.numpy(), whole)
-    assert visits(prepared, whole, 1) > 1.1 * visits(bare, bare.faces.ravel(), 1), (
-        "the limit tells them apart"
-    )
+    assert visits(prepared, whole, 1) > 1.1 * visits(bare, bare.faces.ravel(), 1), "the limit tells them apart"
 
 
 def test_boxes_of_triangles_without_area_are_spread_over_an_edge_of_the_scene(device):

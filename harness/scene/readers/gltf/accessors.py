@@ -137,10 +137,7 @@ class Accessors:
         document = self._document
         if data is None:
             raise document.error(f"{name} is of buffer {view.get('buffer')!r}, which has no data")
-        start, length = (
-            document.whole(view, "byteOffset", name, 0),
-            document.whole(view, "byteLength", name),
-        )
+        start, length = (document.whole(view, "byteOffset", name, 0), document.whole(view, "byteLength", name))
         if start > len(data):
             raise document.error(f"{name} reaches beyond the {len(data)} bytes of its buffer")
         return data[start : start + length]

@@ -203,9 +203,7 @@ def own_rate(keys: NDArray[np.float64]) -> float:
 
 def aimed(document: Document, animations: list[Entry]) -> list[tuple[Any, str]]:
     """The nodes and the paths that animations move."""
-    channels = [
-        channel for entry in animations for channel in document.items(entry, "channels", "an animation")
-    ]
+    channels = [channel for entry in animations for channel in document.items(entry, "channels", "an animation")]
     return [aim for channel in channels if (aim := _aim(document, channel, "an animation"))]
 
 
@@ -230,9 +228,7 @@ def _aim(document: Document, channel: Any, where: str) -> tuple[Any, str] | None
     raise document.error(f"{where} animates {pointer or path!r}, which cannot be read", "leave it out")
 
 
-def _track(
-    document: Document, accessors: Accessors, sampler: Entry, place: int, path: str, width: int
-) -> Track:
+def _track(document: Document, accessors: Accessors, sampler: Entry, place: int, path: str, width: int) -> Track:
     """A sampler's keys and values. ``width``: numbers of one value."""
     where = "animation 0"
     how = sampler.get("interpolation", "LINEAR")

@@ -133,9 +133,7 @@ class Container:
         try:
             return base64.b64decode(data, validate=True)
         except ValueError as error:
-            raise self.document.error(
-                f"buffer {index}: its embedded data are not base64 ({error})"
-            ) from error
+            raise self.document.error(f"buffer {index}: its embedded data are not base64 ({error})") from error
 
     def _beside(self, index: int, uri: str) -> bytes:
         """The contents of a file in the folder of this one or below it."""

@@ -95,9 +95,7 @@ class Model:
         drawn = [found for place in shown if (found := self._read(place, allow_missing)) is not None]
         self._triangle_count = sum(one.parts.triangle_count * one.instances.count for one in drawn)
         self._refuse_more(self._triangle_count, max(_DRAWN, file.size), "triangles")
-        self._refuse_more(
-            sum(len(one.parts.primitives) + one.instances.count for one in drawn), _DRAWS, "primitives"
-        )
+        self._refuse_more(sum(len(one.parts.primitives) + one.instances.count for one in drawn), _DRAWS, "primitives")
         if not self._triangle_count:
             raise self._document.error("holds no triangles", "give a triangle mesh")
         for one in drawn:

@@ -136,8 +136,7 @@ class Tree:
         columns = {}
         for key, default in _PARTS.items():
             rows = [
-                self.document.numbers(self.entry(i), key, f"node {node}", default)
-                for i, node in enumerate(self.nodes)
+                self.document.numbers(self.entry(i), key, f"node {node}", default) for i, node in enumerate(self.nodes)
             ]
             columns[key] = np.array(rows, dtype=np.float64).reshape(-1, len(default))
         return columns

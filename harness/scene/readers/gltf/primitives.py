@@ -136,9 +136,7 @@ class Meshes:
             return None
         return Draco(self._document, name, said, self._accessors.view(said.get("bufferView"), name))
 
-    def _vertices_of(
-        self, entry: Entry, attributes: Entry, draco: Draco | None, name: str, skinned: bool
-    ) -> Vertices:
+    def _vertices_of(self, entry: Entry, attributes: Entry, draco: Draco | None, name: str, skinned: bool) -> Vertices:
         document = self._document
         targets = [
             document.object({"target": target}, "target", name).get("POSITION")
@@ -157,9 +155,7 @@ class Meshes:
             self._vertices[key] = Vertices(
                 key,
                 positions,
-                tuple(
-                    None if index is None else self._target(index, len(positions), name) for index in targets
-                ),
+                tuple(None if index is None else self._target(index, len(positions), name) for index in targets),
                 *self._influences(sets, attributes, draco, name, len(positions)),
             )
         return self._vertices[key]

@@ -31,9 +31,7 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Mesh:
         model = Model(file, accessors, tree, wanted.allow_missing)
         notes = model.notes()
         try:
-            animation = first_animation(
-                document, accessors, tree, model.carrying(), model.targets(), wanted.rate
-            )
+            animation = first_animation(document, accessors, tree, model.carrying(), model.targets(), wanted.rate)
         except MissingError:
             if not wanted.allow_missing:
                 raise

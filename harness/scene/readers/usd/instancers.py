@@ -130,9 +130,7 @@ class Instancer:
             raise broken(self._path, f"{problem}, but there are {len(self._prototypes)}")
 
     def _require_few(self, which: NDArray, each: list[int], what: str, most: int) -> None:
-        total = sum(
-            int(n) * size for n, size in zip(np.bincount(which, minlength=len(each)), each, strict=True)
-        )
+        total = sum(int(n) * size for n, size in zip(np.bincount(which, minlength=len(each)), each, strict=True))
         if total > most:
             problem = f"{self._prim.GetPath()}: {total} {what} with instances, more than {most}"
             raise broken(self._path, problem, "export a part of it")

@@ -28,9 +28,7 @@ def approximations(stage: Any, library: Library) -> list[str]:
     if library.left_out.total():
         notes.append(f"left out: {listed(library.left_out)}")
     if counts["invisible"] or counts["unseen"]:
-        notes.append(
-            f"left out: {counts['invisible']} invisible, {counts['unseen']} of purpose guide or proxy"
-        )
+        notes.append(f"left out: {counts['invisible']} invisible, {counts['unseen']} of purpose guide or proxy")
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         notes.append(f"lengths in units of {UsdGeom.GetStageMetersPerUnit(stage):g} m")
     return notes

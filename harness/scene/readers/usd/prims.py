@@ -65,9 +65,7 @@ def _see_through(material: Any) -> bool:
     opacity = shader.GetInput("opacity") if shader else None
     sources = opacity.GetValueProducingAttributes() if opacity else ()
     output = UsdShade.AttributeType.Output
-    return any(
-        UsdShade.Utils.GetType(one.GetName()) == output or one.Get() not in (None, 1) for one in sources
-    )
+    return any(UsdShade.Utils.GetType(one.GetName()) == output or one.Get() not in (None, 1) for one in sources)
 
 
 class Prims:
@@ -76,9 +74,7 @@ class Prims:
     nodes   every prim that has a place; nothing below a PointInstancer
     """
 
-    def __init__(
-        self, path: Path, roots: Sequence[Any], predicate: Any, purpose: str, counts: Counter[str]
-    ) -> None:
+    def __init__(self, path: Path, roots: Sequence[Any], predicate: Any, purpose: str, counts: Counter[str]) -> None:
         """``purpose``: what the roots inherit. ``counts``: how many prims there were is added to it."""
         self.nodes: list[Node] = []
         waiting = [(root, -1) for root in reversed(roots)]

@@ -49,11 +49,7 @@ class Polygons:
     def __init__(self, path: Path, prim: Any) -> None:
         mesh = UsdGeom.Mesh(prim)
         self._path, self._mesh, self._name = path, mesh, str(prim.GetPath())
-        self._topology = [
-            mesh.GetFaceVertexCountsAttr(),
-            mesh.GetFaceVertexIndicesAttr(),
-            mesh.GetHoleIndicesAttr(),
-        ]
+        self._topology = [mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetHoleIndicesAttr()]
         self._changes = any(attribute.ValueMightBeTimeVarying() for attribute in self._topology)
         points = mesh.GetPointsAttr()
         self.times = samples([points, *self._topology])

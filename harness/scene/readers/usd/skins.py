@@ -60,9 +60,7 @@ class Skinned:
             self.moves |= self._motion.JointTransformsMightBeTimeVarying()
             self.moves |= self._motion.BlendShapeWeightsMightBeTimeVarying()
         self._blends = (
-            UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(skin.query.GetPrim()))
-            if skin.query.HasBlendShapes()
-            else None
+            UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(skin.query.GetPrim())) if skin.query.HasBlendShapes() else None
         )
         if self._blends:
             self._indices = self._blends.ComputeBlendShapePointIndices()

@@ -26,9 +26,7 @@ class Times:
     rate: float | None
 
 
-def times(
-    path: Path, stage: Any, samples: set[float], moves: bool, wanted: Wanted, notes: list[str]
-) -> Times:
+def times(path: Path, stage: Any, samples: set[float], moves: bool, wanted: Wanted, notes: list[str]) -> Times:
     """The time codes of the frames of a stage.
 
     It starts where the file says, else at the earliest of ``samples``, and ends likewise. There is a frame for each time

@@ -75,9 +75,7 @@ def _light(prim: Any, matrix: NDArray[np.float64], time: float) -> Light | None:
         shaping = UsdLux.ShapingAPI(prim)
         angle = float(shaping.GetShapingConeAngleAttr().Get(time))
         if 0.0 < angle < 90.0:
-            spot = Spot(
-                _vector(-back), angle, falloff=max(0.0, float(shaping.GetShapingFocusAttr().Get(time)))
-            )
+            spot = Spot(_vector(-back), angle, falloff=max(0.0, float(shaping.GetShapingFocusAttr().Get(time))))
     position = back if distant else place
     return Light(_vector(position), True, _vector(color), float(strength), spot, distant)
 
