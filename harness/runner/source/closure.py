@@ -6,7 +6,7 @@ the method names (``sources``); and, for every method, the modules that load a f
 (:data:`MEASURING`). Import statements are read from the source, also
 those inside functions; nothing is run. Modules found by name at run time (the registry's methods, the catalogue's
 stand-ins) are not imported by a statement, and so one method's key does not depend on another method. Comments,
-docstrings and layout do not count (:mod:`.runner.source.code_tokens`).
+docstrings and layout do not count (:mod:`.runner.source.code`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from .code_tokens import code_of
+from .code import code_of
 
 HARNESS = __name__.rsplit(".", 3)[0]
 PROJECT = HARNESS.rpartition(".")[0]
