@@ -26,6 +26,8 @@ def code_of(source: bytes) -> bytes:
 
 def _written(value: Any) -> Iterator[str]:
     """A part of a syntax tree as text. Fields that are empty are left out: later versions of Python have more of them."""
+    if isinstance(value, ast.JoinedStr):  # Python 3.12 has empty parts in some
+        value.values = [part for part in value.values if getattr(part, "value", None) != ""]
     if isinstance(value, ast.AST):
         yield f"{type(value).__name__}("
         for name, field in ast.iter_fields(value):
