@@ -31,6 +31,7 @@ from .commands.options import (
     complete_scene,
     method_option,
     number_or_frames,
+    option,
     takes_view,
     view_of,
 )
@@ -54,17 +55,15 @@ def run_(
     ],
     preset: Annotated[
         str | None,
-        typer.Option(
-            "--preset", metavar="NAME", help="Name of a preset, such as quick or paper. Default: depends on the device."
-        ),
+        option("--preset", "NAME", "Name of a preset, such as quick or paper. Default: depends on the device."),
     ] = None,
     device: Device = None,
     scene: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--scene",
-            metavar="SCENE",
-            help="Name of a scene, or a mesh file. Repeatable. Default: those of the preset.",
+            "SCENE",
+            "Name of a scene, or a mesh file. Repeatable. Default: those of the preset.",
             autocompletion=complete_scene,
         ),
     ] = None,
@@ -73,59 +72,48 @@ def run_(
     scene_dir: SceneDir = None,
     out: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--out",
-            metavar="PATH",
-            help="Results folder; created if missing. A second run measures only missing points. "
+            "PATH",
+            "Results folder; created if missing. A second run measures only missing points. "
             "Default: results/local/EXPERIMENT-PRESET.",
         ),
     ] = None,
     size: Annotated[
-        str | None,
-        typer.Option("--size", metavar="WxH", help="Image size, such as 256x256. Default: that of the preset."),
+        str | None, option("--size", "WxH", "Image size, such as 256x256. Default: that of the preset.")
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--frames",
-            metavar="N or A:B:STEP",
-            help="Number of frames of an animated scene that are measured; 1: the middle frame. Default: the preset's. "
+            "N or A:B:STEP",
+            "Number of frames of an animated scene that are measured; 1: the middle frame. Default: the preset's. "
             "With colons: of an animated file the first frame, the last and the step, counted from 0.",
         ),
     ] = None,
     samples: Annotated[
         int | None,
-        typer.Option(
-            "--samples",
-            metavar="N",
-            help="Minimum number of timing samples per frame and round. Default: the preset's.",
-        ),
+        option("--samples", "N", "Minimum number of timing samples per frame and round. Default: the preset's."),
     ] = None,
     rounds: Annotated[
         int | None,
-        typer.Option(
-            "--rounds",
-            metavar="N",
-            help="Number of times that each point is measured, in interleaved order. Default: the preset's.",
+        option(
+            "--rounds", "N", "Number of times that each point is measured, in interleaved order. Default: the preset's."
         ),
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option(
-            "--budget", metavar="SECONDS", help="Time limit for the timing samples of a point. Default: the preset's."
-        ),
+        option("--budget", "SECONDS", "Time limit for the timing samples of a point. Default: the preset's."),
     ] = None,
     timeout: Annotated[
         float | None,
-        typer.Option(
+        option(
             "--timeout",
-            metavar="SECONDS",
-            help="Time without a reply after which a point has the status timeout. Default: the preset's.",
+            "SECONDS",
+            "Time without a reply after which a point has the status timeout. Default: the preset's.",
         ),
     ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", metavar="N", help="Seed of the random order of the points in each round.")
-    ] = 0,
+    seed: Annotated[int, option("--seed", "N", "Seed of the random order of the points in each round.")] = 0,
     memory_limit: MemoryLimit = None,
     save_answers: Annotated[
         bool, typer.Option("--save-answers", help="Save the answers of every pixel as arrays.")
@@ -136,18 +124,18 @@ def run_(
     retry: Annotated[bool, typer.Option("--retry", help="Measure points again that failed or timed out.")] = False,
     extra: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--with",
-            metavar="NAME",
-            help="Untimed work that is not about the scene, such as hard-cases of the experiment accuracy. Repeatable.",
+            "NAME",
+            "Untimed work that is not about the scene, such as hard-cases of the experiment accuracy. Repeatable.",
         ),
     ] = None,
     cluster: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--cluster",
-            metavar="local|ADDRESS",
-            help="Measure on several GPUs: those of this machine, or the workers of a Dask scheduler. Needs the extra "
+            "local|ADDRESS",
+            "Measure on several GPUs: those of this machine, or the workers of a Dask scheduler. Needs the extra "
             "cluster; see docs/cluster.md.",
         ),
     ] = None,
@@ -210,8 +198,7 @@ def show_(
         typer.Argument(help="A results folder. Default: the newest folder of this experiment in results/local."),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="PATH", help="Folder to write to. Default: the results folder itself."),
+        Path | None, option("--out", "PATH", "Folder to write to. Default: the results folder itself.")
     ] = None,
     as_json: Json = False,
 ) -> int:
@@ -264,33 +251,26 @@ def render_(
         typer.Argument(help="Name of a scene, or a mesh file. With --animate there may be several, side by side."),
     ],
     method: OneMethod = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="PATH", help="PNG file to write; its folder is created if missing.")
-    ] = None,
+    out: Annotated[Path | None, option("--out", "PATH", "PNG file to write; its folder is created if missing.")] = None,
     animation: Annotated[
         Path | None,
-        typer.Option(
-            "--animate",
-            metavar="FILE",
-            help="WebP file to write instead: every frame, or of a still scene a turn of its lights.",
+        option(
+            "--animate", "FILE", "WebP file to write instead: every frame, or of a still scene a turn of its lights."
         ),
     ] = None,
     size: Size = "512x512",
     frame: Frame = 0,
     frames: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--frames",
-            metavar="N or A:B:STEP",
-            help="Number of frames of the animation. Default: all. With colons: of an animated file the first frame, the "
+            "N or A:B:STEP",
+            "Number of frames of the animation. Default: all. With colons: of an animated file the first frame, the "
             "last and the step, counted from 0.",
         ),
     ] = None,
     seconds: Annotated[
-        float | None,
-        typer.Option(
-            "--seconds", metavar="SECONDS", help="Length of the animation. Default: as the file says, else 4."
-        ),
+        float | None, option("--seconds", "SECONDS", "Length of the animation. Default: as the file says, else 4.")
     ] = None,
     setting: Settings = None,
     device: Device = None,

@@ -11,7 +11,7 @@ import typer
 from ..errors import UserError
 from ..judge.verdict import Verdict
 from ..runner.machine.lock import MACHINE
-from .options import Device, Json
+from .options import Device, Json, option
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -25,14 +25,10 @@ def check(
     device: Device = None,
     setting: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PARAM=VALUE",
-            help="Parameter of the method; see shadowbench list methods NAME. Repeatable.",
-        ),
+        option("--set", "PARAM=VALUE", "Parameter of the method; see shadowbench list methods NAME. Repeatable."),
     ] = None,
     case: Annotated[
-        list[str] | None, typer.Option("--case", metavar="NAME", help="Name of a hard case. Repeatable. Default: all.")
+        list[str] | None, option("--case", "NAME", "Name of a hard case. Repeatable. Default: all.")
     ] = None,
     as_json: Json = False,
 ) -> int:

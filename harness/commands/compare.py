@@ -18,7 +18,7 @@ from ..files import plain
 from ..report import numbers, two_runs
 from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
 from .compared_runs import Run, cores, refuse
-from .options import Json
+from .options import Json, option
 from .tables import make_console, make_table, print_lines
 
 ALLOWED = ("machine", "driver", "scene", "versions", "missing", "wrong")
@@ -38,36 +38,32 @@ One = Annotated[Path, typer.Argument(metavar="A", help="A results folder, or a f
 Other = Annotated[Path, typer.Argument(metavar="B", help="The results to compare with A.")]
 Again = Annotated[
     Path | None,
-    typer.Option(
-        "--again",
-        metavar="FOLDER",
-        help="A second run of A on the same machine: its gap to A counts as the machine's own spread.",
+    option(
+        "--again", "FOLDER", "A second run of A on the same machine: its gap to A counts as the machine's own spread."
     ),
 ]
 Allow = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--allow",
-        metavar="WHAT",
-        help="Compare although this differs: machine, driver, scene or versions; and let pass what is missing or wrong. "
+        "WHAT",
+        "Compare although this differs: machine, driver, scene or versions; and let pass what is missing or wrong. "
         "Repeatable.",
     ),
 ]
 FailOn = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--fail-on",
-        metavar="VERDICT",
-        help="Exit code 1 for this verdict: slower, faster or cannot-tell; for missing, a point of A that B has not "
+        "VERDICT",
+        "Exit code 1 for this verdict: slower, faster or cannot-tell; for missing, a point of A that B has not "
         "measured; or for wrong, errors that A had not. Slower includes missing and wrong. Repeatable.",
     ),
 ]
 All = Annotated[
     bool, typer.Option("--all", help="Name every round that was left out and every entry, not the first few.")
 ]
-Margin = Annotated[
-    float, typer.Option("--margin", metavar="SHARE", help="A gap up to this share counts as no difference.")
-]
+Margin = Annotated[float, option("--margin", "SHARE", "A gap up to this share counts as no difference.")]
 
 
 def compare(
@@ -81,10 +77,10 @@ def compare(
     above the margin and above the machine's own spread. Rounds whose clocks were throttled are left out, and on a CPU those
     in which the machine was busy (load above 1.25 per core); they are counted by reason.
     """
-    for given, known, option in ((allow, ALLOWED, "--allow"), (fail_on, FAILS, "--fail-on")):
+    for given, known, flag in ((allow, ALLOWED, "--allow"), (fail_on, FAILS, "--fail-on")):
         for word in given or ():
             if word not in known:
-                raise UserError(f"{option} {word}: choose {', '.join(known[:-1])} or {known[-1]}")
+                raise UserError(f"{flag} {word}: choose {', '.join(known[:-1])} or {known[-1]}")
     if not 0 < margin < 1:
         raise UserError(f"--margin {margin:g}: must be between 0 and 1")
     folders = {"A": a, "B": b, **({"again": again} if again else {})}

@@ -12,7 +12,7 @@ import typer
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine.lock import MACHINE
-from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, takes_view
+from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, option, takes_view
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 @takes_view()
 def explain(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
-    pixel: Annotated[
-        str, typer.Option("--pixel", metavar="X,Y", help="Column and row of the pixel, counted from 0: X,Y.")
-    ],
+    pixel: Annotated[str, option("--pixel", "X,Y", "Column and row of the pixel, counted from 0: X,Y.")],
     method: Methods = None,
     device: Device = None,
     size: Size = "256x256",

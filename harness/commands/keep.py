@@ -18,6 +18,7 @@ from ..results.record import FAILURES, Record
 from ..results.schema import ARCHIVE, read_records, write_archive
 from ..runner.cluster.ledger import NAME as CLUSTER
 from ..runner.cluster.ledger import merging_refused
+from .options import option
 from .show import show
 
 BULKY = ("images", "maps")
@@ -27,8 +28,8 @@ DRAWN = (".csv", ".md", ".svg", ".png")
 """Files beside the records that are copied: drawings, tables and notes."""
 
 Sources = Annotated[list[Path], typer.Argument(help="Results folders of one experiment.")]
-Out = Annotated[Path, typer.Option("--out", metavar="PATH", help="The folder to create.")]
-With = Annotated[list[str] | None, typer.Option("--with", metavar="WHAT", help="Also copy images or maps. Repeatable.")]
+Out = Annotated[Path, option("--out", "PATH", "The folder to create.")]
+With = Annotated[list[str] | None, option("--with", "WHAT", "Also copy images or maps. Repeatable.")]
 Replace = Annotated[bool, typer.Option("--replace", help="Replace the contents of --out.")]
 
 

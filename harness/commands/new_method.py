@@ -16,6 +16,7 @@ from typing import Annotated
 import typer
 
 from ..errors import UserError, install, say
+from .options import option
 
 TEMPLATE = "template"
 """The folder beside this file with the files of the package; their names and texts have the marks of :func:`filled`."""
@@ -27,10 +28,7 @@ LONGEST = 64
 
 Name = Annotated[str, typer.Argument(help="Name of the new method, a Python identifier in lower case.")]
 Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="PATH", help="The folder to create. Default: shadowbench-NAME in the current folder."
-    ),
+    Path | None, option("--out", "PATH", "The folder to create. Default: shadowbench-NAME in the current folder.")
 ]
 
 

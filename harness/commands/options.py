@@ -22,6 +22,11 @@ FASTEST = 1e6
 """Largest rate of an animation, frames a second."""
 
 
+def option(flag: str, value: str, help: str, **more: Any) -> Any:
+    """An option of a command. ``value``: what stands for its value in the help."""
+    return typer.Option(flag, metavar=value, help=help, **more)
+
+
 def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
@@ -49,46 +54,35 @@ def complete_scene(incomplete: str) -> list[str]:
 
 def method_option(default: str) -> Any:
     """``--method``, for the methods that a command works on. ``default``: which those are without it."""
-    return typer.Option(
-        "--method",
-        metavar="NAME",
-        help=f"Name of a method. Repeatable. Default: {default}.",
-        autocompletion=complete_method,
+    return option(
+        "--method", "NAME", f"Name of a method. Repeatable. Default: {default}.", autocompletion=complete_method
     )
 
 
 Methods = Annotated[list[str] | None, method_option("all methods")]
 OneMethod = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--method",
-        metavar="NAME",
-        help="The method that traces it. Default: ray_grids, or where it cannot trace the scene the first that can.",
+        "NAME",
+        "The method that traces it. Default: ray_grids, or where it cannot trace the scene the first that can.",
         autocompletion=complete_method,
     ),
 ]
-Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="METHOD.PARAM=VALUE", help="Parameter of a method. Repeatable.")
-]
-Device = Annotated[
-    str | None, typer.Option("--device", metavar="DEVICE", help="cpu or cuda:0. Default: cuda:0 if present, else cpu.")
-]
-Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Image size, such as 512x512.")]
-Frame = Annotated[int, typer.Option("--frame", metavar="N", help="Frame of an animated scene, from 0.")]
+Settings = Annotated[list[str] | None, option("--set", "METHOD.PARAM=VALUE", "Parameter of a method. Repeatable.")]
+Device = Annotated[str | None, option("--device", "DEVICE", "cpu or cuda:0. Default: cuda:0 if present, else cpu.")]
+Size = Annotated[str, option("--size", "WxH", "Image size, such as 512x512.")]
+Frame = Annotated[int, option("--frame", "N", "Frame of an animated scene, from 0.")]
 SceneDir = Annotated[
     Path | None,
-    typer.Option(
-        "--scene-dir",
-        metavar="FOLDER",
-        help="Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES.",
-    ),
+    option("--scene-dir", "FOLDER", "Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES."),
 ]
 MemoryLimit = Annotated[
     int | None,
-    typer.Option(
+    option(
         "--memory-limit",
-        metavar="BYTES",
-        help="Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process on the "
+        "BYTES",
+        "Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process on the "
         "host (plus 256 MiB for compilers). A method that needs more is rejected. What exceeds it by gigabytes on the host, "
         "or at all on a GPU, is not taken in the first place. Default: 8 GiB.",
     ),
@@ -96,55 +90,40 @@ MemoryLimit = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 CameraPlace = Annotated[
     tuple[str, str] | None,
-    typer.Option(
-        "--camera",
-        metavar="EYE TARGET",
-        help="Position of the camera and the point it looks at, each X,Y,Z. Default: the scene's.",
+    option(
+        "--camera", "EYE TARGET", "Position of the camera and the point it looks at, each X,Y,Z. Default: the scene's."
     ),
 ]
-Fov = Annotated[
-    float | None,
-    typer.Option("--fov", metavar="DEGREES", help="Vertical field of view, degrees. Default: the scene's."),
-]
+Fov = Annotated[float | None, option("--fov", "DEGREES", "Vertical field of view, degrees. Default: the scene's.")]
 Lights = Annotated[
     list[str] | None,
-    typer.Option(
-        "--light", metavar="X,Y,Z", help="Position of a point light that replaces the scene's lights. Repeatable."
-    ),
+    option("--light", "X,Y,Z", "Position of a point light that replaces the scene's lights. Repeatable."),
 ]
 
 
 CameraOf = Annotated[
     str | None,
-    typer.Option(
-        "--camera-of",
-        metavar="NAME",
-        help="Name of a camera that the scene's file has; shadowbench list scenes FILE names them.",
+    option(
+        "--camera-of", "NAME", "Name of a camera that the scene's file has; shadowbench list scenes FILE names them."
     ),
 ]
 LightsOf = Annotated[
     list[str] | None,
-    typer.Option(
-        "--light-of",
-        metavar="NAME",
-        help="Name of a light that the scene's file has, in place of the scene's lights. Repeatable.",
+    option(
+        "--light-of", "NAME", "Name of a light that the scene's file has, in place of the scene's lights. Repeatable."
     ),
 ]
 FileFrames = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--frames",
-        metavar="A:B:STEP",
-        help="Frames of an animated file: the first, the last and the step, counted from 0. Default: all.",
+        "A:B:STEP",
+        "Frames of an animated file: the first, the last and the step, counted from 0. Default: all.",
     ),
 ]
 FrameRate = Annotated[
     float | None,
-    typer.Option(
-        "--rate",
-        metavar="FPS",
-        help="Frames a second at which the animation of a file is sampled. Default: as the file says.",
-    ),
+    option("--rate", "FPS", "Frames a second at which the animation of a file is sampled. Default: as the file says."),
 ]
 AllowMissing = Annotated[
     bool,

@@ -13,7 +13,7 @@ from ..errors import UserError, say
 from ..files import write_text
 from ..results.folder import require_plain
 from ..runner.planning.experiment import PACKAGE
-from .options import Json
+from .options import Json, option
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -26,24 +26,14 @@ DOCS = Path("build/site")
 """Where ``make docs`` writes the documentation."""
 
 Folder = Annotated[Path, typer.Argument(help="A results folder, or a folder of results folders, however deep.")]
-Out = Annotated[
-    Path | None, typer.Option("--out", metavar="PATH", help=f"The file to write. Default: {DEFAULT} in the folder.")
-]
+Out = Annotated[Path | None, option("--out", "PATH", f"The file to write. Default: {DEFAULT} in the folder.")]
 Site = Annotated[
     Path | None,
-    typer.Option(
-        "--site",
-        metavar="DIR",
-        help="Write a site instead, for any static host: the page, a page for each experiment, docs.",
-    ),
+    option("--site", "DIR", "Write a site instead, for any static host: the page, a page for each experiment, docs."),
 ]
 Docs = Annotated[
     Path | None,
-    typer.Option(
-        "--docs",
-        metavar="DIR",
-        help="Write no page, but the numbers and tables of the Markdown files of a checkout anew.",
-    ),
+    option("--docs", "DIR", "Write no page, but the numbers and tables of the Markdown files of a checkout anew."),
 ]
 
 
