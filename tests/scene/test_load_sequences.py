@@ -13,7 +13,7 @@ from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import load as loading
 from shadowbench.harness.scene.readers import usd
-from shadowbench.harness.scene.readers.checks import Mesh, Wanted
+from shadowbench.harness.scene.readers.checks import Loaded, Wanted
 from shadowbench.harness.scene.readers.load import load, load_sequence, source
 from shadowbench.harness.scene.scene import Camera, Scene
 
@@ -131,7 +131,7 @@ def test_an_animated_file_of_a_sequence_gives_its_first_frame(tmp_path, monkeypa
     def read(path, wanted):
         assert wanted.frames == (0, 0, 1)
         beside = (path.with_suffix(".bin"), tmp_path / "shared.bin")
-        return Mesh(mesh.frames[0], mesh.faces, rate=24.0, files=beside, notes=("a skin left out",))
+        return Loaded(mesh.faces, mesh.frames, beside, rate=24.0, notes=("a skin left out",))
 
     monkeypatch.setitem(loading.READERS, ".glb", read)
     for number in range(3):

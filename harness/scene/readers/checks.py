@@ -34,32 +34,6 @@ from a camera outside the mesh overflow.
 """
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """What a reader returns for one file.
-
-    points   float32 or float64 [vertex_count, 3], as stored, nothing merged or dropped; may hold NaN
-    faces    int32 [triangle_count, 3], in the order of the file
-    up       the up direction that the file declares, or None
-    later    positions [vertex_count, 3] of each further frame of the file's own animation; ``points`` are the first
-    rate     how many of these frames a second has, or None
-    files    every file that was read beside the one that was named: layers, buffers, images
-    notes    what was left out or approximated, a clause each: "2 skins read in their rest pose"
-    cameras  the cameras that the file holds, by name
-    lights   the lights that the file holds, by name
-    """
-
-    points: NDArray[np.floating]
-    faces: NDArray[np.int32]
-    up: Vector | None = None
-    later: tuple[NDArray[np.floating], ...] = ()
-    rate: float | None = None
-    files: tuple[Path, ...] = ()
-    notes: tuple[str, ...] = ()
-    cameras: dict[str, Camera] = field(default_factory=dict)
-    lights: dict[str, Light] = field(default_factory=dict)
-
-
 @dataclass(frozen=True)
 class Wanted:
     """What is asked of a file beyond its triangles.
@@ -128,15 +102,22 @@ def frames_of(text: str | None) -> tuple[int, int | None, int] | None:
 class Loaded:
     """A file, or a sequence of files with the same connectivity.
 
-    frames    one array of positions [vertex_count, 3] per frame
-    files     every file read: those of the frames in their order, then what these refer to. All count in the record's key
+    faces     int32 [triangle_count, 3], in the order of the file
+    frames    positions of each frame, float32 or float64 [vertex_count, 3], as stored, nothing merged or dropped; may hold
+              NaN
+    files     every file read: those of the frames in their order, then what these refer to: layers, buffers. All count in
+              the record's key. A reader of one file leaves out that file
+    up        the up direction that the file declares, or None
+    rate      how many frames a second has, or None
+    notes     what was left out or approximated, a clause each: "2 skins read in their rest pose"
+    cameras   the cameras that the file holds, by name
+    lights    the lights that the file holds, by name
     sequence  whether each frame has a file of its own
-    up, rate, notes, cameras, lights   as in :class:`Mesh`
     """
 
     faces: NDArray[np.int32]
     frames: tuple[NDArray[np.floating], ...]
-    files: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
     up: Vector | None = None
     rate: float | None = None
     notes: tuple[str, ...] = ()
@@ -234,8 +215,10 @@ def within_range(loaded: Loaded) -> None:
             raise broken(path, f"has an extent of only {extent:.3g}, too small for float32", way_out)
 
 
-def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = None) -> Mesh:
-    """The mesh, after checking that shapes and types fit, every index is in range and there is a triangle."""
+def checked(
+    path: Path, points: NDArray, faces: NDArray, up: Vector | None = None, notes: tuple[str, ...] = ()
+) -> Loaded:
+    """The mesh of one frame, after checking that shapes and types fit, every index is in range and there is a triangle."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
         raise broken(path, f"positions have shape {points.shape} and type {points.dtype}, not [vertices, 3] floats")
@@ -255,4 +238,4 @@ def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = Non
             "correct the file or export it again",
         )
     native = points.astype(points.dtype.newbyteorder("="), copy=False)
-    return Mesh(np.ascontiguousarray(native), np.ascontiguousarray(faces, dtype=np.int32), up)
+    return Loaded(np.ascontiguousarray(faces, dtype=np.int32), (np.ascontiguousarray(native),), up=up, notes=notes)

@@ -11,7 +11,7 @@ from ...errors import UserError
 from ...files import open_regular
 from ...texts import visible
 from ..scene import Source
-from .checks import ALL, Loaded, Mesh, Wanted
+from .checks import ALL, Loaded, Wanted
 from .gltf.read import read_gltf
 from .obj import read_obj
 from .off import read_off
@@ -22,7 +22,7 @@ from .threemf import read_3mf
 from .unread import refusal
 from .usd import read_usd
 
-READERS: dict[str, Callable[[Path, Wanted], Mesh]] = {
+READERS: dict[str, Callable[[Path, Wanted], Loaded]] = {
     ".ply": read_ply,
     ".obj": read_obj,
     ".glb": read_gltf,
@@ -66,16 +66,7 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
     if suffix in STILL:
         wanted.chosen(path, 1)
     mesh = READERS[suffix](path, wanted)
-    return Loaded(
-        mesh.faces,
-        (mesh.points, *mesh.later),
-        (path, *mesh.files),
-        mesh.up,
-        mesh.rate,
-        mesh.notes,
-        mesh.cameras,
-        mesh.lights,
-    )
+    return replace(mesh, files=(path, *mesh.files))
 
 
 def load_sequence(paths: list[Path], wanted: Wanted = ALL) -> Loaded:

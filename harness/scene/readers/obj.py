@@ -8,7 +8,6 @@ with what trimesh reads.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from .checks import ALL, MAX_LINE, Mesh, Wanted, broken, checked, read_bytes
+from .checks import ALL, MAX_LINE, Loaded, Wanted, broken, checked, read_bytes
 from .polygons import triangulate
 from .text import JOINED, decoded, number_of, numbers, parsed, plain_lines, without_comments
 
@@ -51,7 +50,7 @@ _PASSED_OVER = set(
 _NO_STATEMENT = _VERTEX | _FACE | {b"vt", b"vn"}
 
 
-def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_obj(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Positions float64 (``v``; weights and colours are ignored) and the triangulated faces (``f``).
 
     Unused vertices are retained. Texture, normal, group, material, line and curve records are skipped. Needs memory of
@@ -70,8 +69,7 @@ def read_obj(path: Path, wanted: Wanted = ALL) -> Mesh:
         lines = [line.lstrip() for line in lines]
     points = np.concatenate([np.zeros((0, 3)), *_parsed(path, lines, _VERTEX, _positions)])
     counts, corners = _faces(path, lines)
-    mesh = checked(path, points, triangulate(points, counts, corners))
-    return dataclasses.replace(mesh, notes=_notes(lines))
+    return checked(path, points, triangulate(points, counts, corners), notes=_notes(lines))
 
 
 def _notes(lines: Sequence[bytes]) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ there are where the header claims more.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
+from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .polygons import polygon_sizes, triangulate
 from .text import decoded, numbers, parsed, plain_lines, without_comments
 
@@ -25,7 +24,7 @@ _HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4?n?)OFF[ \t]*(BINARY)?")
 _INDEX_LIMIT = 1 << 31
 
 
-def read_off(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_off(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Positions float64 and triangulated faces. A vertex and a face have a line each; what follows in it is left out.
 
     Raises :class:`UserError` for binary files and other than three dimensions, and if the header's counts are not those of
@@ -43,15 +42,15 @@ def read_off(path: Path, wanted: Wanted = ALL) -> Mesh:
     vertex_count = _vertex_count(path, lines)
     vertices = parsed(lines[1 : 1 + vertex_count], _positions, _wrong(path, "vertex"))
     points, more = zip(*vertices, strict=True)
-    faces = parsed(lines[1 + vertex_count :], _corners, _wrong(path, "face"))
-    counts, corners, colors = (np.concatenate(parts) for parts in zip(*faces, strict=True))
+    polygons = parsed(lines[1 + vertex_count :], _corners, _wrong(path, "face"))
+    counts, corners, colors = (np.concatenate(parts) for parts in zip(*polygons, strict=True))
     polygon_sizes(path, counts)
     positions = np.concatenate(points)
-    mesh = checked(path, positions, triangulate(positions, counts, corners))
     colored = colored or colors.any() or (max(more) and not (normals or textured))
     names = (("colours", colored), ("normals", normals), ("texture coordinates", textured))
     left = " and ".join(name for name, there in names if there)
-    return dataclasses.replace(mesh, notes=(f"{left} left out",) if left else ())
+    faces = triangulate(positions, counts, corners)
+    return checked(path, positions, faces, notes=(f"{left} left out",) if left else ())
 
 
 def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:

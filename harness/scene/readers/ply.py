@@ -8,13 +8,12 @@ of triangles with what trimesh reads.
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
+from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .ply_data import Column, Columns, Records, Rows
 from .ply_header import CORNERS, Element, read_header
 from .polygons import polygon_sizes, triangulate
@@ -27,7 +26,7 @@ _RESTART = -1
 """Ends a triangle strip, after which another begins."""
 
 
-def read_ply(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_ply(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Positions (float32 if a binary file stores float32, else float64) and triangulated faces, in file order.
 
     Faces come before strips where the file has both. Needs memory of up to about ten times the file's size. Raises
@@ -47,9 +46,9 @@ def read_ply(path: Path, wanted: Wanted = ALL) -> Mesh:
     polygon_sizes(path, polygons.counts)
     faces = triangulate(points, polygons.counts, polygons.values)
     strips = _strips(_corners(path, columns.get("tristrips", {})))
-    mesh = checked(path, points, np.concatenate([faces, strips]) if len(strips) else faces)
     others = [name for name, one in elements.items() if name not in _DRAWN and one.length]
-    return dataclasses.replace(mesh, notes=(f"elements left out: {', '.join(others)}",) if others else ())
+    notes = (f"elements left out: {', '.join(others)}",) if others else ()
+    return checked(path, points, np.concatenate([faces, strips]) if len(strips) else faces, notes=notes)
 
 
 def _positions(element: Element, columns: Columns, binary: bool) -> NDArray[np.floating]:

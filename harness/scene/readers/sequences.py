@@ -7,13 +7,14 @@ import itertools
 import re
 import zipfile
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.lib import format as npy
 
 from ...errors import UserError
-from .checks import ALL, Loaded, Mesh, Wanted, broken, checked, exists, guarded, is_file, read_bytes
+from .checks import ALL, Loaded, Wanted, broken, checked, exists, guarded, is_file, read_bytes
 from .topology import fixed_topology
 
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
@@ -96,12 +97,12 @@ def _one_number(where: Path | str, first: Path, second: Path) -> UserError:
     return UserError(f"{where}: {first.name} and {second.name} have one number; remove one of them")
 
 
-def load_frames(paths: list[Path], read: Callable[[Path], Mesh], rate: float | None = None) -> Loaded:
+def load_frames(paths: list[Path], read: Callable[[Path], Loaded], rate: float | None = None) -> Loaded:
     """One frame per file. Where the connectivity changes, each triangle has vertices of its own, and those that a frame
     has not have NaN positions (:mod:`.topology`); a note says so.
     """
     meshes = [read(path) for path in paths]
-    fixed = fixed_topology([[(mesh.points, mesh.faces)] for mesh in meshes])
+    fixed = fixed_topology([[(mesh.frames[0], mesh.faces)] for mesh in meshes])
     notes = [note for mesh in meshes for note in mesh.notes]
     if fixed.padded:
         counts = [len(mesh.faces) for mesh in meshes]
@@ -109,17 +110,10 @@ def load_frames(paths: list[Path], read: Callable[[Path], Mesh], rate: float | N
     notes += _uneven(paths)
     first = meshes[0]
     files = dict.fromkeys([*paths, *(file for mesh in meshes for file in mesh.files)])
-    return Loaded(
-        fixed.faces,
-        fixed.frames,
-        tuple(files),
-        first.up,
-        rate,
-        tuple(dict.fromkeys(notes)),
-        first.cameras,
-        first.lights,
+    return replace(
+        first, faces=fixed.faces, frames=fixed.frames, files=tuple(files), rate=rate, notes=tuple(dict.fromkeys(notes)),
         sequence=True,
-    )
+    )  # fmt: skip
 
 
 def _uneven(paths: Sequence[Path]) -> list[str]:
@@ -159,7 +153,7 @@ def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
     if not len(stack):
         raise broken(path, "V has no frames")
     mesh = checked(path, stack[0], faces)
-    frames = np.ascontiguousarray(stack, dtype=mesh.points.dtype)
+    frames = np.ascontiguousarray(stack, dtype=mesh.frames[0].dtype)
     chosen = wanted.chosen(path, len(frames))
     return Loaded(mesh.faces, tuple(frames[k] for k in chosen), (path,), rate=wanted.rate_of(chosen))
 

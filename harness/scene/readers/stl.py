@@ -7,7 +7,6 @@ triangle, and takes three times as long.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import ALL, Mesh, Wanted, broken, checked, read_bytes
+from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .text import decoded, first_wrong, numbers, plain_lines
 
 _HEADER = 84
@@ -33,7 +32,7 @@ _BLOCK = 1 << 18
 """Bytes of a text that are parsed at a time."""
 
 
-def read_stl(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_stl(path: Path, wanted: Wanted = ALL) -> Loaded:
     """The triangles of all solids; float32 of a binary file, float64 of an ASCII file.
 
     A binary file may begin with "solid", too: a text holds no zero byte. Raises :class:`UserError` if the count of a binary
@@ -48,8 +47,7 @@ def read_stl(path: Path, wanted: Wanted = ALL) -> Mesh:
         raise broken(path, "is neither binary nor ASCII STL", "the file is truncated or of another kind")
     else:
         points, notes = _from_records(path, blob)
-    mesh = checked(path, points, np.arange(len(points)).reshape(-1, 3), _UP)
-    return dataclasses.replace(mesh, notes=notes)
+    return checked(path, points, np.arange(len(points)).reshape(-1, 3), _UP, notes)
 
 
 def _from_records(path: Path, blob: bytes) -> tuple[NDArray[np.float32], tuple[str, ...]]:

@@ -6,7 +6,6 @@ a limit; it also reads files that require what it cannot read.
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import zipfile
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from xml.parsers.expat import ExpatError
 
 import numpy as np
 
-from .checks import ALL, Mesh, Wanted, broken, checked, guarded, read_bytes
+from .checks import ALL, Loaded, Wanted, broken, checked, guarded, read_bytes
 from .threemf_model import AffineRows, ModelPart, Solid, Use, WrongError, model_of, relationships
 
 _GROWTH, _FLOOR = 100, 1 << 26
@@ -28,7 +27,7 @@ _DRAWN, _PLACED = 1 << 25, 1 << 20
 _UP = (0.0, 0.0, 1.0)
 
 
-def read_3mf(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_3mf(path: Path, wanted: Wanted = ALL) -> Loaded:
     """All triangles of the build, float64, in the unit of the file. Each placed object has vertices of its own.
 
     Raises :class:`UserError` for extensions that the file requires and cannot be read, for objects of other shapes than
@@ -50,7 +49,7 @@ def read_3mf(path: Path, wanted: Wanted = ALL) -> Mesh:
         corners = solid.faces[:, [0, 2, 1]] if mirrored else solid.faces
         np.add(corners, vertex, out=faces[triangle : triangle + more], casting="unsafe")
         vertex, triangle = vertex + count, triangle + more
-    return dataclasses.replace(checked(path, points, faces, _UP), notes=notes)
+    return checked(path, points, faces, _UP, notes)
 
 
 class _Package:

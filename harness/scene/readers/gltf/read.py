@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from ..checks import ALL, Mesh, Wanted, checked, guarded
+from ..checks import ALL, Loaded, Wanted, checked, guarded
 from .accessors import Accessors
 from .animation import Animation, first_animation
 from .container import Container, MissingError
@@ -17,7 +17,7 @@ from .nodes import Tree
 from .viewpoints import cameras, lights, moving
 
 
-def read_gltf(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_gltf(path: Path, wanted: Wanted = ALL) -> Loaded:
     """All triangles of the default scene, and the wanted frames of its first animation. In glTF, y is up.
 
     Positions are float32 if all stand as the file stores them, else float64. Raises :class:`UserError` for extensions that
@@ -46,7 +46,7 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Mesh:
         mesh = checked(path, frames.points, model.faces(), (0.0, 1.0, 0.0))
         return dataclasses.replace(
             mesh,
-            later=tuple(frames.at(time) for time in times[1:]),
+            frames=(*mesh.frames, *(frames.at(time) for time in times[1:])),
             rate=animation.rate / chosen.step if animation and len(times) > 1 else None,
             files=tuple(file.files),
             notes=(*notes, *_notes(document, model, animation, len(times)), *_moving_views(document, tree)),

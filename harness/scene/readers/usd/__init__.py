@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....errors import UserError, install
-from ..checks import ALL, Mesh, Wanted, guarded, read_bytes
+from ..checks import ALL, Loaded, Wanted, guarded, read_bytes
 
 
 def missing() -> str:
@@ -32,7 +32,7 @@ def available() -> bool:
     return True
 
 
-def read_usd(path: Path, wanted: Wanted = ALL) -> Mesh:
+def read_usd(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Everything that the stage draws, in its space: positions float64, float32 where nothing is moved.
 
     ``up`` is the stage's up axis; lengths are in its unit. Raises :class:`UserError` if usd-core is missing, the stage or

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
-from ..checks import MAX_TRIANGLES, Mesh, Wanted, broken, checked
+from ..checks import MAX_TRIANGLES, Loaded, Wanted, broken, checked
 from ..topology import Piece, fixed_topology
 from . import views
 from .drawing import Drawing, Library
@@ -21,7 +21,7 @@ MOST_POSITIONS = 1 << 27
 """Largest number of vertices of all frames together: 3 GiB."""
 
 
-def over_time(path: Path, stage: Any, wanted: Wanted, notes: list[str]) -> Mesh:
+def over_time(path: Path, stage: Any, wanted: Wanted, notes: list[str]) -> Loaded:
     """The mesh, its cameras and lights; what is approximated or left out is added to ``notes``."""
     library = Library(path)
     drawing = Drawing(library, stage.GetPseudoRoot().GetFilteredChildren(DRAWN), DRAWN)
@@ -44,11 +44,11 @@ def over_time(path: Path, stage: Any, wanted: Wanted, notes: list[str]) -> Mesh:
     )
     up = (0.0, 0.0, 1.0) if UsdGeom.GetStageUpAxis(stage) == "Z" else (0.0, 1.0, 0.0)
     mesh = checked(path, fixed.frames[0], fixed.faces, up)
-    later, rate = fixed.frames[1:], at.rate
-    if later and all(np.array_equal(frame, mesh.points, equal_nan=True) for frame in later):
+    (first,), later, rate = mesh.frames, fixed.frames[1:], at.rate
+    if later and all(np.array_equal(frame, first, equal_nan=True) for frame in later):
         notes.append(f"{len(fixed.frames)} frames are alike: read as one")
         later, rate = (), None
-    return replace(mesh, later=later, rate=rate, cameras=cameras, lights=lights)
+    return replace(mesh, frames=(first, *later), rate=rate, cameras=cameras, lights=lights)
 
 
 def _frames(path: Path, drawing: Drawing, codes: tuple[float, ...]) -> list[list[Piece | None]]:
