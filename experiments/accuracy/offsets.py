@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...harness.files import write_text
-from ...harness.frame.devices import device_for
-from ...harness.frame.registry import make_method
+from ...harness.frame.devices import placed_method
 from ...harness.frame.session import Session
 from ...harness.judge.context import Judge
 from ...harness.judge.counts import Score, total
@@ -73,12 +72,10 @@ def error_grid(
                 row: dict[str, Any] = {"scene": lit.scene.name, "label": entry.label, "method": entry.method}
                 row |= {"distance": distance, "offset": offset, "size": size}
                 try:
-                    method = make_method(entry.method, dict(entry.settings))
+                    method, place, reason = placed_method(entry.method, entry.settings, lit.scene, device)
                 except ImportError as error:  # a peer's library that is not installed costs its own rows only
                     yield {**row, "status": f"skipped: {error.name or error} is not installed"}
                     continue
-                place = device_for(type(method), device)
-                reason = method.applies(lit.scene, place)
                 if reason:
                     yield {**row, "status": f"skipped: {reason}"}
                     continue

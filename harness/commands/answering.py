@@ -44,17 +44,14 @@ def answer(
     The frame is run again several times. A method whose answers then differ has failed. ``memory_limit`` in bytes, as in a
     run (:func:`.runner.measuring.measured_point.within`).
     """
-    from ..frame.devices import device_for
-    from ..frame.registry import make_method
+    from ..frame.devices import placed_method
     from ..frame.session import Session
     from ..runner.measuring.measured_point import differing, hashes, own_bytes, within
     from ..runner.measuring.memory import Memory, bounded, give_back_memory, peak_resident_bytes, reset_peak_resident
     from ..scene.effects import Limits
 
-    method = make_method(name, settings)
-    place = device_for(type(method), device)
+    method, place, reason = placed_method(name, settings, prepared.scene, device)
     outcome = Outcome(name, "ok", known_inexact=getattr(method, "known_inexact", None), device=place)
-    reason = method.applies(prepared.scene, place)
     if reason:
         outcome.status, outcome.reason = "skipped", reason
         return outcome

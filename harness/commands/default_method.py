@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 
-from ..frame.devices import device_for
-from ..frame.registry import make_method, method_names
+from ..frame.devices import placed_method
+from ..frame.registry import method_names
 from ..runner.planning.experiment import PACKAGE, Entry
 from ..runner.planning.planned_point import parse_settings
 from ..scene.scene import Scene
@@ -16,8 +16,7 @@ def default_method(scene: Scene, device: str) -> str:
     proposed: str = importlib.import_module(f"{PACKAGE}._rivals").OURS.method
     for name in (proposed, *method_names()):
         try:
-            made = make_method(name)
-            if made.applies(scene, device_for(type(made), device)) is None:
+            if placed_method(name, None, scene, device)[2] is None:
                 return name
         except Exception:  # one broken method must not hide the others
             continue

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import CapacityRejected, UserError
-from ..frame.devices import device_for, find_device
-from ..frame.registry import make_method, method_names
+from ..frame.devices import find_device, placed_method
+from ..frame.registry import method_names
 from ..frame.schedule.needed import Step, steps, wanted_of
 from ..frame.schedule.passes import Pass
 from ..frame.session import Session
@@ -140,9 +140,7 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
     settings = dict(entry.settings)
     facts: dict[str, Any] = {"method": entry.method, "settings": settings, "cannot": None, "passes": []}
     try:
-        method = make_method(entry.method, settings)
-        place = device_for(type(method), device)
-        facts["cannot"] = method.applies(prepared.scene, place)
+        method, place, facts["cannot"] = placed_method(entry.method, settings, prepared.scene, device)
         if facts["cannot"]:
             return facts
         session = Session(method, prepared, width, height, place)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CapacityRejected, UserError, warn
-from ..frame.devices import device_for, find_device
-from ..frame.registry import make_method
+from ..frame.devices import find_device, placed_method
 from ..frame.session import Session
 from ..runner.machine.lock import MACHINE
 from ..runner.planning.experiment import parse_size
@@ -83,9 +82,7 @@ def opened(
         raise UserError(
             f"--set {min(others)}: {method} traces the picture; give --method {min(others)}, or leave it out"
         )
-    chosen = make_method(method, (settings or {}).get(method))
-    place = device_for(type(chosen), place)
-    reason = chosen.applies(described, place)
+    chosen, place, reason = placed_method(method, (settings or {}).get(method), described, place)
     if reason:
         raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
     MACHINE.share_beside(place)

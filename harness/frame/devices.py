@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import functools
 import platform
+from collections.abc import Mapping
 from pathlib import Path
 
 import warp as wp
 
 from ..errors import UserError
+from ..scene.scene import Scene
 from .method import Method
+from .registry import make_method
 from .warp_init import start_warp
 
 
@@ -31,6 +34,15 @@ def device_for(cls: type[Method], device: str) -> str:
     if kind not in cls.devices and "cpu" in cls.devices:
         return "cpu"
     return device
+
+
+def placed_method(
+    name: str, settings: Mapping[str, str] | None, scene: Scene, device: str
+) -> tuple[Method, str, str | None]:
+    """A method with parameters given as text, the device that it runs on, and why it cannot trace the scene there."""
+    method = make_method(name, dict(settings or {}))
+    place = device_for(type(method), device)
+    return method, place, method.applies(scene, place)
 
 
 def device_title(device: str) -> str:

@@ -16,8 +16,8 @@ from PIL import Image
 
 from ...errors import CapacityRejected, UserError
 from ...files import array_hash
-from ...frame.devices import device_for
-from ...frame.registry import about, make_method, method_class, method_names
+from ...frame.devices import placed_method
+from ...frame.registry import about, method_names
 from ...frame.schedule.passes import run_passes
 from ...frame.session import Session
 from ...runner.machine.lock import MACHINE
@@ -152,9 +152,7 @@ class Frames:
         rows = []
         for name in method_names():
             try:
-                kind = method_class(name)
-                made = make_method(name, self.settings.get(name))
-                reason = made.applies(self.prepared.scene, device_for(kind, self.device))
+                made, _, reason = placed_method(name, self.settings.get(name), self.prepared.scene, self.device)
                 counts = hasattr(made, "tests_per_pixel")
                 rows.append({"name": name, "title": about(name), "reason": reason or "", "counts": counts})
             except Exception as error:  # one broken method must not hide the others
@@ -172,9 +170,8 @@ class Frames:
             if name in shown and (one.frame.width, one.frame.height) == wish.size
         }
         if wish.method not in self._sessions:
-            made = make_method(wish.method, self.settings.get(wish.method))
-            place = device_for(type(made), self.device)
-            reason = made.applies(self.prepared.scene, place)
+            settings = self.settings.get(wish.method)
+            made, place, reason = placed_method(wish.method, settings, self.prepared.scene, self.device)
             if reason:
                 raise UserError(f"{wish.method}: {reason}")
             self._sessions[wish.method] = TimedSession(made, self.prepared, *wish.size, place)
