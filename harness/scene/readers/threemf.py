@@ -11,7 +11,7 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
-from xml.parsers.expat import ExpatError
+from xml.etree.ElementTree import ParseError
 
 import numpy as np
 
@@ -109,7 +109,7 @@ class _Package:
                 model = self._models[name] = model_of(stream, name)
         except WrongError as error:
             raise broken(self._path, f"{name}: {error}") from error
-        except ExpatError as error:
+        except ParseError as error:
             raise broken(self._path, f"{name} is not XML ({error})", "the file is damaged") from error
         for solid in model.solids.values():
             parts = [self._size(use, f"object {solid.identity}") for use in solid.components]
@@ -122,7 +122,7 @@ class _Package:
         try:
             with self._opened("_rels/.rels") as stream:
                 targets = [target for kind, target in relationships(stream) if kind.endswith("/3dmodel")]
-        except (ExpatError, WrongError) as error:
+        except (ParseError, WrongError) as error:
             raise broken(self._path, f"_rels/.rels is not XML ({error})", "the file is damaged") from error
         if not targets:
             raise broken(self._path, "its package names no 3D model")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import IO, Any
-from xml.parsers import expat
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,12 @@ from .text import numbers
 _SCHEMAS = "http://schemas.microsoft.com/3dmanufacturing/"
 _CORE = (_SCHEMAS + "core/2015/02", _SCHEMAS + "core/2013/01", "")
 _PRODUCTION = _SCHEMAS + "production/2015/06"
-_PATH = _PRODUCTION + " path"
-_LATTICE = _SCHEMAS + "beamlattice/2017/02 beamlattice"
+_PATH = f"{{{_PRODUCTION}}}path"
+_LATTICE = f"{{{_SCHEMAS}beamlattice/2017/02}}beamlattice"
 _UNDERSTOOD = (_PRODUCTION, _SCHEMAS + "material/2015/02", _SCHEMAS + "trianglesets/2021/07")
 """Extensions that a file may require: parts in several files, colours, and names of groups of triangles."""
 
-_COORDINATES, _CORNERS = itemgetter("x", "y", "z"), itemgetter("v1", "v2", "v3")
+_COORDINATES, _CORNERS = ("x", "y", "z"), ("v1", "v2", "v3")
 
 _BLOCK = 3 << 14
 """Numbers that are converted at a time."""
@@ -70,175 +69,142 @@ class ModelPart:
 
 
 def model_of(stream: IO[bytes], part: str) -> ModelPart:
-    """A model part by its name. Raises :class:`WrongError`, and expat's error for what is no XML."""
-    reader = _Reader(part)
-    _parse(stream, reader.start, reader.end, reader.prefixes)
-    return reader.model
+    """A model part by its name. Raises :class:`WrongError`, and ParseError for what is no XML."""
+    parser: Any = ElementTree.XMLParser(target=_Reader(part))
+    while block := stream.read(_READ):
+        parser.feed(block)
+    return parser.close()
 
 
 def relationships(stream: IO[bytes]) -> list[tuple[str, str]]:
-    """Type and target of each relationship of a part of the package."""
-    found: list[tuple[str, str]] = []
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        if name.endswith("Relationship"):
-            found.append((attributes.get("Type", ""), attributes.get("Target", "")))
-
-    _parse(stream, start, lambda name: None, {})
-    return found
+    """Type and target of each relationship of a part of the package. Raises ParseError for what is no XML."""
+    found = (element for element in ElementTree.parse(stream).iter() if element.tag.endswith("Relationship"))
+    return [(element.get("Type", ""), element.get("Target", "")) for element in found]
 
 
-def _parse(
-    stream: IO[bytes],
-    start: Callable[[str, dict[str, str]], None],
-    end: Callable[[str], None],
-    prefixes: dict[str, str],
-) -> None:
-    """Read XML; tags and attributes are named "namespace name". Keeps the namespaces by their prefixes."""
-    parser = expat.ParserCreate(namespace_separator=" ")
-    parser.buffer_text = True
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.StartNamespaceDeclHandler = lambda prefix, uri: prefixes.__setitem__(prefix or "", uri or "")
-    parser.StartDoctypeDeclHandler = _no_doctype
-    while block := stream.read(_READ):
-        parser.Parse(block, False)
-    parser.Parse(b"", True)
+class _Triples:
+    """Three numbers of each element of a kind, [n, 3]; gathered as texts and converted in blocks."""
+
+    def __init__(self, element: str, number: str, names: tuple[str, str, str], dtype: type) -> None:
+        self._element, self._number, self._dtype = element, number, dtype
+        self._three = itemgetter(*names)
+        self._texts: list[str] = []
+        self._blocks: list[NDArray[Any]] = []
+
+    def add(self, attributes: dict[str, str]) -> None:
+        try:
+            self._texts += self._three(attributes)
+        except KeyError as error:
+            raise WrongError(f"a {self._element} has no {error}") from None
+        if len(self._texts) >= _BLOCK:
+            self._convert()
+
+    def all(self) -> NDArray[Any]:
+        self._convert()
+        return np.concatenate(self._blocks).reshape(-1, 3)
+
+    def _convert(self) -> None:
+        self._blocks.append(_numbers(" ".join(self._texts), "?", self._dtype))
+        if len(self._blocks[-1]) != len(self._texts):
+            raise WrongError(f"{self._number} is not a number")
+        self._texts = []
 
 
-def _no_doctype(*_: Any) -> None:
-    raise WrongError("a part declares a document type, which 3MF forbids")
+def _numbers(text: str, end_of_line: str, dtype: type = np.float64) -> NDArray[Any]:
+    """The numbers of a text, in which ends of lines are written so; none if a word is no number."""
+    try:
+        return numbers([text.replace("\n", end_of_line).encode("ascii", "replace")], dtype)[0]
+    except ValueError:
+        return np.zeros(0, dtype)
 
 
 class _Reader:
-    """Handles the elements of a model part in turn. Numbers are gathered as texts and converted in blocks."""
+    """Takes the elements of a model part in turn: what an XML parser calls. ``close`` gives the model."""
 
     def __init__(self, part: str) -> None:
-        self.model = ModelPart()
+        self._model = ModelPart()
         self._part = part
-        self.prefixes: dict[str, str] = {}
-        self._solid: Solid | None = None
-        self._texts: list[str] = []
-        self._blocks: list[NDArray[Any]] = []
-        self._starts = {
-            "model": self._model,
-            "basematerials": self._material,
-            "object": self._object,
-            "mesh": self._shape,
-            "components": self._shape,
-            "component": self._component,
-            "vertices": self._begin,
-            "vertex": self._vertex,
-            "triangles": self._begin,
-            "triangle": self._triangle,
-            "item": self._item,
-        }
-        self._ends = {"vertices": self._end_vertices, "triangles": self._end_triangles, "object": self._end_object}
+        self._prefixes: dict[str, str] = {}
+        self._solid = Solid("")
+        self._within = False
+        self._triples = _Triples("", "", _COORDINATES, np.float64)
+
+    def start_ns(self, prefix: str, uri: str) -> None:
+        self._prefixes[prefix] = uri
+
+    def doctype(self, *_: Any) -> None:
+        raise WrongError("a part declares a document type, which 3MF forbids")
+
+    def close(self) -> ModelPart:
+        return self._model
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
-        space, _, tag = name.rpartition(" ")
-        if space in _CORE and tag in self._starts:
-            self._starts[tag](attributes)
-        elif name == _LATTICE:
-            self.model.left_out.add("beam lattices")
+        match _core(name):
+            case "model":
+                self._header(attributes)
+            case "basematerials":
+                self._model.left_out.add("materials")
+            case "object":
+                self._begin(attributes.get("id", ""))
+            case "mesh" | "components":
+                self._solid.shaped = True
+            case "vertices":
+                self._triples = _Triples("vertex", "a coordinate", _COORDINATES, np.float64)
+            case "triangles":
+                self._triples = _Triples("triangle", "a vertex index", _CORNERS, np.int64)
+            case "vertex" | "triangle":
+                self._triples.add(attributes)
+            case "component":
+                self._solid.components.append(_use(attributes, self._part))
+            case "item":
+                self._model.build.append(_use(attributes, self._part))
+            case _:
+                if name == _LATTICE:
+                    self._model.left_out.add("beam lattices")
 
     def end(self, name: str) -> None:
-        space, _, tag = name.rpartition(" ")
-        if space in _CORE and tag in self._ends:
-            self._ends[tag]()
+        match _core(name):
+            case "vertices":
+                self._solid.points = self._triples.all()
+            case "triangles":
+                self._solid.faces = self._triples.all()
+            case "object":
+                self._end_object()
 
-    def _model(self, attributes: dict[str, str]) -> None:
-        self.model.unit = attributes.get("unit", "")
+    def _header(self, attributes: dict[str, str]) -> None:
+        self._model.unit = attributes.get("unit", "")
         for prefix in attributes.get("requiredextensions", "").split():
-            uri = self.prefixes.get(prefix, prefix)
+            uri = self._prefixes.get(prefix, prefix)
             if uri not in _UNDERSTOOD:
                 raise WrongError(f"needs the extension {uri}")
 
-    def _material(self, attributes: dict[str, str]) -> None:
-        self.model.left_out.add("materials")
-
-    def _object(self, attributes: dict[str, str]) -> None:
-        identity = attributes.get("id", "")
-        if identity in self.model.solids or self._solid is not None:
+    def _begin(self, identity: str) -> None:
+        if identity in self._model.solids or self._within:
             raise WrongError(f"object {identity} is there twice or within another")
-        self._solid = Solid(identity)
-
-    def _shape(self, attributes: dict[str, str]) -> None:
-        if self._solid is not None:
-            self._solid.shaped = True
+        self._solid, self._within = Solid(identity), True
 
     def _end_object(self) -> None:
-        solid, self._solid = self._solid, None
-        if solid is None:
-            return
+        solid, self._solid, self._within = self._solid, Solid(""), False
         if not solid.shaped:
             raise WrongError(f"object {solid.identity} has another shape than triangles")
         if len(solid.faces) and not 0 <= solid.faces.min() <= solid.faces.max() < len(solid.points):
             bad = solid.faces.max() if solid.faces.min() >= 0 else solid.faces.min()
             problem = f"object {solid.identity} names vertex {bad}, but there are {len(solid.points)}"
             raise WrongError(problem)
-        self.model.solids[solid.identity] = solid
+        self._model.solids[solid.identity] = solid
 
-    def _begin(self, attributes: dict[str, str]) -> None:
-        self._texts, self._blocks = [], []
 
-    def _vertex(self, attributes: dict[str, str]) -> None:
-        self._gather(_COORDINATES, attributes, np.float64)
-
-    def _triangle(self, attributes: dict[str, str]) -> None:
-        self._gather(_CORNERS, attributes, np.int64)
-
-    def _gather(self, three: itemgetter[tuple[str, str, str]], attributes: dict[str, str], dtype: type) -> None:
-        try:
-            self._texts += three(attributes)
-        except KeyError as error:
-            what = "vertex" if dtype is np.float64 else "triangle"
-            raise WrongError(f"a {what} has no {error}") from None
-        if len(self._texts) >= _BLOCK:
-            self._convert(dtype)
-
-    def _convert(self, dtype: type) -> None:
-        """Convert the gathered texts."""
-        text = " ".join(self._texts).encode("ascii", "replace").replace(b"\n", b"?")
-        try:
-            values, _ = numbers([text], dtype)
-        except ValueError:
-            values = np.zeros(0)
-        if len(values) != len(self._texts):
-            what = "a coordinate" if dtype is np.float64 else "a vertex index"
-            raise WrongError(f"{what} is not a number")
-        self._blocks.append(values)
-        self._texts = []
-
-    def _taken(self, dtype: type) -> NDArray[Any]:
-        self._convert(dtype)
-        found = np.concatenate(self._blocks).reshape(-1, 3)
-        self._blocks = []
-        return found
-
-    def _end_vertices(self) -> None:
-        if self._solid is not None:
-            self._solid.points = self._taken(np.float64)
-
-    def _end_triangles(self) -> None:
-        if self._solid is not None:
-            self._solid.faces = self._taken(np.int64)
-
-    def _component(self, attributes: dict[str, str]) -> None:
-        if self._solid is not None:
-            self._solid.components.append(_use(attributes, self._part))
-
-    def _item(self, attributes: dict[str, str]) -> None:
-        self.model.build.append(_use(attributes, self._part))
+def _core(name: str) -> str:
+    """The tag of an element of the core; "" for others."""
+    space, _, tag = name.lstrip("{").rpartition("}")
+    return tag if space in _CORE else ""
 
 
 def _use(attributes: dict[str, str], part: str) -> Use:
     """What a component or an item of the build says, in a part."""
     matrix = np.concatenate([np.eye(3), np.zeros((1, 3))])
     if "transform" in attributes:
-        try:
-            values, _ = numbers([attributes["transform"].encode("ascii", "replace").replace(b"\n", b" ")])
-        except ValueError:
-            values = np.zeros(0)
+        values = _numbers(attributes["transform"], " ")
         if len(values) != 12 or not np.isfinite(values).all():
             raise WrongError(f"a transform is not 12 numbers: {attributes['transform'][:60]!r}")
         matrix = values.reshape(4, 3)
