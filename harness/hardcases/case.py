@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,21 @@ class HardCase:
     refused: bool = False
     excusable: float = EXCUSABLE
     large: bool = False
+
+
+def case(
+    name: str,
+    title: str,
+    breaks: str,
+    build: Callable[..., Trial],
+    *arguments: Any,
+    refused: bool = False,
+    excusable: float = EXCUSABLE,
+    large: bool = False,
+    **given: Any,
+) -> HardCase:
+    """A case whose scene ``build`` makes from the further arguments; see :class:`HardCase`."""
+    return HardCase(name, title, breaks, partial(build, *arguments, **given), refused, excusable, large)
 
 
 def view(

@@ -7,16 +7,14 @@ hits nothing has leaked through the surface, whatever the rounding. Sheets are c
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from .case import (
     F64,
     Counts,
-    HardCase,
     Mesh,
     Trial,
+    case,
     closed_behind,
     icosphere,
     joined,
@@ -195,33 +193,31 @@ def far_light_inside(radii: float) -> Trial:
 
 
 CASES = (
-    HardCase("P12", "rays through vertices", NO_RULE, partial(bumpy, 1, False)),
-    HardCase("P12i", "rays through an icosphere's vertices and edges", NO_RULE, partial(inside_sphere, ORIGIN)),
-    HardCase(
-        "P12j", "the same from another point within", NO_RULE, partial(inside_sphere, (0.25, -0.125, 0.375))
-    ),
-    HardCase("P13", "rays through edges", NO_RULE, partial(bumpy, 2, False)),
-    HardCase("P14", "rays through split vertices", UNWELDED, partial(bumpy, 1, True)),
-    HardCase("P15", "rays through split edges", UNWELDED, partial(bumpy, 2, True, 0.375)),
-    HardCase("P29", "rays through vertices in odd directions", NO_RULE, partial(odd_vertices, ODD[0], 0.7, 2)),
-    HardCase("P29b", "the same, split", NO_RULE, partial(odd_vertices, ODD[1], 0.45, 3, True)),
-    HardCase("P29c", "the same, shallow", NO_RULE, partial(odd_vertices, ODD[2], 0.6, 1)),
-    HardCase("P29d", "lights on rays through vertices", NEIGHBOURS, partial(odd_lights, ODD[0], 0.7, 2, 16)),
-    HardCase("P29e", "the same, deeper", NEIGHBOURS, partial(odd_lights, ODD[1], 0.45, 3, 16)),
+    case("P12", "rays through vertices", NO_RULE, bumpy, 1, False),
+    case("P12i", "rays through an icosphere's vertices and edges", NO_RULE, inside_sphere, ORIGIN),
+    case("P12j", "the same from another point within", NO_RULE, inside_sphere, (0.25, -0.125, 0.375)),
+    case("P13", "rays through edges", NO_RULE, bumpy, 2, False),
+    case("P14", "rays through split vertices", UNWELDED, bumpy, 1, True),
+    case("P15", "rays through split edges", UNWELDED, bumpy, 2, True, 0.375),
+    case("P29", "rays through vertices in odd directions", NO_RULE, odd_vertices, ODD[0], 0.7, 2),
+    case("P29b", "the same, split", NO_RULE, odd_vertices, ODD[1], 0.45, 3, True),
+    case("P29c", "the same, shallow", NO_RULE, odd_vertices, ODD[2], 0.6, 1),
+    case("P29d", "lights on rays through vertices", NEIGHBOURS, odd_lights, ODD[0], 0.7, 2, 16),
+    case("P29e", "the same, deeper", NEIGHBOURS, odd_lights, ODD[1], 0.45, 3, 16),
     *(
-        HardCase(f"P31 {radii:g}", f"within a shell {radii:g} long", FAR, partial(far_inside, radii))
+        case(f"P31 {radii:g}", f"within a shell {radii:g} long", FAR, far_inside, radii)
         for radii in (1e3, 1e5, 1e6, 1e7)
     ),
-    HardCase("S19", "shadow rays through vertices", NO_RULE, partial(through_vertices, False, 1)),
-    HardCase("S19b", "shadow rays through split vertices", UNWELDED, partial(through_vertices, True, 1)),
-    HardCase("S19c", "shadow rays through vertices in odd directions", NO_RULE, partial(odd_shadow_vertices, 0.7)),
-    HardCase("S20", "shadow rays through edges", NO_RULE, partial(through_vertices, False, 2)),
-    HardCase("S20b", "shadow rays through split edges", UNWELDED, partial(through_vertices, True, 2)),
-    HardCase("S35", "lights on flat rays through vertices", FLAT, partial(odd_lights, ODD[0], 0.15, 6, 32, False)),
-    HardCase("S35b", "the same, shallower", FLAT, partial(odd_lights, ODD[1], 0.3, 4, 32, False)),
-    HardCase("S24", "shadow rays through a flat rim", NO_RULE, through_rim),
+    case("S19", "shadow rays through vertices", NO_RULE, through_vertices, False, 1),
+    case("S19b", "shadow rays through split vertices", UNWELDED, through_vertices, True, 1),
+    case("S19c", "shadow rays through vertices in odd directions", NO_RULE, odd_shadow_vertices, 0.7),
+    case("S20", "shadow rays through edges", NO_RULE, through_vertices, False, 2),
+    case("S20b", "shadow rays through split edges", UNWELDED, through_vertices, True, 2),
+    case("S35", "lights on flat rays through vertices", FLAT, odd_lights, ODD[0], 0.15, 6, 32, False),
+    case("S35b", "the same, shallower", FLAT, odd_lights, ODD[1], 0.3, 4, 32, False),
+    case("S24", "shadow rays through a flat rim", NO_RULE, through_rim),
     *(
-        HardCase(f"S31 {radii:g}", f"a light in a shell {radii:g} long", FAR, partial(far_light_inside, radii))
+        case(f"S31 {radii:g}", f"a light in a shell {radii:g} long", FAR, far_light_inside, radii)
         for radii in (1e3, 1e5, 1e6, 1e7)
     ),
 )  # fmt: skip

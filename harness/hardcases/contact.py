@@ -13,7 +13,22 @@ from functools import partial
 
 import numpy as np
 
-from .case import F64, Counts, HardCase, Mesh, Trial, float32_of, icosphere, joined, plane, quad, sheet, triangles, view
+from .case import (
+    F64,
+    Counts,
+    HardCase,
+    Mesh,
+    Trial,
+    case,
+    float32_of,
+    icosphere,
+    joined,
+    plane,
+    quad,
+    sheet,
+    triangles,
+    view,
+)
 
 PLACES = ("vertex", "edge", "plane")
 
@@ -139,18 +154,14 @@ def far_fan(distance: float) -> Trial:
             angle = np.argsort(np.arctan2(around[:, 1] - middle[1], around[:, 0] - middle[0]))
             ring = around[angle]
             corners += [p for k in range(6) for p in (middle, ring[k], ring[(k + 1) % 6])]
-    return view(
-        triangles(*corners), [(0.0, 0.0, 1.0)], (0, 0, 0), (0, 0, -1), 1.0, (size, size)
-    )  # fmt: skip
+    return view(triangles(*corners), [(0.0, 0.0, 1.0)], (0, 0, 0), (0, 0, -1), 1.0, (size, size))
 
 
 def _cases() -> Iterator[HardCase]:
     behind = "t of a hit at the eye is rounding, of either sign"
     for place in PLACES:
         for seed in range(4 if place == "vertex" else 2):
-            yield HardCase(
-                f"P34 {place} {seed}", f"eye on the {place} of a triangle", behind, partial(eye_on, seed, place)
-            )
+            yield case(f"P34 {place} {seed}", f"eye on the {place} of a triangle", behind, eye_on, seed, place)
         variants: tuple[tuple[str, Callable[[], Trial]], ...] = (
             ("small", partial(eye_on, 5, place, 2.0**-30)),
             ("large", partial(eye_on, 6, place, 2.0**40)),
@@ -158,49 +169,47 @@ def _cases() -> Iterator[HardCase]:
             ("z", partial(eye_on, 8, place, 1.0, 2)),
         )
         for suffix, make in variants:
-            yield HardCase(f"P34 {place} {suffix}", f"the same, {suffix}", behind, make)
+            yield case(f"P34 {place} {suffix}", f"the same, {suffix}", behind, make)
         if place == "vertex":
-            yield HardCase("P34 vertex off", "the same, off the origin", behind, partial(eye_on, 9, place, 1.0, 0, 3.7))
+            yield case("P34 vertex off", "the same, off the origin", behind, eye_on, 9, place, 1.0, 0, 3.7)
         for seed, scale, turn in ((0, 1.0, 0), (1, 2.0**-30, 1), (2, 2.0**40, 2)):
-            yield HardCase(
+            yield case(
                 f"S36 {place} {seed}", f"light on the {place} of a triangle", "a surface at the light shadows all",
-                partial(light_on, seed, place, scale, turn),
+                light_on, seed, place, scale, turn,
             )  # fmt: skip
     for height, turn in ((1e-12, 0), (1e-11, 1), (1e-10, 2)):
-        yield HardCase(
-            f"S38 {height:g}", f"light {height:g} above a triangle", "a surface near the light taken for one at the light",
-            partial(light_off_plane, height, turn),
+        yield case(
+            f"S38 {height:g}", f"light {height:g} above a triangle",
+            "a surface near the light taken for one at the light", light_off_plane, height, turn,
         )  # fmt: skip
     for seed in range(3):
-        yield HardCase(f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, partial(eye_on_mesh, seed))
-    yield HardCase("M07", "eye on a vertex of mirrors", behind, partial(mirrors_at_the_eye, 3))
+        yield case(f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, eye_on_mesh, seed)
+    yield case("M07", "eye on a vertex of mirrors", behind, mirrors_at_the_eye, 3)
     lost = "a tolerance from the lengths of edges, or from where the eye is, is wider than the gap"
     for distance, width in ((1e5, 1e-4), (1e3, 1e-5), (1e7, 1e-4), (1e4, 1e-6)):
-        yield HardCase(
-            f"S37 {distance:g} {width:g}", f"a blade {width:g} wide, seen from {distance:g}", lost,
-            partial(blade, distance, width, width / 10),
+        yield case(
+            f"S37 {distance:g} {width:g}", f"a blade {width:g} wide, seen from {distance:g}", lost, blade, distance,
+            width, width / 10,
         )  # fmt: skip
     for suffix, turn, scale in (("y", 1, 1.0), ("z", 2, 1.0), ("small", 0, 1e-9), ("large", 1, 1e9)):
-        yield HardCase(
-            f"S37 {suffix}", f"the blade at 1e5, {suffix}", lost, partial(blade, 1e5, 1e-4, 1e-5, turn, scale)
-        )
+        yield case(f"S37 {suffix}", f"the blade at 1e5, {suffix}", lost, blade, 1e5, 1e-4, 1e-5, turn, scale)
     hidden = "the lower index wins where t differ by less than a method can tell"
     for suffix, distance, gap, turn, scale in (
         ("", 1e6, 1e-3, 0, 1.0), ("y", 1e6, 2e-4, 1, 1e-7), ("z", 1e6, 2e-4, 2, 1e7), ("near", 1e3, 2e-7, 0, 1.0)
     ):  # fmt: skip
-        yield HardCase(
-            f"P35{suffix}", f"two sheets {gap:g} apart, seen from {distance:g}", hidden,
-            partial(two_sheets, distance, gap, turn, scale),
+        yield case(
+            f"P35{suffix}", f"two sheets {gap:g} apart, seen from {distance:g}", hidden, two_sheets, distance, gap,
+            turn, scale,
         )  # fmt: skip
     for half, turn in ((1e4, 0), (1e7, 0), (1e7, 1), (1e8, 2)):
-        yield HardCase(
+        yield case(
             f"P36 {half:g} {'xyz'[turn]}", f"a floor of half-width {half:g} from nearby",
-            "tolerances that grow with the size of a triangle", partial(wide_floor, half, turn),
+            "tolerances that grow with the size of a triangle", wide_floor, half, turn,
         )  # fmt: skip
     for distance in (2.0**20, 2.0**26):
-        yield HardCase(
+        yield case(
             f"P37 {distance:.0e}", f"rays exactly through vertices {distance:.0e} away",
-            "no rule for rays through vertices, or one that ends where float64 does", partial(far_fan, distance),
+            "no rule for rays through vertices, or one that ends where float64 does", far_fan, distance,
         )  # fmt: skip
 
 

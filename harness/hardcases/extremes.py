@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light, Vector
-from .case import Counts, HardCase, Mesh, Trial, joined, plane, sheet, triangles, view
+from .case import Counts, HardCase, Mesh, Trial, case, joined, plane, sheet, triangles, view
 from .variants import ball_on_floor, small_scene
 
 SCALES = (1e-36, 1e-30, 1e-24, 1e-18, 1e-12, 1e12, 1e15, 5e18, 2e19, 1e20, 1e28, 1e36)
@@ -42,14 +41,9 @@ def sun(scale: float) -> Trial:
 def subnormal_scene(turn: int) -> Trial:
     """A ball on a floor 2^-131 in size: its coordinates have at most 18 bits, and lights and eye are subnormal too."""
     return view(
-        ball_on_floor(),
-        [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)],
-        (0.3, 1.7, 3.1),
-        (-0.1, -0.45, -1),
-        0.5,
-        turn=turn,
+        ball_on_floor(), [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, turn=turn,
         scale=2.0**-131,
-    )
+    )  # fmt: skip
 
 
 def among_subnormals(turn: int) -> Trial:
@@ -110,9 +104,7 @@ def behind_the_light(seed: int, scale: float) -> Trial:
     roof = triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0))
     points, faces = joined(roof, plane(2, -1, 4))
     light, eye, towards = (tuple(axes @ place) for place in ((0.25, 0.125, height), (0.0, 0.0, -6.0), (0.0, 0.0, 1.0)))
-    return view(
-        (points @ axes.T, faces), [light], eye, towards, 0.125, scale=scale, stated=Counts(256, (256,))
-    )  # fmt: skip
+    return view((points @ axes.T, faces), [light], eye, towards, 0.125, scale=scale, stated=Counts(256, (256,)))
 
 
 def mixed(seed: int) -> Mesh:
@@ -152,57 +144,49 @@ def stretched(turn: int) -> Trial:
 
 def _cases() -> Iterator[HardCase]:
     for scale in SCALES:
-        yield HardCase(
+        yield case(
             f"V scale {scale:g}", f"ball on a floor, scale {scale:g}", "float32 products that overflow or vanish",
-            partial(small_scene, scale, 0.0),
+            small_scene, scale, 0.0,
         )  # fmt: skip
     for k, radii in enumerate(LIGHTS):
-        yield HardCase(
+        yield case(
             f"V far {radii:g}", f"light {radii:g} radii away", "directions and distances from a light far away",
-            partial(far_light, radii, k % 3),
+            far_light, radii, k % 3,
         )  # fmt: skip
     for seed, scale in BEHIND:
-        yield HardCase(
+        yield case(
             f"V behind {scale:g} {seed}", f"a triangle that reaches behind the light, scale {scale:g}",
-            "products of three lengths that leave float32", partial(behind_the_light, seed, scale),
+            "products of three lengths that leave float32", behind_the_light, seed, scale,
         )  # fmt: skip
     for scale in SUNS:
-        yield HardCase(
-            f"V sun {scale:g}", f"directional lights, scale {scale:g}", "a light that stands where float32 ends",
-            partial(sun, scale),
+        yield case(
+            f"V sun {scale:g}", f"directional lights, scale {scale:g}", "a light that stands where float32 ends", sun,
+            scale,
         )  # fmt: skip
-    yield HardCase(
-        "V sun 3e21", "directional lights, scale 3e21", "a light at infinity, no shadow, and no word",
-        partial(sun, 3e21), refused=True,
+    yield case(
+        "V sun 3e21", "directional lights, scale 3e21", "a light at infinity, no shadow, and no word", sun, 3e21,
+        refused=True,
     )  # fmt: skip
     for turn, axis in enumerate("xyz"):
         flushed = "subnormal numbers flushed to 0"
-        yield HardCase(f"V subnormal {axis}", "ball on a floor, scale 2^-131", flushed, partial(subnormal_scene, turn))
-        yield HardCase(
-            f"V among {axis}", "vertices off a plane by subnormal numbers", flushed, partial(among_subnormals, turn)
-        )
+        yield case(f"V subnormal {axis}", "ball on a floor, scale 2^-131", flushed, subnormal_scene, turn)
+        yield case(f"V among {axis}", "vertices off a plane by subnormal numbers", flushed, among_subnormals, turn)
         for eye in (2.0**-148, 2.0**-130):
-            yield HardCase(
+            yield case(
                 f"V least {eye:.0e} {axis}", f"sheets one least number apart, seen from {eye:.0e}", flushed,
-                partial(one_step_from_zero, eye, turn),
+                one_step_from_zero, eye, turn,
             )  # fmt: skip
-        yield HardCase(
-            f"V zeros {axis}", "vertices at 0 and -0", "0 and -0 taken for two vertices", partial(two_zeros, turn)
-        )
+        yield case(f"V zeros {axis}", "vertices at 0 and -0", "0 and -0 taken for two vertices", two_zeros, turn)
     for seed in MIXED_SEEDS:
-        yield HardCase(
-            f"V mixed {seed}",
-            "coordinates of 1e-8 to 1e8 in one mesh",
-            "bounds by the largest coordinate",
-            partial(mixed_scene, seed),
-        )
+        yield case(
+            f"V mixed {seed}", "coordinates of 1e-8 to 1e8 in one mesh", "bounds by the largest coordinate",
+            mixed_scene, seed,
+        )  # fmt: skip
     for turn, axis in enumerate("xyz"):
-        yield HardCase(
-            f"V stretched {axis}",
-            "ball on a floor, 1e5 times as long and flat",
-            "bounds by the largest coordinate",
-            partial(stretched, turn),
-        )
+        yield case(
+            f"V stretched {axis}", "ball on a floor, 1e5 times as long and flat", "bounds by the largest coordinate",
+            stretched, turn,
+        )  # fmt: skip
 
 
 CASES = tuple(_cases())

@@ -3,26 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from .case import (
-    Counts,
-    HardCase,
-    Mesh,
-    Trial,
-    ball,
-    box,
-    joined,
-    pixel_centres,
-    plane,
-    quad,
-    sheet,
-    soup,
-    triangles,
-    view,
-)
+from .case import Counts, Mesh, Trial, ball, box, case, joined, pixel_centres, plane, quad, sheet, soup, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 ABOVE = (0.3, 3.0, 0.25)
@@ -170,57 +154,53 @@ def needles(seed: int) -> Trial:
         for x, y in ((a, far), (a, -far), (a + 0.004, 0.0))
     ]
     x, y, z = (eye + random.normal(size=3)).tolist()
-    return view(
-        triangles(*corners), [(x, y, z)], eye.tolist(), ahead, 0.57735 * 8 / 2048, (2048, 8), up=up.tolist()
-    )  # fmt: skip
+    return view(triangles(*corners), [(x, y, z)], eye.tolist(), ahead, 0.57735 * 8 / 2048, (2048, 8), up=up.tolist())
 
 
 CASES = (
     *(
-        HardCase(
-            f"P01{suffix}", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division",
-            partial(across_the_eye, turn),
+        case(
+            f"P01{suffix}", "triangle across the eye",
+            "a vertex behind the eye is mirrored by the perspective division", across_the_eye, turn,
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
-    HardCase("P01s", "two hundred triangles around the eye", "the same, with every shape", many_across),
-    HardCase("P02", "triangle behind the eye", "a mirror image after the perspective division", behind_the_eye),
-    HardCase("P03", "eye inside a closed box", "back-face culling gives a black image", inside_a_box),
-    HardCase("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner", into_a_corner),
-    HardCase("P07", "rays with components 0", "division by 0; 0 times infinity", zero_components),
+    case("P01s", "two hundred triangles around the eye", "the same, with every shape", many_across),
+    case("P02", "triangle behind the eye", "a mirror image after the perspective division", behind_the_eye),
+    case("P03", "eye inside a closed box", "back-face culling gives a black image", inside_a_box),
+    case("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner", into_a_corner),
+    case("P07", "rays with components 0", "division by 0; 0 times infinity", zero_components),
     *(
-        HardCase(
-            f"P07n{suffix}", "rays with components -0", "division by -0; the sign of a step along -0",
-            partial(minus_zero, turn),
+        case(
+            f"P07n{suffix}", "rays with components -0", "division by -0; the sign of a step along -0", minus_zero, turn,
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
-    HardCase("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle", in_the_plane),
-    HardCase(
-        "P10", "diagonal through corners of cells",
-        "grid traversal visits only one of the neighbouring cells", lambda: diagonal_cells(0.0),
+    case("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle", in_the_plane),
+    case(
+        "P10", "diagonal through corners of cells", "grid traversal visits only one of the neighbouring cells",
+        diagonal_cells, 0.0,
     ),
-    HardCase(
-        "P10b", "the same from afar",
-        "grid traversal visits only one of the neighbouring cells", lambda: diagonal_cells(-64.0),
+    case(
+        "P10b", "the same from afar", "grid traversal visits only one of the neighbouring cells", diagonal_cells, -64.0,
     ),
-    HardCase("P18", "up along the view", "camera axes of NaN", up_along_the_view, refused=True),
-    HardCase("P19", "eye on a wall", "t = 0 taken for a hit", on_a_wall),
-    HardCase("P20", "eye on a shared vertex", "directions of 0 divided by 0; every edge function 0", on_a_vertex),
-    HardCase("P21", "eye one step from a wall", "a near plane, an absolute epsilon", touching),
+    case("P18", "up along the view", "camera axes of NaN", up_along_the_view, refused=True),
+    case("P19", "eye on a wall", "t = 0 taken for a hit", on_a_wall),
+    case("P20", "eye on a shared vertex", "directions of 0 divided by 0; every edge function 0", on_a_vertex),
+    case("P21", "eye one step from a wall", "a near plane, an absolute epsilon", touching),
     *(
-        HardCase(
+        case(
             f"P51 {name}", "a floor seen from almost within it, in the shadow of many strips",
-            "hit points that rounding moves along their rays", partial(along_a_floor, height),
+            "hit points that rounding moves along their rays", along_a_floor, height,
         )
         for name, height in (("2^-14", 2.0**-14), ("2^-30", 2.0**-30), ("2^-42", 2.0**-42))
     ),
     *(
-        HardCase(
+        case(
             f"P52{suffix}", "needles that reach far beyond a wide view",
-            "columns of far vertices, which are rounded in proportion to their distance", partial(needles, seed),
+            "columns of far vertices, which are rounded in proportion to their distance", needles, seed,
         )
         for suffix, seed in (("", 71), ("b", 9))
     ),
-    HardCase("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step", far_away),
+    case("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step", far_away),
 )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Camera, Geometry, Light, Scene, Vector
-from .case import HardCase, Trial
+from .case import Trial, case
 
 
 def found(
@@ -74,8 +74,8 @@ def far_light() -> Trial:
 
 
 CASES = (
-    HardCase("P32", "a triangle on the borders of tiles", "tile bounds without padding", leaning_away),
-    HardCase("P33", "a triangle in the face of its box", "cell bounds without padding", in_one_cell),
-    HardCase("S32", "directional light along edges", "light-tile bounds without padding", along_the_light),
-    HardCase("S33", "rays of a far light that float32 cannot tell apart", "bounds without padding", far_light),
+    case("P32", "a triangle on the borders of tiles", "tile bounds without padding", leaning_away),
+    case("P33", "a triangle in the face of its box", "cell bounds without padding", in_one_cell),
+    case("S32", "directional light along edges", "light-tile bounds without padding", along_the_light),
+    case("S33", "rays of a far light that float32 cannot tell apart", "bounds without padding", far_light),
 )  # fmt: skip

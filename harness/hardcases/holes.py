@@ -7,12 +7,11 @@ their middle.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
 from ..scene.scene import AlphaMask, Geometry
-from .case import Counts, HardCase, Mesh, Trial, ball, joined, plane, quad, view
+from .case import Counts, Mesh, Trial, ball, case, joined, plane, quad, view
 
 Mask = Callable[[Geometry], AlphaMask]
 
@@ -83,28 +82,23 @@ def caged_light(fields: int) -> Trial:
 
 
 CASES = (
-    HardCase(
+    case(
         "H01", "rays on the borders of texels",
-        "the texel of a rounded coordinate lies on either side, and differs from method to method",
-        partial(on_borders, 1.0),
+        "the texel of a rounded coordinate lies on either side, and differs from method to method", on_borders, 1.0,
     ),
-    HardCase(
-        "H01b", "rays within rounding of borders", "coordinates interpolated in float32", partial(on_borders, 1e-3)
-    ),
-    HardCase(
-        "H02", "holes in one of two duplicates", "the tie is decided before the hole: rays pass both", in_duplicates
-    ),
+    case("H01b", "rays within rounding of borders", "coordinates interpolated in float32", on_borders, 1e-3),
+    case("H02", "holes in one of two duplicates", "the tie is decided before the hole: rays pass both", in_duplicates),
     *(
-        HardCase(
-            f"H03{suffix}", "a grate before the light", "any-hit traversal that ends at a hole",
-            partial(grate, 1 / 8, 128, turn),
+        case(
+            f"H03{suffix}", "a grate before the light", "any-hit traversal that ends at a hole", grate, 1 / 8, 128,
+            turn,
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
-    HardCase(
-        "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side",
-        partial(grate, 1 / 16, 256),
+    case(
+        "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side", grate,
+        1 / 16, 256,
     ),
-    HardCase("H06", "coordinates along a border", "a rounding bound that is zero here", along_a_border),
-    HardCase("H05", "a light in a cage", "all of the above, from both sides", partial(caged_light, 6)),
+    case("H06", "coordinates along a border", "a rounding bound that is zero here", along_a_border),
+    case("H05", "a light in a cage", "all of the above, from both sides", caged_light, 6),
 )  # fmt: skip

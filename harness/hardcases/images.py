@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from .case import HardCase, Trial, ball, joined, quad, triangles, view
+from .case import Trial, ball, case, joined, quad, triangles, view
 
 
 def odd_image(width: int, height: int) -> Trial:
@@ -36,11 +34,11 @@ def large_image(width: int, height: int) -> Trial:
 
 CASES = (
     *(
-        HardCase(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", partial(odd_image, w, h))
+        case(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", odd_image, w, h)
         for w, h in ((1, 1), (33, 25), (3, 257), (257, 3), (8, 9))
     ),
     *(
-        HardCase(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", partial(large_image, w, h))
+        case(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", large_image, w, h)
         for w, h in ((1023, 769), (7, 5000))
     ),
 )  # fmt: skip

@@ -6,9 +6,8 @@ Each case exists three times with permuted coordinates, so that it meets a seam 
 from __future__ import annotations
 
 import math
-from functools import partial
 
-from .case import Counts, HardCase, Trial, joined, plane, quad, spot_light, triangles, view
+from .case import Counts, Trial, case, joined, plane, quad, spot_light, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -35,9 +34,8 @@ def nadir(turn: int = 0) -> Trial:
     """A table of 4 x 4 under a ceiling light; receivers on the floor all around the nadir."""
     table = quad((-2, -2, -1.5), (2, -2, -1.5), (2, 2, -1.5), (-2, 2, -1.5))
     return view(
-        joined(table, plane(2, -3, 8)), [ORIGIN], (0, 0, -7), (0, 0, 1), 0.75, turn=turn,
-        stated=Counts(256, (256,)),
-    )  # fmt: skip
+        joined(table, plane(2, -3, 8)), [ORIGIN], (0, 0, -7), (0, 0, 1), 0.75, turn=turn, stated=Counts(256, (256,))
+    )
 
 
 def edge_through_pole(turn: int = 0) -> Trial:
@@ -69,9 +67,8 @@ def around_the_light(turn: int = 0) -> Trial:
     """Large triangles on every side of the light, across the seam and both poles, and receivers behind all of them."""
     shell = plane(2, 1, 3), plane(2, -1, 3), plane(0, 1, 3), plane(0, -1, 3), plane(1, 1, 3), plane(1, -1, 3)
     return view(
-        joined(*shell, plane(2, -4, 64)), [ORIGIN], (0, 0, -8), (0, 0, 1), 8.0, turn=turn,
-        stated=Counts(256, (256,)),
-    )  # fmt: skip
+        joined(*shell, plane(2, -4, 64)), [ORIGIN], (0, 0, -8), (0, 0, 1), 8.0, turn=turn, stated=Counts(256, (256,))
+    )
 
 
 def spot_over_seam(turn: int = 0, seam: bool = True) -> Trial:
@@ -110,7 +107,7 @@ BUILDERS = (
 )
 
 CASES = tuple(
-    HardCase(f"{name}{suffix}", title, breaks, partial(build, turn))
+    case(f"{name}{suffix}", title, breaks, build, turn)
     for name, title, breaks, build in BUILDERS
     for turn, suffix in enumerate(("", "y", "z"))
 )

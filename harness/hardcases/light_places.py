@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from ..scene.scene import Light
-from .case import Counts, HardCase, Trial, ball, box, joined, pixel_centres, plane, quad, sheet, triangles, view
+from .case import Counts, Trial, ball, box, case, joined, pixel_centres, plane, quad, sheet, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -17,9 +15,8 @@ def light_in_triangle() -> Trial:
     floor = triangles((4, 0, 0), (-4, 4, 0), (-4, -4, 0))
     lights = [ORIGIN, (0, 0, 0.5), (0, 0, -0.25)]
     return view(
-        joined(floor, plane(2, 2, 4)), lights, (0, 0, 6), (0, 0, -1), 0.125, (8, 8),
-        stated=Counts(64, (0, 0, 64)),
-    )  # fmt: skip
+        joined(floor, plane(2, 2, 4)), lights, (0, 0, 6), (0, 0, -1), 0.125, (8, 8), stated=Counts(64, (0, 0, 64))
+    )
 
 
 def light_on_vertex() -> Trial:
@@ -33,9 +30,8 @@ def light_on_vertex() -> Trial:
 def box_from_within() -> Trial:
     """Eye and one light inside a closed box, another light above its lid."""
     return view(
-        box(-1, 1), [ORIGIN, (0, 0, 5)], (0.25, 0.125, 0.5), (0, 0, -1), 1.0,
-        stated=Counts(256, (0, 256)), closed=True,
-    )  # fmt: skip
+        box(-1, 1), [ORIGIN, (0, 0, 5)], (0.25, 0.125, 0.5), (0, 0, -1), 1.0, stated=Counts(256, (0, 256)), closed=True
+    )
 
 
 def box_from_without() -> Trial:
@@ -61,10 +57,7 @@ def onto_thin_slab() -> Trial:
 def far_light(distance: float) -> Trial:
     """A square at z = 1 shadows the plane z = 0 from a light at (0, 0, distance)."""
     wall = plane(2, 1, 1)
-    return view(
-        joined(wall, plane(2, 0, 4)), [(0, 0, distance)], (0, 0, -4), (0, 0, 1), 0.5,
-        stated=Counts(256, (64,)),
-    )  # fmt: skip
+    return view(joined(wall, plane(2, 0, 4)), [(0, 0, distance)], (0, 0, -4), (0, 0, 1), 0.5, stated=Counts(256, (64,)))
 
 
 def oblique_far_light(distance: float) -> Trial:
@@ -116,14 +109,9 @@ def on_their_plane(steps: int, turn: int) -> Trial:
     points[:, 2] = 1.0 + np.round((points[:, 0] + 2) / 4 * steps) * 2.0**-23
     lights = [(30.0, 20.0, 1.0 + 2.0**-10), (-30.0, 20.0, 1.0 - 2.0**-10), (0.3, 0.2, 4), (0.3, 0.2, -2)]
     return view(
-        (points, faces),
-        lights,
-        (0, 0, 2),
-        (0, 0, -1),
-        1.0,
-        turn=turn,
+        (points, faces), lights, (0, 0, 2), (0, 0, -1), 1.0, turn=turn,
         stated=Counts(256, (0,) * 4) if not steps else None,
-    )
+    )  # fmt: skip
 
 
 def receiver_at_light() -> Trial:
@@ -191,39 +179,37 @@ def light_at_eye() -> Trial:
     """A light at the eye: every closest hit is also the surface closest to the light, so none is shadowed."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
     return view(
-        joined(floor, ball(0.5, (0, 0.6, 0))), [(0.3, 1.7, 3.1)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5,
-        (24, 24),
-    )  # fmt: skip
+        joined(floor, ball(0.5, (0, 0.6, 0))), [(0.3, 1.7, 3.1)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24)
+    )
 
 
 CASES = (
-    HardCase("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder", light_in_triangle),
-    HardCase("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)", light_on_vertex),
-    HardCase("S08", "closed box from within", "culling from the light drops every wall", box_from_within),
-    HardCase("S08b", "closed box from without", "a light frustum that must be the full sphere", box_from_without),
-    HardCase("S09", "slab 2e-6 thick around the light", "light leaks if the ray offset exceeds the thickness", thin_slab),
-    HardCase("S09b", "onto the thin slab", "a near plane beyond its faces", onto_thin_slab),
+    case("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder", light_in_triangle),
+    case("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)", light_on_vertex),
+    case("S08", "closed box from within", "culling from the light drops every wall", box_from_within),
+    case("S08b", "closed box from without", "a light frustum that must be the full sphere", box_from_without),
+    case("S09", "slab 2e-6 thick around the light", "light leaks if the ray offset exceeds the thickness", thin_slab),
+    case("S09b", "onto the thin slab", "a near plane beyond its faces", onto_thin_slab),
     *(
-        HardCase(
+        case(
             f"S10 {distance:g}", f"light at {distance:g}",
-            "rounding of v - L; rays from the light that end before t = 1 lose every shadow",
-            partial(far_light, distance),
+            "rounding of v - L; rays from the light that end before t = 1 lose every shadow", far_light, distance,
         )
         for distance in (1e3, 1e5, 1e7)
     ),
     *(
-        HardCase(
-            f"S10b {distance:g}", f"light at {distance:g}, from the side", "the same off the axes",
-            partial(oblique_far_light, distance),
+        case(
+            f"S10b {distance:g}", f"light at {distance:g}, from the side", "the same off the axes", oblique_far_light,
+            distance,
         )
         for distance in (1e3, 1e5, 1e7)
     ),
-    HardCase("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon", tiny_occluder),
-    HardCase("S12", "grazing light on a tilted floor", "a fixed epsilon: acne", grazing_floor),
+    case("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon", tiny_occluder),
+    case("S12", "grazing light on a tilted floor", "a fixed epsilon: acne", grazing_floor),
     *(
-        HardCase(
+        case(
             f"S12{name}{suffix}", f"receivers {what}", "t = 0 taken for a hit; an origin on the wrong side",
-            partial(on_their_plane, steps, turn),
+            on_their_plane, steps, turn,
         )
         for name, steps, what in (
             ("b", 0, "exactly on their plane"), ("c", 1, "half a step off their plane"), ("d", 3, "beside their plane")
@@ -231,26 +217,26 @@ CASES = (
         for turn, suffix in enumerate(("", "y", "z"))
     ),
     *(
-        HardCase(
+        case(
             f"S13{name}", f"two sheets {what} apart, from {'above' if above else 'below'}",
-            "an offset through the next sheet", partial(two_sheets, above, steps),
+            "an offset through the next sheet", two_sheets, above, steps,
         )
         for name, above, steps, what in (
             ("", True, 1, "one step"), ("b", False, 1, "one step"), ("c", True, 64, "64 steps"), ("d", False, 64, "64 steps")
         )
     ),
-    HardCase("S14", "receiver at the light", "a ray of length 0: NaN tile", receiver_at_light),
-    HardCase("S15", "two lights at one place", "a light grid shared or overwritten by another light", same_place),
-    HardCase("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles", one_tile),
+    case("S14", "receiver at the light", "a ray of length 0: NaN tile", receiver_at_light),
+    case("S15", "two lights at one place", "a light grid shared or overwritten by another light", same_place),
+    case("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles", one_tile),
     *(
-        HardCase(
+        case(
             f"S34{suffix}", "triangles that touch the outermost shadow rays", "light-grid bounds without padding",
-            partial(beyond_the_rays, light),
+            beyond_the_rays, light,
         )
         for suffix, light in (
             ("", (1.796875, -1.8671875, -0.71484375)), ("b", (1.2890625, 1.7890625, -0.50390625))
         )
     ),
-    HardCase("S21", "wall on a floor that holds the light", "segments in a plane that touch an edge", wall_on_floor),
-    HardCase("S22", "light at the eye", "acne at silhouettes", light_at_eye),
+    case("S21", "wall on a floor that holds the light", "segments in a plane that touch an edge", wall_on_floor),
+    case("S22", "light at the eye", "acne at silhouettes", light_at_eye),
 )  # fmt: skip

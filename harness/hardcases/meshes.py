@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from functools import partial
 
 import numpy as np
 
@@ -11,11 +10,11 @@ from ..scene.scene import AlphaMask
 from .case import (
     F64,
     Counts,
-    HardCase,
     Mesh,
     Trial,
     ball,
     box,
+    case,
     float32_of,
     joined,
     pixel_centres,
@@ -134,10 +133,7 @@ def patches(shadow: bool) -> Trial:
     if not shadow:
         return view(mesh, [(0, 0, 1)], ORIGIN, (0, 0, -1), 0.7, stated=Counts(256, (0,)))
     # Seen from behind, the rays meet the plane z = -4 at exactly four times the corners: column x and row y agree.
-    return view(
-        joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7,
-        stated=Counts(256, (256,)),
-    )  # fmt: skip
+    return view(joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7, stated=Counts(256, (256,)))
 
 
 def one_triangle_missed() -> Trial:
@@ -151,9 +147,8 @@ def empty(vertices: int) -> Trial:
     """No triangles; with and without vertices."""
     points = np.arange(3.0 * vertices).reshape(-1, 3)
     return view(
-        (points, np.zeros((0, 3), int)), [(0, 3, 0), ORIGIN], ORIGIN, (0, 0, -1), 1.0, (9, 7),
-        stated=Counts(0, (0, 0)),
-    )  # fmt: skip
+        (points, np.zeros((0, 3), int)), [(0, 3, 0), ORIGIN], ORIGIN, (0, 0, -1), 1.0, (9, 7), stated=Counts(0, (0, 0))
+    )
 
 
 def no_light() -> Trial:
@@ -195,20 +190,15 @@ def shadow_slivers() -> Trial:
     above = np.broadcast_to([0.0, 0.0, 1.0], from_far.shape)
     return view(
         joined(plane(2, -5, 16), needles(from_near, from_near, 15), needles(from_far, above, 16)),
-        [ORIGIN, (0, 0, 1e6)],
-        (0, 0, -10),
-        (0, 0, 1),
-        1.0,
-    )
+        [ORIGIN, (0, 0, 1e6)], (0, 0, -10), (0, 0, 1), 1.0,
+    )  # fmt: skip
 
 
 def far_ball(radii: float) -> Trial:
     """A closed ball of radius 1 seen from afar and lit from afar: its triangles are a third of a radius wide."""
     eye = np.array([0.48, 0.64, 0.6]) * radii
     lights = [(0.9 * radii, -0.1 * radii, 0.3 * radii), (3, 4, 5)]
-    return view(
-        ball(1.0, (0, 0, 0), 12, 18), lights, eye.tolist(), (-eye).tolist(), 1.2 / radii, (24, 24)
-    )  # fmt: skip
+    return view(ball(1.0, (0, 0, 0), 12, 18), lights, eye.tolist(), (-eye).tolist(), 1.2 / radii, (24, 24))
 
 
 def far_from_occluder(radii: float) -> Trial:
@@ -228,12 +218,9 @@ def slivers() -> Trial:
     """Triangles of aspect ratio 1e5 in all orientations in front of a wall, each met by the ray of a pixel."""
     middle = on_segments(12)
     return view(
-        joined(plane(2, -5, 16), needles(middle, middle, 17)),
-        [(0.5, 2, 0.5), ORIGIN, (0, 0, -4.9)],
-        ORIGIN,
-        (0, 0, -1),
-        1.0,
-    )
+        joined(plane(2, -5, 16), needles(middle, middle, 17)), [(0.5, 2, 0.5), ORIGIN, (0, 0, -4.9)], ORIGIN,
+        (0, 0, -1), 1.0,
+    )  # fmt: skip
 
 
 def fan(count: int) -> Trial:
@@ -264,52 +251,51 @@ def through_every_cell() -> Trial:
 
 
 CASES = (
-    HardCase("P04", "one triangle 2e4 wide", "one pair for every tile", huge_triangle),
-    HardCase(
-        "P05", "broken triangles before a square",
-        "division of 0 by 0; NaN as a tile or a bounding box", lambda: broken_triangles(False),
+    case("P04", "one triangle 2e4 wide", "one pair for every tile", huge_triangle),
+    case(
+        "P05", "broken triangles before a square", "division of 0 by 0; NaN as a tile or a bounding box",
+        broken_triangles, False,
     ),
-    HardCase("P05b", "nothing but broken triangles", "a scene without a bounding box", lambda: broken_triangles(True)),
-    HardCase("P06", "every triangle three times", "ties that depend on the order of a reduction", three_of_each),
+    case("P05b", "nothing but broken triangles", "a scene without a bounding box", broken_triangles, True),
+    case("P06", "every triangle three times", "ties that depend on the order of a reduction", three_of_each),
     *(
-        HardCase(
+        case(
             f"P06 {'holes' if holes else 'orders'} {seed}", "duplicates with corners in other orders",
-            "rounded distances compared where their difference should be", partial(in_other_orders, seed, holes),
+            "rounded distances compared where their difference should be", in_other_orders, seed, holes,
         )
         for seed, holes in ((49, False), (128, False), (219, False), (141, True), (208, True))
     ),
-    HardCase("P08", "flat sheet, rays to its border", NO_THICKNESS, lambda: flat_sheet(1, False)),
-    HardCase("P08b", "flat sheet, rays through edges", NO_THICKNESS, lambda: flat_sheet(2, False)),
-    HardCase("P08c", "flat sheet with split vertices", "no rule for rays through edges", lambda: flat_sheet(2, True)),
+    case("P08", "flat sheet, rays to its border", NO_THICKNESS, flat_sheet, 1, False),
+    case("P08b", "flat sheet, rays through edges", NO_THICKNESS, flat_sheet, 2, False),
+    case("P08c", "flat sheet with split vertices", "no rule for rays through edges", flat_sheet, 2, True),
     *(
-        HardCase(
-            f"P08{'d' if upper else 'e'}{suffix}", f"rays in the {'upper' if upper else 'lower'} face of the scene's box",
-            "0 times infinity: the ray leaves the box before it enters", partial(beside_the_eye, turn, upper),
+        case(
+            f"P08{'d' if upper else 'e'}{suffix}",
+            f"rays in the {'upper' if upper else 'lower'} face of the scene's box",
+            "0 times infinity: the ray leaves the box before it enters", beside_the_eye, turn, upper,
         )
         for upper in (True, False)
         for turn, suffix in enumerate(("", "y", "z"))
     ),
-    HardCase("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
-    HardCase("P11b", "empty scene", "an inverted box, arrays of length 0", lambda: empty(0)),
-    HardCase("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", lambda: empty(4)),
-    HardCase("P16", "teapot in a stadium", "one cell holds the whole cluster; a fixed epsilon", teapot_in_stadium),
-    HardCase("P23", "slivers", "rounding of t and barycentric weights of thin triangles", slivers),
-    HardCase("S26", "slivers as occluders", "rounding of edge signs and planes of thin triangles", shadow_slivers),
+    case("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
+    case("P11b", "empty scene", "an inverted box, arrays of length 0", empty, 0),
+    case("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", empty, 4),
+    case("P16", "teapot in a stadium", "one cell holds the whole cluster; a fixed epsilon", teapot_in_stadium),
+    case("P23", "slivers", "rounding of t and barycentric weights of thin triangles", slivers),
+    case("S26", "slivers as occluders", "rounding of edge signs and planes of thin triangles", shadow_slivers),
     *(
-        HardCase(f"P30 {radii:g}", f"a ball seen from {radii:g} radii", FAR, partial(far_ball, radii))
+        case(f"P30 {radii:g}", f"a ball seen from {radii:g} radii", FAR, far_ball, radii)
         for radii in (1e3, 1e5, 1e6, 1e7)
     ),
     *(
-        HardCase(
-            f"S27 {radii:g}", f"a ball {radii:g} radii from light and floor", FAR, partial(far_from_occluder, radii)
-        )
+        case(f"S27 {radii:g}", f"a ball {radii:g} radii from light and floor", FAR, far_from_occluder, radii)
         for radii in (1e3, 1e5, 1e6, 1e7)
     ),
-    HardCase("P24", "a fan of 96 triangles", "many candidate triangles at one vertex", lambda: fan(96)),
-    HardCase("P25", "boxes that share faces", "ties of coplanar triangles; lights on corners", touching_boxes),
-    HardCase("P26", "triangles through every cell", "long lists; a hit that lies in another cell", through_every_cell),
-    HardCase("P28", "flat sheet, odd directions to its border", NO_THICKNESS, lambda: on_odd_rays((0, 0, -1), 0.7)),
-    HardCase("P28b", "flat squares apart, met at their corners", NO_THICKNESS, lambda: patches(False)),
-    HardCase("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, lambda: patches(True)),
-    HardCase("P27", "no light", "arrays of lights of length 0", no_light),
+    case("P24", "a fan of 96 triangles", "many candidate triangles at one vertex", fan, 96),
+    case("P25", "boxes that share faces", "ties of coplanar triangles; lights on corners", touching_boxes),
+    case("P26", "triangles through every cell", "long lists; a hit that lies in another cell", through_every_cell),
+    case("P28", "flat sheet, odd directions to its border", NO_THICKNESS, on_odd_rays, (0, 0, -1), 0.7),
+    case("P28b", "flat squares apart, met at their corners", NO_THICKNESS, patches, False),
+    case("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, patches, True),
+    case("P27", "no light", "arrays of lights of length 0", no_light),
 )  # fmt: skip

@@ -6,13 +6,12 @@ The harness makes the rays (:mod:`..frame.effects.mirrors`); the cases test whet
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Geometry
-from .case import Counts, HardCase, Trial, ball, box, joined, plane, quad, soup, view
+from .case import Counts, Trial, ball, box, case, joined, plane, quad, soup, view
 
 Mirrors = Callable[[Geometry], NDArray[np.uint8]]
 
@@ -37,11 +36,9 @@ def hall(half: float, turn: int = 0, scale: float = 1.0, offset: float = 0.0) ->
 def at_a_slant(scale: float) -> Trial:
     """A wide mirror just below the eye, and balls on it that touch their reflections."""
     mesh = joined(
-        plane(1, 0, 64),
-        ball(0.5, (0, 0.5, -4)),
-        ball(0.25, (1.25, 0.25, -3)),
+        plane(1, 0, 64), ball(0.5, (0, 0.5, -4)), ball(0.25, (1.25, 0.25, -3)),
         quad((-8, -1, -16), (8, -1, -16), (8, 3, -16), (-8, 3, -16)),
-    )
+    )  # fmt: skip
     return view(mesh, [(2, 3, -1)], (0, 1 / 64, 0), (0, 0, -1), 0.5, scale=scale, mirror=first(2), bounces=2)
 
 
@@ -66,39 +63,36 @@ def splinters(seed: int) -> Trial:
 
 CASES = (
     *(
-        HardCase(
+        case(
             f"M01{suffix}", "a hall of mirrors: rays at its edges and corners",
-            "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", partial(hall, 16.0, turn),
+            "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", hall, 16.0, turn,
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
     *(
-        HardCase(
+        case(
             f"M02{suffix}", f"a hall of mirrors, {what}",
-            "a start moved by a fixed epsilon: too little far from the origin, too much in a small scene",
-            partial(hall, 1.0, 0, scale, offset),
+            "a start moved by a fixed epsilon: too little far from the origin, too much in a small scene", hall, 1.0, 0,
+            scale, offset,
         )
         for suffix, scale, offset, what in (
             ("", 1e-4, 0.0, "small"), ("b", 1e4, 0.0, "large"), ("c", 1.0, 1e3, "far from the origin")
         )
     ),
     *(
-        HardCase(
+        case(
             f"M03{suffix}", f"a mirror at a slant, scaled by {scale:g}",
-            "the start lies in the mirror's plane as float32 has it, and its ray runs along it",
-            partial(at_a_slant, scale),
+            "the start lies in the mirror's plane as float32 has it, and its ray runs along it", at_a_slant, scale,
         )
         for suffix, scale in (("", 1.0), ("b", 1e-3))
     ),
-    HardCase(
-        "M04", "two mirrors in one place",
-        "only the mirror that was hit is excluded, and the ray hits its duplicate", duplicates,
+    case(
+        "M04", "two mirrors in one place", "only the mirror that was hit is excluded, and the ray hits its duplicate",
+        duplicates,
     ),
-    HardCase(
+    case(
         "M05", "a shadow that only a mirror shows", "shadow rays that start at primary hits, not at mirrored ones",
         behind_the_eye,
     ),
-    HardCase(
-        "M06", "splinters of mirrors", "surfaces that cross where a ray starts", partial(splinters, 4)
-    ),
+    case("M06", "splinters of mirrors", "surfaces that cross where a ray starts", splinters, 4),
 )  # fmt: skip

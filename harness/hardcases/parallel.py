@@ -6,12 +6,11 @@ Their rays are parallel: along an axis they have components of 0 and meet meshes
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
 from ..scene.scene import Light
-from .case import Counts, HardCase, Trial, box, icosphere, joined, plane, sheet, spot_light, view
+from .case import Counts, HardCase, Trial, box, case, icosphere, joined, plane, sheet, spot_light, view
 from .structures import towers
 from .variants import ball_on_floor
 
@@ -87,29 +86,23 @@ def _cases() -> Iterator[HardCase]:
     zero = "division by 0; rays in walls and through corners"
     for turn, axis in enumerate("xyz"):
         for kind in ("edges", "faces"):
-            yield HardCase(f"O01 {kind} {axis}", f"down on boxes, {kind}", zero, partial(onto_towers, kind, turn))
+            yield case(f"O01 {kind} {axis}", f"down on boxes, {kind}", zero, onto_towers, kind, turn)
         for kind in ("integers", "halves"):
-            yield HardCase(
-                f"O02 tinybvh#168 {kind} {axis}",
-                f"a ball on integers, rays at {kind}",
-                "rays lost at edges and at the faces of boxes",
-                partial(integer_ball, kind, turn),
-            )
-        yield HardCase(
-            f"O03 {axis}", "vertical rays onto a height field", zero, partial(vertical_rays, turn), excusable=0.0
-        )
-        yield HardCase(
-            f"O04 {axis}", "rays that start in a box", "a near plane; t = 0 taken for a hit", partial(from_within, turn)
-        )
+            yield case(
+                f"O02 tinybvh#168 {kind} {axis}", f"a ball on integers, rays at {kind}",
+                "rays lost at edges and at the faces of boxes", integer_ball, kind, turn,
+            )  # fmt: skip
+        yield case(f"O03 {axis}", "vertical rays onto a height field", zero, vertical_rays, turn, excusable=0.0)
+        yield case(f"O04 {axis}", "rays that start in a box", "a near plane; t = 0 taken for a hit", from_within, turn)
     for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
-        yield HardCase(f"O01 {name}", f"down on boxes, {name}", zero, partial(onto_towers, "edges", 0, scale, offset))
+        yield case(f"O01 {name}", f"down on boxes, {name}", zero, onto_towers, "edges", 0, scale, offset)
     eye = "bounds that count on one eye"
     for scale in (1.0, 1e-6, 1e6):
-        yield HardCase(f"O05 x{scale:g}", f"ball on a floor, scale {scale:g}", eye, partial(oblique, scale))
-    yield HardCase("O05 off", "ball on a floor, off the origin", eye, partial(oblique, 1.0, 1e4))
-    yield HardCase("O05 far", "ball on a floor, from afar", eye, partial(oblique, 1.0, 0.0, 1e5))
+        yield case(f"O05 x{scale:g}", f"ball on a floor, scale {scale:g}", eye, oblique, scale)
+    yield case("O05 off", "ball on a floor, off the origin", eye, oblique, 1.0, 1e4)
+    yield case("O05 far", "ball on a floor, from afar", eye, oblique, 1.0, 0.0, 1e5)
     for what in ("spot", "mirror"):
-        yield HardCase(f"O06 {what}", f"ball on a floor, {what}", eye, partial(with_effects, what))
+        yield case(f"O06 {what}", f"ball on a floor, {what}", eye, with_effects, what)
 
 
 CASES = tuple(_cases())

@@ -8,12 +8,11 @@ describes and says so.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
 from ..scene.scene import Light
-from .case import F64, Counts, HardCase, Trial, closed_behind, icosphere, joined, plane, sheet, triangles, view
+from .case import F64, Counts, HardCase, Trial, case, closed_behind, icosphere, joined, plane, sheet, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 START = np.array([0x3E6A2C13, 0x3FAD24CE, 0x3E6A2C13], dtype=np.uint32).view(np.float32).astype(np.float64)
@@ -121,48 +120,36 @@ def fcpw_20(turn: int = 0, scale: float = 1.0) -> Trial:
     points = (ways * depth).astype(np.float32).astype(np.float64)
     mesh = closed_behind((points.reshape(-1, 3), faces), (-1.0, -2.0, 8.0))
     return view(
-        mesh,
-        [(0.1, 0.1, 0.5), (0.25, 0.125, -16.0)],
-        ORIGIN,
-        (0.1, 0.2, -1.0),
-        0.6,
-        turn=turn,
-        scale=scale,
+        mesh, [(0.1, 0.1, 0.5), (0.25, 0.125, -16.0)], ORIGIN, (0.1, 0.2, -1.0), 0.6, turn=turn, scale=scale,
         closed=True,
-    )
+    )  # fmt: skip
 
 
 def _cases() -> Iterator[HardCase]:
     places = (("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40))
     for suffix, turn, scale in places:
-        yield HardCase(
+        yield case(
             f"P48 embree#423{suffix}", "triangles far beside rays in their planes",
-            "edge functions of one sign by rounding: a false hit",
-            partial(embree_423, turn, scale),
+            "edge functions of one sign by rounding: a false hit", embree_423, turn, scale,
         )  # fmt: skip
-        yield HardCase(
+        yield case(
             f"P49 mitsuba3#1149{suffix}", "rays through the edge of a square", "rays lost between two triangles",
-            partial(mitsuba_1149, turn, scale),
+            mitsuba_1149, turn, scale,
         )  # fmt: skip
-        yield HardCase(
-            f"P50 fcpw#20{suffix}",
-            "rays through edges of a closed surface",
-            "cracks between triangles",
-            partial(fcpw_20, turn, scale),
-        )
+        yield case(
+            f"P50 fcpw#20{suffix}", "rays through edges of a closed surface", "cracks between triangles", fcpw_20, turn,
+            scale,
+        )  # fmt: skip
     for turn, axis in enumerate("xyz"):
         for kind in ("integers", "halves"):
-            yield HardCase(
+            yield case(
                 f"S41 tinybvh#168 {kind} {axis}", f"rays along an axis onto a mesh of integers, {kind}",
-                "rays lost at edges and at the faces of boxes", partial(tinybvh_168, kind, turn), excusable=0.0,
+                "rays lost at edges and at the faces of boxes", tinybvh_168, kind, turn, excusable=0.0,
             )  # fmt: skip
-        yield HardCase(
-            f"S42 bvh#20 {axis}",
-            "vertical rays onto a height field",
-            "division by 0; every leaf visited",
-            partial(bvh_20, turn),
-            excusable=0.0,
-        )
+        yield case(
+            f"S42 bvh#20 {axis}", "vertical rays onto a height field", "division by 0; every leaf visited", bvh_20,
+            turn, excusable=0.0,
+        )  # fmt: skip
 
 
 CASES = tuple(_cases())

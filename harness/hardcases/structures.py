@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light
-from .case import F64, Counts, HardCase, Mesh, Trial, ball, box, joined, plane, quad, sheet, soup, triangles, view
+from .case import F64, Counts, HardCase, Mesh, Trial, ball, box, case, joined, plane, quad, sheet, soup, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 FLOAT32_HALVINGS = 148
@@ -106,9 +105,8 @@ def along_an_axis(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 
     light = Light((0.0, 0.0, 1.0), directional=True) if kind != "point" else Light((0.0, 0.0, 2.0**40))
     back = Light((0.0, 0.0, -1.0), directional=True)
     return view(
-        joined(towers(), plane(2, 0, 32)), [light, back], (*middle, -8.0), (0, 0, 1), 1.0, (8, 8),
-        up=(0, 1, 0), turn=turn, scale=scale, offset=(offset * scale,) * 3,
-        stated=Counts(64, (None, 0)),
+        joined(towers(), plane(2, 0, 32)), [light, back], (*middle, -8.0), (0, 0, 1), 1.0, (8, 8), up=(0, 1, 0),
+        turn=turn, scale=scale, offset=(offset * scale,) * 3, stated=Counts(64, (None, 0)),
     )  # fmt: skip
 
 
@@ -182,8 +180,7 @@ def one_light_cell(directional: bool, turn: int) -> Trial:
     outside = quad((1, -2048, 1024), (4096, -2048, 1024), (4096, 2048, 1024), (1, 2048, 1024))
     light = Light((0.0, 0.0, 1.0), directional=True) if directional else Light((0.0, 0.0, 8.0))
     return view(
-        joined(small, across, outside), [light], (0, 0, -0.5), (0, 0, 1), 2 * half * 264 / 262,
-        (264, 264),
+        joined(small, across, outside), [light], (0, 0, -0.5), (0, 0, 1), 2 * half * 264 / 262, (264, 264),
         up=(0, 1, 0), turn=turn,
     )  # fmt: skip
 
@@ -220,93 +217,71 @@ def _cases() -> Iterator[HardCase]:
         (" off", {"offset": 3.7}), (" far off", {"offset": 1e4}),
     ]  # fmt: skip
     for suffix, given in one:
-        yield HardCase(f"P38{suffix}", "500 triangles with one centroid", depth, partial(one_centroid, 500, **given))
+        yield case(f"P38{suffix}", "500 triangles with one centroid", depth, one_centroid, 500, **given)
     for count in (10_000, 100_000):
-        yield HardCase(
-            f"P38 {count}", f"{count:,} triangles with one centroid", depth, partial(one_centroid, count), large=True
-        )
+        yield case(f"P38 {count}", f"{count:,} triangles with one centroid", depth, one_centroid, count, large=True)
 
     stack = "the deepest tree: stacks that overflow"
     for turn, axis in enumerate("xyz"):
-        yield HardCase(
-            f"P39 {axis}", "sizes halved 148 times", stack, partial(halving, -FLOAT32_HALVINGS, 0, -4.0, turn)
-        )
+        yield case(f"P39 {axis}", "sizes halved 148 times", stack, halving, -FLOAT32_HALVINGS, 0, -4.0, turn)
     for name, first, last, eye in (
         ("near", -FLOAT32_HALVINGS, 0, 4.0), ("within", -FLOAT32_HALVINGS, 0, -(2.0**-40)),
         ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0),
     ):  # fmt: skip
-        yield HardCase(
-            f"P39 {name}", f"sizes 2^{first} to 2^{last}, eye at {eye:.0e}", stack, partial(halving, first, last, eye)
-        )
+        yield case(f"P39 {name}", f"sizes 2^{first} to 2^{last}, eye at {eye:.0e}", stack, halving, first, last, eye)
     for name, turn, scale in (("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)):
-        yield HardCase(f"P39 {name}", "96 chains of halved sizes", stack, partial(many_chains, turn, scale))
+        yield case(f"P39 {name}", "96 chains of halved sizes", stack, many_chains, turn, scale)
 
     for kind in ("faces", "edges", "point"):
         for turn, axis in enumerate("xyz"):
-            yield HardCase(
+            yield case(
                 f"S39 {kind} {axis}", f"shadow rays along an axis, {kind}",
-                "division by 0; rays in walls and through corners",
-                partial(along_an_axis, kind, turn), excusable=AT_INFINITY,
+                "division by 0; rays in walls and through corners", along_an_axis, kind, turn, excusable=AT_INFINITY,
             )  # fmt: skip
     for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
-        yield HardCase(
-            f"S39 edges {name}",
-            f"the same, {name}",
-            "the same",
-            partial(along_an_axis, "edges", 0, scale, offset),
+        yield case(
+            f"S39 edges {name}", f"the same, {name}", "the same", along_an_axis, "edges", 0, scale, offset,
             excusable=AT_INFINITY,
-        )
+        )  # fmt: skip
 
     for kind in ("only", "wall", "rounded"):
         for turn, axis in enumerate("xyz"):
-            yield HardCase(
-                f"P40 {kind} {axis}",
-                f"all corners on one line, {kind}",
-                "boxes of a diagonal; no area",
-                partial(on_one_line, kind, turn),
-            )
+            yield case(
+                f"P40 {kind} {axis}", f"all corners on one line, {kind}", "boxes of a diagonal; no area", on_one_line,
+                kind, turn,
+            )  # fmt: skip
     for order in ("nw", "wnw", "iw", "wniw"):
-        yield HardCase(
-            f"P41 {order}",
-            "a whole frame after one of NaN or infinity",
-            "bounds that stay NaN",
-            partial(after_nothing, order),
-        )
+        yield case(
+            f"P41 {order}", "a whole frame after one of NaN or infinity", "bounds that stay NaN", after_nothing, order,
+        )  # fmt: skip
     for count in EDGES_OF_BLOCKS:
-        yield HardCase(
-            f"P42 {count}", f"{count} triangles", "the last triangle of a block or a warp",
-            partial(so_many, count, count % 3), large=count not in (33, 128, 257),
+        yield case(
+            f"P42 {count}", f"{count} triangles", "the last triangle of a block or a warp", so_many, count, count % 3,
+            large=count not in (33, 128, 257),
         )  # fmt: skip
     lists = "long lists; a ray that tests everything"
     for same in (False, True):
         name = f"P43{' plane' if same else ''}"
         for suffix, turn, scale in (("", 0, 1.0), (" y small", 1, 1e-9), (" z large", 2, 1e9)):
-            yield HardCase(
-                f"{name}{suffix}",
-                "64 triangles that fill the picture",
-                lists,
-                partial(full_screen, 64, same, turn, scale),
-            )
+            yield case(
+                f"{name}{suffix}", "64 triangles that fill the picture", lists, full_screen, 64, same, turn, scale,
+            )  # fmt: skip
         count = 1000 if same else 4000  # ties are decided one by one
-        yield HardCase(
-            f"{name} {count}",
-            f"{count:,} triangles that fill the picture",
-            lists,
-            partial(full_screen, count, same),
+        yield case(
+            f"{name} {count}", f"{count:,} triangles that fill the picture", lists, full_screen, count, same,
             large=True,
-        )
+        )  # fmt: skip
     for turn, axis in enumerate("xyz"):
         for directional in (False, True):
-            yield HardCase(
+            yield case(
                 f"S40 {axis}{' sun' if directional else ''}", "68,644 rays and a few in one cell",
-                "counters of 16 bits; one long list",
-                partial(one_light_cell, directional, turn), large=True,
+                "counters of 16 bits; one long list", one_light_cell, directional, turn, large=True,
             )  # fmt: skip
     for exact in (True, False):
         for suffix, turn, scale in (("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40)):
-            yield HardCase(
+            yield case(
                 f"P44{'' if exact else ' rounded'}{suffix}", "T-junctions", "rays lost at a vertex on another's edge",
-                partial(t_junctions, exact, turn, scale), excusable=0.0 if exact else 0.02,
+                t_junctions, exact, turn, scale, excusable=0.0 if exact else 0.02,
             )  # fmt: skip
 
 

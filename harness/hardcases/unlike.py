@@ -7,12 +7,11 @@ An edge whose ends are 1e9 and more times as far away as what passes it is decid
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
 from ..scene.light_paths import vector
-from .case import Counts, HardCase, Mesh, Trial, joined, plane, quad, soup, spot_light, triangles, view
+from .case import Counts, HardCase, Mesh, Trial, case, joined, plane, quad, soup, spot_light, triangles, view
 from .variants import ball_on_floor
 
 EDGE, THIRD = np.array([3.0, 2.0, 1.0]), np.array([-5.0, 7.0, 2.0])
@@ -99,37 +98,31 @@ def thin_axis(power: int, turn: int, mesh: Mesh) -> Trial:
     eye, towards, *lights = (
         vector(np.array(p) * factors) for p in ((0.3, 1.7, 1.5), (-0.2, -1.3, -1.5), (1, 2.5, 0.5), (-0.4, 0.1, 0.7))
     )
-    return view(
-        (mesh[0] * factors, mesh[1]), lights, eye, towards, 2.0**power, (2, 128), up=(0, 0, 1), turn=turn,
-    )  # fmt: skip
+    return view((mesh[0] * factors, mesh[1]), lights, eye, towards, 2.0**power, (2, 128), up=(0, 0, 1), turn=turn)
 
 
 def _cases() -> Iterator[HardCase]:
     digits = "edges decided from corners far away"
     for k, power in enumerate(POWERS):
-        yield HardCase(
-            f"P60 {power}", f"a triangle 2^{power} large, seen at its border", digits, partial(giant_edge, power, k % 3)
-        )  # fmt: skip
-        yield HardCase(
-            f"S60 {power}", f"the shadow of a triangle 2^{power} large", digits, partial(giant_shadow, power, k % 3)
-        )  # fmt: skip
+        yield case(f"P60 {power}", f"a triangle 2^{power} large, seen at its border", digits, giant_edge, power, k % 3)
+        yield case(f"S60 {power}", f"the shadow of a triangle 2^{power} large", digits, giant_shadow, power, k % 3)
     for k, distance in enumerate((4.0, 1e3, 1e6)):
         for share in (1e-6, 1e-10, 1e-14):
-            yield HardCase(
+            yield case(
                 f"S61 {distance:g} {share:g}", f"an occluder {share:g} of the way before a light at {distance:g}",
-                "a surface near the light taken for one at the light",
-                partial(before_the_light, distance, share, distance / 1e3, k),
+                "a surface near the light taken for one at the light", before_the_light, distance, share,
+                distance / 1e3, k,
             )  # fmt: skip
         for gap in (1e-6, 1e-9, 1e-12):
-            yield HardCase(
+            yield case(
                 f"S62 {distance:g} {gap:g}", f"an occluder {gap:g} above the hit point, a light at {distance:g}",
-                "a surface near the hit point taken for its own", partial(before_the_hit, distance, gap, k),
+                "a surface near the hit point taken for its own", before_the_hit, distance, gap, k,
             )  # fmt: skip
     for turn in range(4):
-        yield HardCase(
+        yield case(
             f"S63 {turn}", "spots whose borders touch a contact of two surfaces",
-            "rounding of the hit point decides on which side of a spot's border it is",
-            partial(spots_at_a_contact, turn > 0, turn % 3),
+            "rounding of the hit point decides on which side of a spot's border it is", spots_at_a_contact, turn > 0,
+            turn % 3,
         )  # fmt: skip
     meshes = (
         ("", "a ball on a floor", ball_on_floor()),
@@ -137,9 +130,9 @@ def _cases() -> Iterator[HardCase]:
     )
     for suffix, title, mesh in meshes:
         for turn, power in enumerate((-20, -40, -60)):
-            yield HardCase(
+            yield case(
                 f"V axis {power}{suffix}", f"{title}, one axis times 2^{power}", "bounds by the largest coordinate",
-                partial(thin_axis, power, turn, mesh),
+                thin_axis, power, turn, mesh,
             )  # fmt: skip
 
 

@@ -6,11 +6,10 @@ With scales and offsets that are not powers of two the mesh is rounded again; th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
 
 import numpy as np
 
-from .case import HardCase, Mesh, Trial, ball, joined, pixel_centres, quad, sheet, soup, view
+from .case import HardCase, Mesh, Trial, ball, case, joined, pixel_centres, quad, sheet, soup, view
 
 SCALES = (1e-6, 1e-3, 2.0**-20, 1e3, 1e6)
 OFFSETS = (1.0, 1e3, 1e5)
@@ -63,26 +62,19 @@ def _cases() -> Iterator[HardCase]:
     )
     for name, title, build in scenes:
         for scale in SCALES:
-            yield HardCase(
-                f"V {name} x{scale:.3g}", f"{title}, scale {scale:.3g}", "absolute epsilons",
-                partial(build, scale, 0.0),
-            )  # fmt: skip
+            yield case(f"V {name} x{scale:.3g}", f"{title}, scale {scale:.3g}", "absolute epsilons", build, scale, 0.0)
         for offset in OFFSETS:
-            yield HardCase(
-                f"V {name} +{offset:g}", f"{title}, {offset:g} scene sizes from the origin", "no recentring",
-                partial(build, 1.0, offset),
+            yield case(
+                f"V {name} +{offset:g}", f"{title}, {offset:g} scene sizes from the origin", "no recentring", build,
+                1.0, offset,
             )  # fmt: skip
-        yield HardCase(
-            f"V {name} x1e-6 +1e5", f"{title}, small and far off", "both at once",
-            partial(build, 1e-6, 1e5),
-        )  # fmt: skip
+        yield case(f"V {name} x1e-6 +1e5", f"{title}, small and far off", "both at once", build, 1e-6, 1e5)
     for radii in LIGHT_DISTANCES:
         for inside in (True, False):
             where = "ball" if inside else "floor"
-            yield HardCase(
+            yield case(
                 f"V light {radii:g} {where}", f"light {radii:g} radii from the {where}",
-                "offsets near, rounding of v - L far",
-                partial(light_distance, radii, inside),
+                "offsets near, rounding of v - L far", light_distance, radii, inside,
             )  # fmt: skip
 
 
