@@ -11,7 +11,7 @@ is geometric: the plane does not shadow its own points, and the occluder does no
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -96,6 +96,14 @@ def case(
 ) -> HardCase:
     """A case whose scene ``build`` makes from the further arguments; see :class:`HardCase`."""
     return HardCase(name, title, breaks, partial(build, *arguments, **given), refused, excusable, large)
+
+
+def along_axes(
+    name: str, title: str, breaks: str, build: Callable[..., Trial], *arguments: Any, ends: str = " yz", **given: Any
+) -> Iterator[HardCase]:
+    """A case, and the same with its axes permuted once and twice (``turn`` of its builder). ``ends``: of their names."""
+    for turn, end in enumerate(ends):
+        yield case(f"{name}{end.strip()}", title, breaks, build, *arguments, turn=turn, **given)
 
 
 def view(

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light, Vector
-from .case import Counts, HardCase, Mesh, Trial, case, joined, plane, sheet, triangles, view
+from .case import Counts, HardCase, Mesh, Trial, along_axes, case, joined, plane, sheet, triangles, view
 from .variants import ball_on_floor, small_scene
 
 SCALES = (1e-36, 1e-30, 1e-24, 1e-18, 1e-12, 1e12, 1e15, 5e18, 2e19, 1e20, 1e28, 1e36)
@@ -167,26 +167,21 @@ def _cases() -> Iterator[HardCase]:
         "V sun 3e21", "directional lights, scale 3e21", "a light at infinity, no shadow, and no word", sun, 3e21,
         refused=True,
     )  # fmt: skip
-    for turn, axis in enumerate("xyz"):
-        flushed = "subnormal numbers flushed to 0"
-        yield case(f"V subnormal {axis}", "ball on a floor, scale 2^-131", flushed, subnormal_scene, turn)
-        yield case(f"V among {axis}", "vertices off a plane by subnormal numbers", flushed, among_subnormals, turn)
-        for eye in (2.0**-148, 2.0**-130):
-            yield case(
-                f"V least {eye:.0e} {axis}", f"sheets one least number apart, seen from {eye:.0e}", flushed,
-                one_step_from_zero, eye, turn,
-            )  # fmt: skip
-        yield case(f"V zeros {axis}", "vertices at 0 and -0", "0 and -0 taken for two vertices", two_zeros, turn)
+    flushed = "subnormal numbers flushed to 0"
+    yield from along_axes("V subnormal ", "ball on a floor, scale 2^-131", flushed, subnormal_scene, ends="xyz")
+    off = "vertices off a plane by subnormal numbers"
+    yield from along_axes("V among ", off, flushed, among_subnormals, ends="xyz")
+    for eye in (2.0**-148, 2.0**-130):
+        apart = f"sheets one least number apart, seen from {eye:.0e}"
+        yield from along_axes(f"V least {eye:.0e} ", apart, flushed, one_step_from_zero, eye, ends="xyz")
+    yield from along_axes("V zeros ", "vertices at 0 and -0", "0 and -0 taken for two vertices", two_zeros, ends="xyz")
     for seed in MIXED_SEEDS:
         yield case(
             f"V mixed {seed}", "coordinates of 1e-8 to 1e8 in one mesh", "bounds by the largest coordinate",
             mixed_scene, seed,
         )  # fmt: skip
-    for turn, axis in enumerate("xyz"):
-        yield case(
-            f"V stretched {axis}", "ball on a floor, 1e5 times as long and flat", "bounds by the largest coordinate",
-            stretched, turn,
-        )  # fmt: skip
+    longer = "ball on a floor, 1e5 times as long and flat"
+    yield from along_axes("V stretched ", longer, "bounds by the largest coordinate", stretched, ends="xyz")
 
 
 CASES = tuple(_cases())

@@ -6,7 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from .case import Counts, Mesh, Trial, ball, box, case, joined, pixel_centres, plane, quad, sheet, soup, triangles, view
+from .case import (
+    Counts,
+    Mesh,
+    Trial,
+    along_axes,
+    ball,
+    box,
+    case,
+    joined,
+    pixel_centres,
+    plane,
+    quad,
+    sheet,
+    soup,
+    triangles,
+    view,
+)
 
 ORIGIN = (0.0, 0.0, 0.0)
 ABOVE = (0.3, 3.0, 0.25)
@@ -158,24 +174,15 @@ def needles(seed: int) -> Trial:
 
 
 CASES = (
-    *(
-        case(
-            f"P01{suffix}", "triangle across the eye",
-            "a vertex behind the eye is mirrored by the perspective division", across_the_eye, turn,
-        )
-        for turn, suffix in enumerate(("", "y", "z"))
+    *along_axes(
+        "P01", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division", across_the_eye,
     ),
     case("P01s", "two hundred triangles around the eye", "the same, with every shape", many_across),
     case("P02", "triangle behind the eye", "a mirror image after the perspective division", behind_the_eye),
     case("P03", "eye inside a closed box", "back-face culling gives a black image", inside_a_box),
     case("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner", into_a_corner),
     case("P07", "rays with components 0", "division by 0; 0 times infinity", zero_components),
-    *(
-        case(
-            f"P07n{suffix}", "rays with components -0", "division by -0; the sign of a step along -0", minus_zero, turn,
-        )
-        for turn, suffix in enumerate(("", "y", "z"))
-    ),
+    *along_axes("P07n", "rays with components -0", "division by -0; the sign of a step along -0", minus_zero),
     case("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle", in_the_plane),
     case(
         "P10", "diagonal through corners of cells", "grid traversal visits only one of the neighbouring cells",

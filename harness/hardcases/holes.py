@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..scene.scene import AlphaMask, Geometry
-from .case import Counts, Mesh, Trial, ball, case, joined, plane, quad, view
+from .case import Counts, Mesh, Trial, along_axes, ball, case, joined, plane, quad, view
 
 Mask = Callable[[Geometry], AlphaMask]
 
@@ -88,13 +88,7 @@ CASES = (
     ),
     case("H01b", "rays within rounding of borders", "coordinates interpolated in float32", on_borders, 1e-3),
     case("H02", "holes in one of two duplicates", "the tie is decided before the hole: rays pass both", in_duplicates),
-    *(
-        case(
-            f"H03{suffix}", "a grate before the light", "any-hit traversal that ends at a hole", grate, 1 / 8, 128,
-            turn,
-        )
-        for turn, suffix in enumerate(("", "y", "z"))
-    ),
+    *along_axes("H03", "a grate before the light", "any-hit traversal that ends at a hole", grate, 1 / 8, 128),
     case(
         "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side", grate,
         1 / 16, 256,

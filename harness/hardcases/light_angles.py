@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from .case import Counts, Trial, case, joined, plane, quad, spot_light, triangles, view
+from .case import Counts, Trial, along_axes, joined, plane, quad, spot_light, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -90,7 +90,7 @@ def spot_ahead(turn: int = 0) -> Trial:
     return spot_over_seam(turn, seam=False)
 
 
-BUILDERS = (
+ROWS = (
     ("S01", "wall across the azimuth's seam", "a box of azimuths wraps to the full circle or its complement", seam),
     ("S02", "pole inside a triangle", "bounds that are not the full circle of azimuth up to the pole", pole_inside),
     ("S03", "nadir under a ceiling light", "a pole of the spherical map among the receivers", nadir),
@@ -106,8 +106,4 @@ BUILDERS = (
     ("S18", "walls all around the light", "seam, both poles and every face of a cube at once", around_the_light),
 )
 
-CASES = tuple(
-    case(f"{name}{suffix}", title, breaks, build, turn)
-    for name, title, breaks, build in BUILDERS
-    for turn, suffix in enumerate(("", "y", "z"))
-)
+CASES = tuple(made for row in ROWS for made in along_axes(*row))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene.scene import Light
-from .case import Counts, Trial, ball, box, case, joined, pixel_centres, plane, quad, sheet, triangles, view
+from .case import Counts, Trial, along_axes, ball, box, case, joined, pixel_centres, plane, quad, sheet, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
+ON_PLANE = "t = 0 taken for a hit; an origin on the wrong side"
 
 
 def light_in_triangle() -> Trial:
@@ -206,16 +207,9 @@ CASES = (
     ),
     case("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon", tiny_occluder),
     case("S12", "grazing light on a tilted floor", "a fixed epsilon: acne", grazing_floor),
-    *(
-        case(
-            f"S12{name}{suffix}", f"receivers {what}", "t = 0 taken for a hit; an origin on the wrong side",
-            on_their_plane, steps, turn,
-        )
-        for name, steps, what in (
-            ("b", 0, "exactly on their plane"), ("c", 1, "half a step off their plane"), ("d", 3, "beside their plane")
-        )
-        for turn, suffix in enumerate(("", "y", "z"))
-    ),
+    *along_axes("S12b", "receivers exactly on their plane", ON_PLANE, on_their_plane, 0),
+    *along_axes("S12c", "receivers half a step off their plane", ON_PLANE, on_their_plane, 1),
+    *along_axes("S12d", "receivers beside their plane", ON_PLANE, on_their_plane, 3),
     *(
         case(
             f"S13{name}", f"two sheets {what} apart, from {'above' if above else 'below'}",

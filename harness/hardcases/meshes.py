@@ -12,6 +12,7 @@ from .case import (
     Counts,
     Mesh,
     Trial,
+    along_axes,
     ball,
     box,
     case,
@@ -250,6 +251,8 @@ def through_every_cell() -> Trial:
     )
 
 
+LEAVES = "0 times infinity: the ray leaves the box before it enters"
+
 CASES = (
     case("P04", "one triangle 2e4 wide", "one pair for every tile", huge_triangle),
     case(
@@ -268,15 +271,8 @@ CASES = (
     case("P08", "flat sheet, rays to its border", NO_THICKNESS, flat_sheet, 1, False),
     case("P08b", "flat sheet, rays through edges", NO_THICKNESS, flat_sheet, 2, False),
     case("P08c", "flat sheet with split vertices", "no rule for rays through edges", flat_sheet, 2, True),
-    *(
-        case(
-            f"P08{'d' if upper else 'e'}{suffix}",
-            f"rays in the {'upper' if upper else 'lower'} face of the scene's box",
-            "0 times infinity: the ray leaves the box before it enters", beside_the_eye, turn, upper,
-        )
-        for upper in (True, False)
-        for turn, suffix in enumerate(("", "y", "z"))
-    ),
+    *along_axes("P08d", "rays in the upper face of the scene's box", LEAVES, beside_the_eye, upper=True),
+    *along_axes("P08e", "rays in the lower face of the scene's box", LEAVES, beside_the_eye, upper=False),
     case("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
     case("P11b", "empty scene", "an inverted box, arrays of length 0", empty, 0),
     case("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", empty, 4),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Geometry
-from .case import Counts, Trial, ball, box, case, joined, plane, quad, soup, view
+from .case import Counts, Trial, along_axes, ball, box, case, joined, plane, quad, soup, view
 
 Mirrors = Callable[[Geometry], NDArray[np.uint8]]
 
@@ -62,12 +62,9 @@ def splinters(seed: int) -> Trial:
 
 
 CASES = (
-    *(
-        case(
-            f"M01{suffix}", "a hall of mirrors: rays at its edges and corners",
-            "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", hall, 16.0, turn,
-        )
-        for turn, suffix in enumerate(("", "y", "z"))
+    *along_axes(
+        "M01", "a hall of mirrors: rays at its edges and corners",
+        "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", hall, 16.0,
     ),
     *(
         case(

@@ -14,7 +14,24 @@ import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light
-from .case import F64, Counts, HardCase, Mesh, Trial, ball, box, case, joined, plane, quad, sheet, soup, triangles, view
+from .case import (
+    F64,
+    Counts,
+    HardCase,
+    Mesh,
+    Trial,
+    along_axes,
+    ball,
+    box,
+    case,
+    joined,
+    plane,
+    quad,
+    sheet,
+    soup,
+    triangles,
+    view,
+)
 
 ORIGIN = (0.0, 0.0, 0.0)
 FLOAT32_HALVINGS = 148
@@ -222,8 +239,7 @@ def _cases() -> Iterator[HardCase]:
         yield case(f"P38 {count}", f"{count:,} triangles with one centroid", depth, one_centroid, count, large=True)
 
     stack = "the deepest tree: stacks that overflow"
-    for turn, axis in enumerate("xyz"):
-        yield case(f"P39 {axis}", "sizes halved 148 times", stack, halving, -FLOAT32_HALVINGS, 0, -4.0, turn)
+    yield from along_axes("P39 ", "sizes halved 148 times", stack, halving, -FLOAT32_HALVINGS, 0, -4.0, ends="xyz")
     for name, first, last, eye in (
         ("near", -FLOAT32_HALVINGS, 0, 4.0), ("within", -FLOAT32_HALVINGS, 0, -(2.0**-40)),
         ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0),
@@ -233,11 +249,10 @@ def _cases() -> Iterator[HardCase]:
         yield case(f"P39 {name}", "96 chains of halved sizes", stack, many_chains, turn, scale)
 
     for kind in ("faces", "edges", "point"):
-        for turn, axis in enumerate("xyz"):
-            yield case(
-                f"S39 {kind} {axis}", f"shadow rays along an axis, {kind}",
-                "division by 0; rays in walls and through corners", along_an_axis, kind, turn, excusable=AT_INFINITY,
-            )  # fmt: skip
+        yield from along_axes(
+            f"S39 {kind} ", f"shadow rays along an axis, {kind}", "division by 0; rays in walls and through corners",
+            along_an_axis, kind, ends="xyz", excusable=AT_INFINITY,
+        )  # fmt: skip
     for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
         yield case(
             f"S39 edges {name}", f"the same, {name}", "the same", along_an_axis, "edges", 0, scale, offset,
@@ -245,11 +260,8 @@ def _cases() -> Iterator[HardCase]:
         )  # fmt: skip
 
     for kind in ("only", "wall", "rounded"):
-        for turn, axis in enumerate("xyz"):
-            yield case(
-                f"P40 {kind} {axis}", f"all corners on one line, {kind}", "boxes of a diagonal; no area", on_one_line,
-                kind, turn,
-            )  # fmt: skip
+        corners = f"all corners on one line, {kind}"
+        yield from along_axes(f"P40 {kind} ", corners, "boxes of a diagonal; no area", on_one_line, kind, ends="xyz")
     for order in ("nw", "wnw", "iw", "wniw"):
         yield case(
             f"P41 {order}", "a whole frame after one of NaN or infinity", "bounds that stay NaN", after_nothing, order,
