@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,15 +28,15 @@ PLACES = 48
 """Number of places of the light around a scene that does not move, without ``--frames``."""
 
 
+@dataclass(frozen=True, eq=False)
 class Renderer:
     """Pictures of one scene from the answers of one method, at one size. Made by :func:`opened`."""
 
-    def __init__(self, scene: str, method: str, prepared: Prepared, session: Session, size: tuple[int, int]):
-        self.scene = scene
-        self.method = method
-        self.prepared = prepared
-        self.session = session
-        self.size = size
+    scene: str
+    method: str
+    prepared: Prepared
+    session: Session
+    size: tuple[int, int]
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
         """The picture of a frame, uint8 [height, width, 3]; a stand-in gets a caption that names it as one."""

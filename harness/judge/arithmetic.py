@@ -61,20 +61,24 @@ def _cross(p: Integers, q: Integers) -> Integers:
     return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
 
 
-def _dot(p: Sequence[int], q: Sequence[int]) -> int:
+def dot(p: Sequence[int], q: Sequence[int]) -> int:
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 
 
 def weights(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> Integers:
     """Numbers in the ratio of the weights of a, b and c at the point where the line through the origin along ``d`` meets
     their plane."""
-    return _dot(d, _cross(c, b)), _dot(d, _cross(a, c)), _dot(d, _cross(b, a))
+    return dot(d, _cross(c, b)), dot(d, _cross(a, c)), dot(d, _cross(b, a))
+
+
+def _seen_from(o: Sequence[int], triangle: Sequence[int]) -> tuple[Integers, Integers, Integers]:
+    """The corners of a triangle of nine integers, seen from a point."""
+    return _sub(triangle[0:3], o), _sub(triangle[3:6], o), _sub(triangle[6:9], o)
 
 
 def hit_weights(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> Integers:
     """:func:`weights` of a ray from ``o`` and a triangle of nine integers in one scale."""
-    a, b, c = (_sub(triangle[j : j + 3], o) for j in (0, 3, 6))
-    return weights(d, a, b, c)
+    return weights(d, *_seen_from(o, triangle))
 
 
 def crosses(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> bool:
@@ -88,38 +92,28 @@ def hit(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[in
 
     ``o`` and the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two.
     """
-    va, vb, vc = triangle[0:3], triangle[3:6], triangle[6:9]
-    a, b, c = _sub(va, o), _sub(vb, o), _sub(vc, o)
-    if not crosses(d, a, b, c):
-        return None
-    return plane_hit(d, a, _cross(_sub(b, a), _sub(c, a)))
+    return on_plane(o, d, triangle) if crosses(d, *_seen_from(o, triangle)) else None
 
 
 def on_plane(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[int, int] | None:
     """As :func:`hit`, on the plane of the triangle, inside it or not."""
-    a, b, c = (_sub(triangle[j : j + 3], o) for j in (0, 3, 6))
-    return plane_hit(d, a, _cross(_sub(b, a), _sub(c, a)))
-
-
-def plane_of(o: Sequence[int], triangle: Sequence[int]) -> tuple[Integers, int]:
-    """The normal of a triangle of nine integers, not of unit length, and the height of its plane over ``o`` times that."""
-    a, b, c = (_sub(triangle[j : j + 3], o) for j in (0, 3, 6))
-    normal = _cross(_sub(b, a), _sub(c, a))
-    return normal, _dot(normal, a)
-
-
-def plane_hit(d: Sequence[int], a: Integers, normal: Integers) -> tuple[int, int] | None:
-    """Exact t > 0 at which a ray from the origin meets the plane through ``a``, or None."""
-    over, under = _dot(normal, a), _dot(normal, d)
+    normal, over = plane_of(o, triangle)
+    under = dot(normal, d)
     if under < 0:
         over, under = -over, -under
     return (over, under) if under > 0 and over > 0 else None
 
 
+def plane_of(o: Sequence[int], triangle: Sequence[int]) -> tuple[Integers, int]:
+    """The normal of a triangle of nine integers, not of unit length, and the height of its plane over ``o`` times that."""
+    a, b, c = _seen_from(o, triangle)
+    normal = _cross(_sub(b, a), _sub(c, a))
+    return normal, dot(normal, a)
+
+
 def in_plane(point: Sequence[int], triangle: Sequence[int]) -> bool:
     """Whether a point lies in the plane of a triangle of nine integers in one scale."""
-    a, b, c = (_sub(triangle[j : j + 3], point) for j in (0, 3, 6))
-    return _dot(a, _cross(b, c)) == 0
+    return plane_of(point, triangle)[1] == 0
 
 
 def between(p: Integers, light: Integers, triangle: Sequence[Integers]) -> bool:
@@ -127,7 +121,7 @@ def between(p: Integers, light: Integers, triangle: Sequence[Integers]) -> bool:
     a, b, c = (_sub(v, p) for v in triangle)
     d = _sub(light, p)
     normal = _cross(_sub(b, a), _sub(c, a))
-    near, far = _dot(normal, a), _dot(normal, _sub(light, triangle[0]))
+    near, far = dot(normal, a), dot(normal, _sub(light, triangle[0]))
     if near == 0 or far == 0 or (near > 0) != (far > 0):
         return False
     return crosses(d, a, b, c)

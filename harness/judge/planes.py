@@ -50,7 +50,7 @@ def _exactly(corners: F64, o: F64, d: F64) -> tuple[float, float, float, float]:
     origin, way, triangle = ints[0:3], ints[3:6], ints[6:15]
     weights = exact.hit_weights(origin, way, triangle)
     normal, height = exact.plane_of(origin, triangle)
-    under, longest = sum(n * x for n, x in zip(normal, way, strict=True)), max(abs(n) for n in normal)
+    under, longest = exact.dot(normal, way), max(map(abs, normal))
     if not under:
         return math.nan, math.nan, math.nan, 0.0
     unit = math.hypot(*(n / longest for n in normal))

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from .catalogue import resolve
 from .moment import ray_tables
-from .offered import offered
 from .readers.checks import ALL, Wanted
-from .scene import Light, Scene, Vector
+from .scene import Light, Scene, Vector, offered
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ import numpy as np
 from ..errors import UserError
 from .declared_values import known, listed, made, typed, with_path
 from .moment import ray_tables
-from .offered import offered
-from .scene import Camera, Light, Scene, Spot, Vector
+from .scene import Camera, Light, Scene, Spot, Vector, offered
 from .spotlight import spot_row
 
 T = TypeVar("T")

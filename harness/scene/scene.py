@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import UserError, did_you_mean
+
+T = TypeVar("T")
 Vector = tuple[float, float, float]
 
 
@@ -206,3 +209,12 @@ class Scene:
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     lamps: Mapping[str, Light] = field(default_factory=dict)
     rate: float | None = None
+
+
+def offered(title: str, kind: str, known: Mapping[str, T], name: str) -> T:
+    """The camera or light of this name that a scene offers. Raises :class:`UserError` if it offers none of that name."""
+    if name in known:
+        return known[name]
+    if not known:
+        raise UserError(f"{title}: has no {kind} {name!r}; its file offers none")
+    raise UserError(f"{title}: has no {kind} {name!r}{did_you_mean(name, known)}")

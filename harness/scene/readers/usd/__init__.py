@@ -6,7 +6,7 @@ shapes    triangles of meshes; gprims: of spheres, cubes ...; skins: of what a s
 drawing   what is drawn where; instancers: many times
 times     at which time codes
 views     its cameras and lights
-read      all of this together; notes: what it has approximated or left out
+read      all of this together, with what it has approximated or left out
 """
 
 from __future__ import annotations
