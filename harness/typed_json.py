@@ -31,19 +31,6 @@ class WrongFieldError(ValueError):
     """A value does not have the type of its field; the text names both."""
 
 
-class _Fault(Exception):
-    """What is wrong with a value. ``text(name)``: the message, with the name of the field, which its containers complete."""
-
-    def __init__(self, text: Callable[[str], str], name: str = ""):
-        self.text = text
-        self.name = name
-
-    def within(self, container: str) -> _Fault:
-        joint = "." if self.name and container and self.name[0] != "[" else ""
-        self.name = f"{container}{joint}{self.name}"
-        return self
-
-
 def checked(kind: Any, value: Any, name: str = "") -> Any:
     """``value``, which JSON gave, as an instance of the type ``kind``: dataclasses are made, all else is checked.
 
@@ -52,14 +39,11 @@ def checked(kind: Any, value: Any, name: str = "") -> Any:
     ``Annotated[str, pattern, "what it is"]``. Numbers must be finite, also in values of any type. Raises
     :class:`WrongFieldError`.
     """
-    try:
-        return _check_of(kind)(value)
-    except _Fault as fault:
-        fault.within(name)
-        raise WrongFieldError(fault.text(fault.name)) from fault
+    return _check_of(kind)(value, name)
 
 
-Check = Callable[[Any], Any]
+Check = Callable[[Any, str], Any]
+"""(value, name of its field for the message) to the value as it is to be."""
 
 
 @cache
@@ -85,13 +69,13 @@ def _check_of(kind: Any) -> Check:
 def _scalar(kind: type) -> Check:
     accepted = (int, float) if kind is float else kind
 
-    def check(value: Any) -> Any:
+    def check(value: Any, name: str) -> Any:
         # JSON's true and false are not numbers, unlike Python's.
         fits = isinstance(value, accepted) and isinstance(value, bool) <= (kind is bool)
         if not fits or (kind is float and not math.isfinite(value)):
-            raise _Fault(lambda name: f"{name or 'all of it'} is {_shown(value)}, not {CALLED[kind]}")
+            raise WrongFieldError(f"{name or 'all of it'} is {_shown(value)}, not {CALLED[kind]}")
         if kind is int and abs(value) > LARGEST:
-            raise _Fault(lambda name: f"{name} is {_shown(value)}: more than 64 bits hold")
+            raise WrongFieldError(f"{name} is {_shown(value)}: more than 64 bits hold")
         return value
 
     return check
@@ -110,37 +94,34 @@ def _outline(value: Any) -> str:
         return f"a large {type(value).__name__}"
 
 
-def _anything(value: Any) -> Any:
+def _anything(value: Any, name: str) -> Any:
     """A value of any type, whose numbers are finite."""
     if isinstance(value, float) and not math.isfinite(value):
-        raise _Fault(lambda name: f"{name} is {value}, not a number")
+        raise WrongFieldError(f"{name} is {value}, not a number")
     if isinstance(value, list | dict):
         for key, one in value.items() if isinstance(value, dict) else enumerate(value):
-            try:
-                _anything(one)
-            except _Fault as fault:
-                raise fault.within(f"[{key}]") from None
+            _anything(one, f"{name}[{key}]")
     return value
 
 
 def _optional(check: Check) -> Check:
-    return lambda value: None if value is None else check(value)
+    return lambda value, name: None if value is None else check(value, name)
 
 
 def _between(check: Check, least: float, most: float = math.inf) -> Check:
-    def checked_range(value: Any) -> Any:
-        if not least <= check(value) <= most:
+    def checked_range(value: Any, name: str) -> Any:
+        if not least <= check(value, name) <= most:
             side = f"less than {least:g}" if value < least else f"more than {most:g}"
-            raise _Fault(lambda name: f"{name} is {value}: {side}")
+            raise WrongFieldError(f"{name} is {value}: {side}")
         return value
 
     return checked_range
 
 
 def _matching(check: Check, pattern: re.Pattern[str], called: str) -> Check:
-    def checked_text(value: Any) -> Any:
-        if not pattern.fullmatch(check(value)):
-            raise _Fault(lambda name: f"{name} is {_shown(value)}, not {called}")
+    def checked_text(value: Any, name: str) -> Any:
+        if not pattern.fullmatch(check(value, name)):
+            raise WrongFieldError(f"{name} is {_shown(value)}, not {called}")
         return value
 
     return checked_text
@@ -151,37 +132,21 @@ def _sequence(made: type, kind: Any) -> Check:
     plain = get_args(kind)[0] if get_origin(kind) is Annotated else kind
     least = get_args(kind)[1] if plain is not kind else -math.inf
 
-    def checked_items(values: Any) -> Any:
-        is_list(values)
+    def checked_items(values: Any, name: str) -> Any:
+        is_list(values, name)
         # Samples are most of what a record holds: all finite floats, or all whole numbers.
         if plain in (float, int) and {*map(type, values)} == {plain}:
             low, high = min(values), max(values)
             if least <= low and low >= -LARGEST and high <= LARGEST and not math.isnan(sum(values)):
                 return made(values)
-        result = []
-        for i, one in enumerate(values):
-            try:
-                result.append(check(one))
-            except _Fault as fault:
-                raise fault.within(f"[{i}]") from None
-        return made(result)
+        return made(check(one, f"{name}[{i}]") for i, one in enumerate(values))
 
     return checked_items
 
 
 def _mapping(check: Check) -> Check:
     is_dict = _scalar(dict)
-
-    def checked_values(values: Any) -> Any:
-        result = {}
-        for key, one in is_dict(values).items():
-            try:
-                result[key] = check(one)
-            except _Fault as fault:
-                raise fault.within(f"[{key}]") from None
-        return result
-
-    return checked_values
+    return lambda values, name: {key: check(one, f"{name}[{key}]") for key, one in is_dict(values, name).items()}
 
 
 def _object(kind: Any) -> Check:
@@ -190,30 +155,25 @@ def _object(kind: Any) -> Check:
     checks: dict[str, Check] = {}
     is_dict, open_ended = _scalar(dict), is_typeddict(kind)
 
-    def checked_fields(value: Any) -> Any:
-        is_dict(value)
+    def checked_fields(value: Any, name: str) -> Any:
+        is_dict(value, name)
         if not checks:  # not before: a type may refer to itself
-            checks.update({name: _check_of(hint) for name, hint in hints.items()})
+            checks.update({field: _check_of(hint) for field, hint in hints.items()})
+        lead = f"{name}." if name else ""
         for missing in (one for one in hints if one in needed and one not in value):
-            raise _Fault(lambda name: f"it has no {name}{'.' * bool(name)}{missing}")
+            raise WrongFieldError(f"it has no {lead}{missing}")
         found = {}
         for key, one in value.items():
-            check = checks.get(key)
-            if check is None:
-                if not open_ended:
-                    raise _Fault(lambda name: f"{name} is no field that this version knows", str(key))
-                check = _anything
-            try:
-                found[key] = check(one)
-            except _Fault as fault:
-                raise fault.within(key) from None
+            if key not in checks and not open_ended:
+                raise WrongFieldError(f"{lead}{key} is no field that this version knows")
+            found[key] = checks.get(key, _anything)(one, f"{lead}{key}")
         if open_ended:
             return found
         try:
             return kind(**found)
         except ValueError as error:
             text = str(error) if len(str(error)) <= 160 else str(error)[:157] + "..."
-            raise _Fault(lambda name: f"{name}: {text}" if name else text) from error
+            raise WrongFieldError(f"{name}: {text}" if name else text) from error
 
     return checked_fields
 
