@@ -14,7 +14,7 @@ from .container import Container, MissingError
 from .deformation import Skin, check_influences
 from .document import counted
 from .nodes import ONCE, Instances, Matrices, Tree, mirrored
-from .primitives import Meshes, Parts, Primitive, Vertices
+from .primitives import Meshes, Primitive, Vertices
 
 _DRAWN = 1 << 25
 """Largest number of triangles and of vertices with instances, unless the file itself has as many bytes: through instances
@@ -62,10 +62,14 @@ class _Drawn:
     """What the node at a place draws; ``weights`` of its morph targets."""
 
     place: int
-    parts: Parts
+    primitives: list[Primitive]
     skin: Skin | None
     instances: Instances
     weights: list[float]
+
+    @property
+    def triangle_count(self) -> int:
+        return self.instances.count * sum(len(primitive.corners) for primitive in self.primitives)
 
 
 class Model:
@@ -93,9 +97,9 @@ class Model:
         self._missing = self._doubtful = 0
         shown = [i for i in range(len(tree.nodes)) if tree.shown[i] and "mesh" in tree.entry(i)]
         drawn = [found for place in shown if (found := self._read(place, allow_missing)) is not None]
-        self._triangle_count = sum(one.parts.triangle_count * one.instances.count for one in drawn)
+        self._triangle_count = sum(one.triangle_count for one in drawn)
         self._refuse_more(self._triangle_count, max(_DRAWN, file.size), "triangles")
-        self._refuse_more(sum(len(one.parts.primitives) + one.instances.count for one in drawn), _DRAWS, "primitives")
+        self._refuse_more(sum(len(one.primitives) + one.instances.count for one in drawn), _DRAWS, "primitives")
         if not self._triangle_count:
             raise self._document.error("holds no triangles", "give a triangle mesh")
         for one in drawn:
@@ -115,8 +119,8 @@ class Model:
             placed = Instances(self._document, self._accessors, entry, name)
             if skin is not None and placed.given:
                 raise self._document.error(f"{name} has both a skin and instances", "leave one of them out")
-            parts = self._meshes.parts(entry["mesh"], name, skin is not None)
-            return _Drawn(place, parts, skin, placed, self._meshes.weights(entry["mesh"], entry, name))
+            primitives = self._meshes.primitives(entry["mesh"], name, skin is not None)
+            return _Drawn(place, primitives, skin, placed, self._meshes.weights(entry["mesh"], entry, name))
         except MissingError:
             if not allow_missing:
                 raise
@@ -129,7 +133,7 @@ class Model:
         turned = self._mirrored[place : place + 1] & (drawn.skin is None)
         if drawn.instances.given:
             turned = mirrored(each) ^ turned
-        for primitive in drawn.parts.primitives:
+        for primitive in drawn.primitives:
             weights = drawn.weights if primitive.vertices.targets else []
             block = Block(self.vertex_count, primitive.vertices, place, each, turned, drawn.skin, weights)
             self._parts.append((self._shared(block), primitive))
@@ -161,10 +165,10 @@ class Model:
     def notes(self) -> list[str]:
         """What was left out or is doubtful."""
         left, found = self._meshes.left_out, []
-        if left.no_surface:
-            found.append(f"{counted(left.no_surface, 'primitive')} of points or lines left out")
-        if left.no_positions:
-            found.append(f"{counted(left.no_positions, 'primitive')} without positions left out")
+        if left["no surface"]:
+            found.append(f"{counted(left['no surface'], 'primitive')} of points or lines left out")
+        if left["no positions"]:
+            found.append(f"{counted(left['no positions'], 'primitive')} without positions left out")
         if self._missing:
             found.append(f"{counted(self._missing, 'node')} left out, whose data are in a missing file")
         if self._doubtful:

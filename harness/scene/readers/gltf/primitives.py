@@ -6,6 +6,7 @@ Strips and fans are cut as the specification says; points and lines are counted 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
@@ -50,35 +51,22 @@ class Primitive:
     material: int | None
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """The primitives of a mesh that have triangles, and how many triangles these are."""
-
-    primitives: list[Primitive]
-    triangle_count: int
-
-
-@dataclass
-class LeftOut:
-    """How many primitives of the meshes that were read hold no triangles, and how many no positions."""
-
-    no_surface: int = 0
-    no_positions: int = 0
-
-
 class Meshes:
-    """The meshes of a file, each read once. ``left_out`` counts over those that were read."""
+    """The meshes of a file, each read once.
+
+    left_out  of the meshes that were read: how many primitives hold "no surface", and how many "no positions"
+    """
 
     def __init__(self, document: Document, accessors: Accessors) -> None:
         self._document = document
         self._accessors = accessors
-        self._read: dict[tuple[int, bool], Parts] = {}
+        self._read: dict[tuple[int, bool], list[Primitive]] = {}
         self._vertices: dict[Hashable, Vertices] = {}
         self._corners: dict[Hashable, tuple[NDArray[np.integer], int]] = {}
-        self.left_out = LeftOut()
+        self.left_out: Counter[str] = Counter()
 
-    def parts(self, mesh: Any, where: str, skinned: bool) -> Parts:
-        """The parts of a mesh. ``skinned``: whether joints and weights are needed."""
+    def primitives(self, mesh: Any, where: str, skinned: bool) -> list[Primitive]:
+        """The primitives of a mesh that have triangles. ``skinned``: whether joints and weights are needed."""
         entry, name = self._document.get("meshes", mesh, where), f"mesh {mesh}"
         if (mesh, skinned) not in self._read:
             refuse_unknown(self._document, entry, name)
@@ -86,8 +74,7 @@ class Meshes:
                 self._primitive(primitive, name, skinned)
                 for primitive in self._document.items(entry, "primitives", name)
             ]
-            found = [primitive for primitive in read if primitive is not None and len(primitive.corners)]
-            self._read[mesh, skinned] = Parts(found, sum(len(primitive.corners) for primitive in found))
+            self._read[mesh, skinned] = [one for one in read if one is not None and len(one.corners)]
         return self._read[mesh, skinned]
 
     def weights(self, mesh: Any, node: Entry, where: str) -> list[float]:
@@ -105,11 +92,11 @@ class Meshes:
         mode = entry.get("mode", _TRIANGLES)
         attributes = document.object(entry, "attributes", name)
         if mode in _NO_SURFACE:
-            self.left_out.no_surface += 1
+            self.left_out["no surface"] += 1
             return None
         refuse_unknown(document, entry, name)
         if "POSITION" not in attributes:
-            self.left_out.no_positions += 1
+            self.left_out["no positions"] += 1
             return None
         if mode not in (_TRIANGLES, _STRIP, _FAN):
             raise document.error(f"{name}: a primitive has the mode {mode!r}")
