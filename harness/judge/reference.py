@@ -12,7 +12,7 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
-import os
+import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import DAMAGED, opened_arrays, write_arrays
+from ..frame.devices import cpu_model
+from ..frame.schedule.threads import processors
 from ..scene.effects import Effects
 from ..scene.facts import input_hashes
 from ..scene.moment import Moment
@@ -186,15 +188,10 @@ def shadow_origins(
     return (p + (side * OFFSET_UNITS * size)[:, None] * normal).astype(np.float32)
 
 
-def thread_count() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def in_blocks(count: int, work: Callable[[slice], None]) -> None:
     """Call ``work`` on slices of ``count`` rays, on every processor."""
     blocks = [slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
-    with ThreadPoolExecutor(thread_count()) as pool:
+    with ThreadPoolExecutor(processors()) as pool:
         list(pool.map(work, blocks))
 
 
@@ -260,18 +257,12 @@ def _shadows(
 
 def processor() -> dict[str, str]:
     """Model and vector extensions of this machine: Embree's answers depend on them."""
-    model, flags = "", ""
     try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            key, _, value = line.partition(":")
-            if key.strip() == "model name":
-                model = value.strip()
-            elif key.strip() == "flags":
-                flags = " ".join(f for f in value.split() if f.startswith(("sse4", "avx", "fma")))
-                break
+        flags = re.search(r"^flags\s*:(.*)", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
     except OSError:
-        pass
-    return {"model": model or "unknown", "isa": flags or "unknown"}
+        flags = None
+    known = [flag for flag in flags[1].split() if flag.startswith(("sse4", "avx", "fma"))] if flags else []
+    return {"model": cpu_model() or "unknown", "isa": " ".join(known) or "unknown"}
 
 
 def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> dict[str, Any]:
