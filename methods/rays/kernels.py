@@ -17,7 +17,7 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
 from ..common.pixels import pixel_of
-from ..exact.ray_queries import any_hit, any_opaque_hit, closest_hit, closest_opaque_hit, shadow_segment
+from ..exact.ray_queries import any_hit, closest_hit, shadow_segment
 from ..exact.triangle import to_float64, write_hit, write_miss
 from ..gpu.entries import entry, set_entry
 
@@ -35,8 +35,8 @@ def make_primary_kernel(
 ) -> Any:
     """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted.
 
-    ``registers``: limit of registers per thread on a GPU; 0: the compiler decides. ``closest``: the test of a triangle
-    without holes; ``write``: writes what it found, where that is not exact; ``fast_math``: whether the compiler may change
+    ``registers``: limit of registers per thread on a GPU; 0: the compiler decides. ``closest``: the test of a triangle;
+    ``write``: writes what it found, where that is not exact; ``fast_math``: whether the compiler may change
     float arithmetic.
     """
     limit: dict[str, Any] = {"cuda_max_registers": registers} if registers else {}
@@ -65,10 +65,7 @@ def make_primary_kernel(
             ray = mirrored_ray(mirrored, pixel)
         o = to_float64(ray.origin)
         d = to_float64(ray.direction)
-        if wp.static(effects.alpha):
-            found = walk(closest_opaque_hit, structure, mesh, alpha, o, d, FOREVER, -1, ray)
-        else:
-            found = walk(closest, structure, mesh, alpha, o, d, FOREVER, -1, ray)
+        found = walk(closest, structure, mesh, alpha, o, d, FOREVER, -1, ray)
         if tests.shape[0] > 0:
             tests[pixel] = found.tests
         if wp.static(write is None):
@@ -115,11 +112,7 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
             origin = mirrored.origin[pixel]
         segment = shadow_segment(hit_points[pixel], entry(lights, light), own, origin)
         way = to_float64(segment.light) - segment.hit
-        one = wp.float64(1.0)
-        if wp.static(effects.alpha):
-            found = walk(any_opaque_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
-        else:
-            found = walk(any_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
+        found = walk(any_hit, structure, mesh, alpha, segment.hit, way, wp.float64(1.0), own, segment)
         if tests.shape[0] > 0:
             tests[pixel] = tests[pixel] + found.tests
         set_entry(shadowed, pixel, wp.uint8(found.done))
