@@ -180,8 +180,10 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
         seen = at[0] >= 0
         pixel = at[1] * camera.width + at[0]
         ray = eye_ray(camera, at)
-        traverse = wp.static(closest_holes if effects.alpha else closest)
-        found = traverse(seen, ray.origin, ray.direction, tree, records, undecided)
+        if wp.static(effects.alpha):
+            found = closest_holes(seen, ray.origin, ray.direction, tree, records, undecided)
+        else:
+            found = closest(seen, ray.origin, ray.direction, tree, records, undecided)
         if seen:
             # Rays and corners are read again, so that no register holds them until here.
             again = eye_ray(camera, at)
@@ -231,8 +233,10 @@ def make_listed_kernel(exact: bool) -> Any:
             return
         pixel = entry(listed.pixels, k)
         ray = ray_at(rays, pixel)
-        traverse = wp.static(closest_holes if effects.alpha else closest)
-        one = traverse(True, ray.origin, ray.direction, tree, records, undecided)
+        if wp.static(effects.alpha):
+            one = closest_holes(True, ray.origin, ray.direction, tree, records, undecided)
+        else:
+            one = closest(True, ray.origin, ray.direction, tree, records, undecided)
         if wp.static(exact):
             set_entry(found, k, one)
         else:

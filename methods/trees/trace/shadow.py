@@ -111,8 +111,10 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
         place = entry(lights, light)
         if wanted:
             start = entry(starts, pixel)
-            traverse = wp.static(between_holes if effects.alpha else between)
-            found = traverse(start, place, hit, tree, planes, undecided)
+            if wp.static(effects.alpha):
+                found = between_holes(start, place, hit, tree, planes, undecided)
+            else:
+                found = between(start, place, hit, tree, planes, undecided)
         if wp.static(exact):
             ray = ray_of(camera, pixel)
             if wp.static(effects.bounced):
