@@ -6,6 +6,7 @@ the addresses. :meth:`Frame.load` copies the data of the next frame into these a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -191,6 +192,12 @@ class Frame:
         """The receiver flags [light_count, pixels] of the hits of a bounce; empty if every hit is a receiver."""
         bounced = self.answers.bounces.receivers
         return bounced[bounce - 1] if bounce and bounced.size else self.receivers
+
+    def launch(
+        self, kernel: wp.Kernel, threads: int, inputs: Sequence, outputs: Sequence = (), block: int = 256
+    ) -> None:
+        """Launch a kernel on the frame's device; ``block``: threads of a block on a GPU."""
+        wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)
 
     def load(self, moment: Moment) -> None:
         """Copy the data of the next frame to the device. This is not timed, as in the paper.

@@ -19,7 +19,7 @@ from ..common.box_tree import QUERY_BLOCK, BoxTree
 from ..common.misses import miss_passes
 from ..rays.launches import PixelRays
 from .kernels import Rung, make_kernels
-from .parameters import ORIGINS, PADDED_UNITS, Build, Trace, known_inexact
+from .parameters import ORIGINS, PADDED_UNITS, SHEARED_TESTS, Build, Trace, known_inexact
 
 
 class AccuracyLadder(BaseMethod):
@@ -42,7 +42,8 @@ class AccuracyLadder(BaseMethod):
             return miss_passes(frame, effects)
         constructor = "sah" if wp.get_device(frame.device).is_cpu else "lbvh"
         self._tree = tree = BoxTree(frame, constructor, self.build.leaf_size, PADDED_UNITS[self.build.padding])
-        rung = tree.boxes(Rung, scheme=ORIGINS.index(self.trace.origin), box=tree.box)
+        scheme, sheared = ORIGINS.index(self.trace.origin), self.trace.test in SHEARED_TESTS
+        rung = tree.boxes(Rung, scheme=scheme, sheared=sheared, box=tree.box)
         kernels = make_kernels(self.trace.test, self.build.fast_math)
         rays = PixelRays(frame, effects, rung, *kernels, block=QUERY_BLOCK)
         return [*tree.passes(), *rays.passes(("bvh",))]

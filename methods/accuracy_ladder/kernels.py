@@ -8,27 +8,28 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, corners_of, ray_of
-from ..common.box_tree import traverse, walk
+from ...harness.frame.geometry import Hits, Mesh, Ray, corners_of
+from ..common.box_tree import walk
 from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
-from ..common.pixels import pixel_of
 from ..exact.hit_point import hit_point, plane_distance
-from ..exact.ray_queries import SLACK, Found, Segment, any_hit, closest_hit, nothing_found, shadow_segment, with_hit
+from ..exact.ray_queries import Found, Segment, any_hit, closest_hit, with_hit
 from ..exact.segment import occludes
 from ..exact.triangle import nearer_of, to_float64, write_miss
-from ..rays.kernels import make_primary_kernel
+from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from .origins import HIT_POINT, IDENTITY, start_of
-from .parameters import EXACT_TESTS, SHEARED_TESTS
+from .parameters import EXACT_TESTS
 from .tests import TESTS
 
 
 @wp.struct
 class Rung:
-    """:class:`..common.box_tree.Boxes`, the scheme of shadow rays' origins (:mod:`.origins`), and the scene's box."""
+    """:class:`..common.box_tree.Boxes`, the scheme of shadow rays' origins and whether the test is sheared
+    (:func:`.origins.start_of`), and the scene's box."""
 
     tree: wp.uint64
     records: CornerRecords
     scheme: wp.int32
+    sheared: wp.bool
     box: wp.array(dtype=wp.float32)
 
 
@@ -97,51 +98,25 @@ def write_found(hits: Hits, hit_points: wp.array(dtype=wp.vec3d), pixel: wp.int3
     hit_points[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
 
 
+@wp.func
+def started(rung: Rung, exact: Segment, ray: Ray, hits: Hits, pixel: wp.int32, mesh: Mesh) -> Segment:
+    """A shadow ray of a scheme, given the exact one."""
+    segment = exact
+    if rung.scheme != HIT_POINT:
+        found_at = wp.vec3f(hits.t[pixel], hits.u[pixel], hits.v[pixel])
+        corners = corners_of(mesh, segment.own)
+        segment.start = start_of(rung.scheme, ray, found_at, corners, segment.light, rung.box, rung.sheared)
+        segment.hit = to_float64(segment.start)
+        segment.error = 0.0
+        segment.origin_size = wp.float64(0.0)
+        if rung.scheme != IDENTITY:
+            segment.own = -1
+    return segment
+
+
 @functools.cache
 def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     """(primary kernel, shadow kernel) with one triangle test compiled in, for :class:`..rays.launches.PixelRays`."""
-    occluder, sheared = any_hit_by(test), test in SHEARED_TESTS
     write = None if test in EXACT_TESTS else write_found
-    primary_kernel = make_primary_kernel(Rung, walk, 0, closest_hit_by(test), write, fast_math)
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", module_options={"fast_math": fast_math})
-    def shadow_kernel(
-        light: wp.int32,
-        rung: Rung,
-        camera: Camera,
-        mesh: Mesh,
-        alpha: Alpha,
-        lights: wp.array(dtype=wp.vec3f),
-        hits: Hits,
-        hit_points: wp.array(dtype=wp.vec3d),
-        receivers: wp.array(dtype=wp.uint8),
-        mirrored: Rays,
-        shadowed: wp.array(dtype=wp.uint8),
-        tests: wp.array(dtype=wp.int32),
-    ):
-        pixel = pixel_of(wp.tid(), camera.width, camera.height)
-        if pixel < 0:
-            return
-        own = hits.triangle[pixel]
-        if own < 0:
-            shadowed[pixel] = wp.uint8(0)
-            return
-        ray = ray_of(camera, pixel)
-        segment = shadow_segment(hit_points[pixel], lights[light], own, ray.origin)
-        if rung.scheme != HIT_POINT:
-            found_at = wp.vec3f(hits.t[pixel], hits.u[pixel], hits.v[pixel])
-            corners = corners_of(mesh, own)
-            segment.start = start_of(rung.scheme, ray, found_at, corners, segment.light, rung.box, wp.static(sheared))
-            segment.hit = to_float64(segment.start)
-            segment.error = 0.0
-            segment.origin_size = wp.float64(0.0)
-            if rung.scheme != IDENTITY:
-                segment.own = -1
-        way = segment.light - segment.start
-        nothing = nothing_found(SLACK)
-        found = traverse(occluder, rung.tree, rung.records, alpha, segment.start, way, segment, nothing)
-        if tests.shape[0] > 0:
-            tests[pixel] = tests[pixel] + found.tests
-        shadowed[pixel] = wp.uint8(found.done)
-
-    return primary_kernel, shadow_kernel
+    primary = make_primary_kernel(Rung, walk, 0, closest_hit_by(test), write, fast_math)
+    return primary, make_shadow_kernel(Rung, walk, 0, any_hit_by(test), started, fast_math)

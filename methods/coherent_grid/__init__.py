@@ -90,13 +90,9 @@ class CoherentGrid(BaseMethod):
         frame = self._frame
         self._stamps.zero_()
         self._tests.zero_()
-        wp.launch(
-            specialised(packets.packet_kernel, self._effects.switches()),
-            dim=self._packets,
-            inputs=[self.trace.side, self._cells, frame.camera, frame.mesh, frame.alpha, self._stamps],
-            outputs=[self._queues.nearest, self._queues.of_stream(0)[share], self._tests],
-            device=frame.device,
-        )
+        inputs = [self.trace.side, self._cells, frame.camera, frame.mesh, frame.alpha, self._stamps]
+        outputs = [self._queues.nearest, self._queues.of_stream(0)[share], self._tests]
+        frame.launch(specialised(packets.packet_kernel, self._effects.switches()), self._packets, inputs, outputs)
 
     def needs(self) -> wp.array | None:
         if self._need is None:

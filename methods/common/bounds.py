@@ -153,10 +153,6 @@ def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array
     """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` and the frame's ``box``, as
     :func:`launch_bounds` does."""
     launch_bounds(frame, box)
-    wp.launch(
-        boxes_kernel,
-        dim=frame.triangle_count,
-        inputs=[units, frame.mesh, box, frame.max_coordinate],
-        outputs=[lowers, uppers, records],
-        device=frame.device,
-    )
+    inputs = [units, frame.mesh, box, frame.max_coordinate]
+    outputs = [lowers, uppers, records]
+    frame.launch(boxes_kernel, frame.triangle_count, inputs, outputs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera, Corners, Mesh
+from ...harness.frame.geometry import Camera, Corners, Mesh, Ray
 from ..gpu.entries import entry
 
 
@@ -26,3 +26,16 @@ def weld_at(mesh: Mesh, i: wp.int32) -> wp.vec3i:
 def direction_at(camera: Camera, x: wp.int32, y: wp.int32) -> wp.vec3f:
     """The direction of the pixel in column x and row y."""
     return entry(camera.column, x) + entry(camera.row, y)
+
+
+@wp.func
+def ray_at(camera: Camera, x: wp.int32, y: wp.int32) -> Ray:
+    """The ray of the pixel in column x and row y."""
+    return Ray(entry(camera.eye, 0), direction_at(camera, x, y))
+
+
+@wp.func
+def ray_of_pixel(camera: Camera, pixel: wp.int32) -> Ray:
+    """The ray of a pixel by its number."""
+    y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))
+    return ray_at(camera, pixel - y * camera.width, y)

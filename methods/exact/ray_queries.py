@@ -6,8 +6,8 @@ depend on the order, nor on how often a triangle is tested: float32 rejects, flo
 :mod:`.segment`).
 
 All have the same form, test(mesh, alpha, i, query, found), so that a traversal takes any of them
-(:func:`..common.box_tree.traverse`); ``mesh`` is a Mesh or :class:`..common.corner_records.CornerRecords`. Those named
-``opaque`` look up whether the triangle has a hole there; a kernel names them under ``if wp.static(effects.alpha):`` only.
+(:func:`..common.box_tree.traverse`); ``mesh`` is a Mesh or :class:`..common.corner_records.CornerRecords`. Where triangles
+have holes, a hit counts unless it lies in one.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
+from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Ray
 from ..common.corner_records import corners_in, triangles_in, weld_in
 from .holes import opaque_at_hit, opaque_to_light
@@ -103,21 +104,13 @@ def closest_hit(mesh: Any, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) ->
     """Triangle i if it is hit nearer than what was found: by float64 t, ties to the lowest index."""
     corners = corners_in(mesh, i)
     if may_hit(ray, corners):
-        t = hit_distance(ray, corners, weld_in(mesh, i))
-        if t > wp.float64(0.0) and nearer_of(triangles_in(mesh), t, i, found.t, found.triangle):
-            found = with_hit(found, i, t)
-    return found
-
-
-@wp.func
-def closest_opaque_hit(mesh: Any, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
-    """:func:`closest_hit`, unless the ray passes through a hole of triangle i."""
-    corners = corners_in(mesh, i)
-    if may_hit(ray, corners):
         weld = weld_in(mesh, i)
         t = hit_distance(ray, corners, weld)
         if t > wp.float64(0.0) and nearer_of(triangles_in(mesh), t, i, found.t, found.triangle):
-            if opaque_at_hit(alpha, i, ray, corners, weld):
+            counts = wp.bool(True)
+            if wp.static(effects.alpha):
+                counts = opaque_at_hit(alpha, i, ray, corners, weld)
+            if counts:
                 found = with_hit(found, i, t)
     return found
 
@@ -130,17 +123,9 @@ def any_hit(mesh: Any, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
     corners = corners_in(mesh, i)
     if not may_occlude(segment.start, segment.light, corners, segment.error):
         return found
-    found.done = occludes(segment.hit, segment.light, corners, weld_in(mesh, i), segment.origin_size)
-    return found
-
-
-@wp.func
-def any_opaque_hit(mesh: Any, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
-    """:func:`any_hit`, unless the shadow ray passes through a hole of triangle i."""
-    if i != segment.own:
-        corners = corners_in(mesh, i)
-        if may_occlude(segment.start, segment.light, corners, segment.error):
-            weld = weld_in(mesh, i)
-            if occludes(segment.hit, segment.light, corners, weld, segment.origin_size):
-                found.done = opaque_to_light(alpha, i, segment.hit, segment.light, corners, weld, segment.origin_size)
+    weld = weld_in(mesh, i)
+    found.done = occludes(segment.hit, segment.light, corners, weld, segment.origin_size)
+    if wp.static(effects.alpha):
+        if found.done:
+            found.done = opaque_to_light(alpha, i, segment.hit, segment.light, corners, weld, segment.origin_size)
     return found

@@ -162,13 +162,8 @@ class TriangleGrid:
 
     def _place(self) -> None:
         launch_bounds(self._frame, self.box)
-        wp.launch(
-            place_grid_kernel,
-            dim=1,
-            inputs=[self.binned.list.cells, self.box, self._frame.max_coordinate],
-            outputs=[self.grid],
-            device=self._frame.device,
-        )
+        inputs = [self.binned.list.cells, self.box, self._frame.max_coordinate]
+        self._frame.launch(place_grid_kernel, 1, inputs, [self.grid])
 
     def counters(self) -> dict[str, int]:
         """Of the last frame."""

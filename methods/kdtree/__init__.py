@@ -180,7 +180,7 @@ class KdTree(RayStructure):
         self._launch(finish_kernel, [self._refs, self._large, *tree, self._need], 1)
 
     def _launch(self, kernel: wp.Kernel, inputs: list[Any], threads: int = 0) -> None:
-        wp.launch(kernel, dim=threads or self._threads, inputs=inputs, device=self._frame.device)
+        self._frame.launch(kernel, threads or self._threads, inputs)
 
 
 METHOD = KdTree

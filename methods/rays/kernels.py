@@ -17,11 +17,18 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
 from ..common.pixels import pixel_of
-from ..exact.ray_queries import any_hit, any_opaque_hit, closest_hit, closest_opaque_hit, shadow_segment
+from ..exact.ray_queries import any_hit, closest_hit, shadow_segment
 from ..exact.triangle import to_float64, write_hit, write_miss
 from ..gpu.entries import entry, set_entry
 
 FOREVER = wp.constant(wp.float64(wp.inf))
+
+
+def options(registers: int, fast_math: bool) -> dict[str, Any]:
+    """Of a kernel. ``registers``: limit per thread on a GPU, 0: the compiler decides; ``fast_math``: whether the compiler
+    may change float arithmetic."""
+    limit: dict[str, Any] = {"cuda_max_registers": registers} if registers else {}
+    return {**limit, "module_options": {"fast_math": True}} if fast_math else limit
 
 
 @functools.cache
@@ -35,15 +42,10 @@ def make_primary_kernel(
 ) -> Any:
     """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted.
 
-    ``registers``: limit of registers per thread on a GPU; 0: the compiler decides. ``closest``: the test of a triangle
-    without holes; ``write``: writes what it found, where that is not exact; ``fast_math``: whether the compiler may change
-    float arithmetic.
+    ``closest``: the test of a triangle; ``write``: writes what it found, where that is not exact. Others: :func:`options`.
     """
-    limit: dict[str, Any] = {"cuda_max_registers": registers} if registers else {}
-    if fast_math:
-        limit["module_options"] = {"fast_math": True}
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **limit)
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **options(registers, fast_math))
     def primary_kernel(
         structure: structure_type,
         camera: Camera,
@@ -65,10 +67,7 @@ def make_primary_kernel(
             ray = mirrored_ray(mirrored, pixel)
         o = to_float64(ray.origin)
         d = to_float64(ray.direction)
-        if wp.static(effects.alpha):
-            found = walk(closest_opaque_hit, structure, mesh, alpha, o, d, FOREVER, -1, ray)
-        else:
-            found = walk(closest, structure, mesh, alpha, o, d, FOREVER, -1, ray)
+        found = walk(closest, structure, mesh, alpha, o, d, FOREVER, -1, ray)
         if tests.shape[0] > 0:
             tests[pixel] = found.tests
         if wp.static(write is None):
@@ -80,11 +79,20 @@ def make_primary_kernel(
 
 
 @functools.cache
-def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> Any:
-    """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
-    limit = {"cuda_max_registers": registers} if registers else {}
+def make_shadow_kernel(
+    structure_type: Any,
+    walk: Any,
+    registers: int = 0,
+    occluder: Any = any_hit,
+    starting: Any = None,
+    fast_math: bool = False,
+) -> Any:
+    """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to.
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **limit)
+    ``occluder``: the test of a triangle; ``starting``: the same segment from where a method that is not exact starts it.
+    """
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **options(registers, fast_math))
     def shadow_kernel(
         light: wp.int32,
         structure: structure_type,
@@ -115,11 +123,10 @@ def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> An
             origin = mirrored.origin[pixel]
         segment = shadow_segment(hit_points[pixel], entry(lights, light), own, origin)
         way = to_float64(segment.light) - segment.hit
-        one = wp.float64(1.0)
-        if wp.static(effects.alpha):
-            found = walk(any_opaque_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
-        else:
-            found = walk(any_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
+        if wp.static(starting is not None):
+            segment = starting(structure, segment, ray_of(camera, pixel), hits, pixel, mesh)
+            way = to_float64(segment.light - segment.start)
+        found = walk(occluder, structure, mesh, alpha, segment.hit, way, wp.float64(1.0), own, segment)
         if tests.shape[0] > 0:
             tests[pixel] = tests[pixel] + found.tests
         set_entry(shadowed, pixel, wp.uint8(found.done))

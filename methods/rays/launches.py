@@ -120,19 +120,14 @@ class PixelRays:
 
     def _primary(self, band: Band, bounce: int, tests: wp.array | None = None) -> None:
         frame = self._frame
-        wp.launch(
-            specialised(self._primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.thread_count(),
-            inputs=[
-                self._structure, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
-            ],
-            outputs=[
-                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)),
-                self._uncounted if tests is None else band.of(tests),
-            ],
-            device=frame.device,
-            block_dim=self._block,
-        )  # fmt: skip
+        inputs = [self._structure, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce))]
+        outputs = [
+            band.fields_of(frame.hits(bounce)),
+            band.of(self._hits(bounce)),
+            self._uncounted if tests is None else band.of(tests),
+        ]
+        kernel = specialised(self._primary_kernel, self._effects.switches(bounce=bounce))
+        frame.launch(kernel, band.thread_count(), inputs, outputs, self._block)
 
     def launch_shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Shadow bits of the hits of :meth:`launch_primary`."""
@@ -141,15 +136,9 @@ class PixelRays:
     def _shadow(self, band: Band, light: int, bounce: int, tests: wp.array | None = None) -> None:
         frame, masks = self._frame, self._frame.masks(bounce)
         receivers = band.of(masks[light]) if masks.size else self._all_receive
-        wp.launch(
-            specialised(self._shadow_kernel, self._effects.switches(light, bounce)),
-            dim=band.thread_count(),
-            inputs=[
-                light, self._structure, band.camera, frame.mesh, frame.alpha, frame.lights,
-                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), receivers,
-                band.fields_of(frame.rays(bounce)),
-            ],
-            outputs=[band.of(frame.bits(bounce)[light]), self._uncounted if tests is None else band.of(tests)],
-            device=frame.device,
-            block_dim=self._block,
-        )  # fmt: skip
+        found = [band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), receivers]
+        scene = [self._structure, band.camera, frame.mesh, frame.alpha, frame.lights]
+        inputs = [light, *scene, *found, band.fields_of(frame.rays(bounce))]
+        outputs = [band.of(frame.bits(bounce)[light]), self._uncounted if tests is None else band.of(tests)]
+        kernel = specialised(self._shadow_kernel, self._effects.switches(light, bounce))
+        frame.launch(kernel, band.thread_count(), inputs, outputs, self._block)

@@ -151,15 +151,8 @@ def launch_shadow_origins(
     ``part``: first pixel and number of pixels; None: all.
     """
     first, count = part or (0, frame.pixels)
-    wp.launch(
-        specialised(shadow_origin_kernel, Switches(bounced=frame.tabled(bounce))),
-        dim=count,
-        inputs=[
-            first, light, sheared, frame.camera, frame.mesh, frame.lights, frame.hits(bounce), frame.rays(bounce),
-        ],
-        outputs=[origin],
-        device=frame.device,
-    )  # fmt: skip
+    inputs = [first, light, sheared, frame.camera, frame.mesh, frame.lights, frame.hits(bounce), frame.rays(bounce)]
+    frame.launch(specialised(shadow_origin_kernel, Switches(bounced=frame.tabled(bounce))), count, inputs, [origin])
 
 
 @wp.func

@@ -162,48 +162,30 @@ class ShadowMap(BaseMethod):
     def _clear(self, light: int) -> None:
         frame, depths = self._frame, self._maps[light]
         shape, slot = SHAPES.index(self.build.shape), PER_LIGHT * light + 1
-        wp.launch(
-            fit_kernel,
-            dim=1,
-            inputs=[light, shape, self.build.size, slot, frame.lights, self._box],
-            outputs=[depths.light, self._needs],
-            device=frame.device,
-        )
+        inputs = [light, shape, self.build.size, slot, frame.lights, self._box]
+        outputs = [depths.light, self._needs]
+        frame.launch(fit_kernel, 1, inputs, outputs)
         depths.texels.fill_(EMPTY)
 
     def _draw(self, light: int) -> None:
         frame, depths = self._frame, self._maps[light]
         self._counts.zero_()
-        wp.launch(
-            specialised(raster_kernel, self._effects.switches(light)),
-            dim=frame.triangle_count * self._faces,
-            inputs=[frame.triangle_count, self._queued, frame.mesh, frame.alpha],
-            outputs=[depths, self._counts, self._strips],
-            device=frame.device,
-        )
+        inputs = [frame.triangle_count, self._queued, frame.mesh, frame.alpha]
+        outputs = [depths, self._counts, self._strips]
+        kernel = specialised(raster_kernel, self._effects.switches(light))
+        frame.launch(kernel, frame.triangle_count * self._faces, inputs, outputs)
         if self._queued:
             threads, slot = 132 * 2048, PER_LIGHT * light
-            wp.launch(
-                specialised(strip_kernel, self._effects.switches(light)),
-                dim=threads,
-                inputs=[threads, slot, frame.mesh, frame.alpha],
-                outputs=[depths, self._counts, self._strips, self._needs],
-                device=frame.device,
-                block_dim=128,
-            )
+            inputs = [threads, slot, frame.mesh, frame.alpha]
+            outputs = [depths, self._counts, self._strips, self._needs]
+            frame.launch(specialised(strip_kernel, self._effects.switches(light)), threads, inputs, outputs, 128)
 
     def _look_up(self, light: int) -> None:
         frame = self._frame
-        wp.launch(
-            specialised(lookup_kernel, self._effects.switches(light)),
-            dim=frame.pixels,
-            inputs=[
-                light, self._lookup, frame.mesh, frame.lights, self._maps[light], frame.hits(0), self._hit,
-                frame.receivers,
-            ],
-            outputs=[frame.answers.shadowed],
-            device=frame.device,
-        )  # fmt: skip
+        hits = [frame.hits(0), self._hit, frame.receivers]
+        inputs = [light, self._lookup, frame.mesh, frame.lights, self._maps[light], *hits]
+        outputs = [frame.answers.shadowed]
+        frame.launch(specialised(lookup_kernel, self._effects.switches(light)), frame.pixels, inputs, outputs)
 
 
 METHOD = ShadowMap

@@ -69,13 +69,9 @@ class ByLists(ByRays):
     def launch_insert(self) -> None:
         r, f = self.rays, self.rays.frame
         self.head.zero_()
-        wp.launch(
-            specialised(lists.insert_kernel, r.switches),
-            dim=thread_count(f.width, f.height),
-            inputs=[r.index, r.hits, f.receivers],
-            outputs=[r.cells, self.head],
-            device=f.device,
-        )
+        inputs = [r.index, r.hits, f.receivers]
+        outputs = [r.cells, self.head]
+        f.launch(specialised(lists.insert_kernel, r.switches), thread_count(f.width, f.height), inputs, outputs)
 
 
 class MapOcclusion(Occlusion):
@@ -95,14 +91,7 @@ class MapOcclusion(Occlusion):
     def _launch(self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
         """Launch a kernel of a step. ``outputs``: those before the queue of the share."""
         r = self.rays
-        wp.launch(
-            self.of_rays(kernel),
-            dim=threads,
-            inputs=inputs,
-            outputs=[*outputs, r.queue[share]],
-            device=r.frame.device,
-            block_dim=BLOCK_DIM,
-        )
+        r.frame.launch(self.of_rays(kernel), threads, inputs, [*outputs, r.queue[share]], BLOCK_DIM)
 
     def launch_raster(self, share: int) -> None:
         r, f, q, s = self.rays, self.rays.frame, self.rays.queues, self.rays.settings

@@ -9,7 +9,6 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Mesh
 from ..common.reads import corners_at, direction_at
 from ..exact.triangle import spare_bits
@@ -58,11 +57,7 @@ def raster_kernel(
     box = box_of(corners, o, camera)
     if not counted or box[2] < box[0] or box[3] < box[1]:
         return
-    candidate = candidate_of(i, o, corners, camera, share.triangles)
-    exact_path[i] = wp.uint8(not candidate.planes.steep)
-    if wp.static(effects.alpha):
-        if alpha.masked[i] != wp.uint8(0):
-            candidate.sure = wp.INF
+    candidate = candidate_of(i, o, corners, camera, alpha, share.triangles, exact_path)
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
         test_box(nearest, queue, box, candidate, camera)
         return
@@ -109,10 +104,7 @@ def tile_kernel(
             tile = queued_tile(chunk)
             box = tile_box(work, tile)
             i = queued_triangle(work)
-            candidate = stored_candidate(queue, i, stored_planes(queue, i).planes, spare, bound)
-            if wp.static(effects.alpha):
-                if alpha.masked[i] != wp.uint8(0):
-                    candidate.sure = wp.INF
+            candidate = stored_candidate(queue, i, stored_planes(queue, i).planes, spare, bound, alpha)
             k = wp.tid() % lanes
             while k < TILE_TEXELS:
                 x = (tile[0] << TILE_SHIFT) + k % TILE_SIZE

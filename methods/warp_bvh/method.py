@@ -216,13 +216,10 @@ class WarpBvh(BaseMethod):
         frame = self._frame
         assert self._mesh is not None
         assert self._triangles is not None
-        wp.launch(
-            specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.thread_count(),
-            inputs=[self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce))],
-            outputs=[band.fields_of(frame.hits(bounce))],
-            device=frame.device,
-        )
+        inputs = [self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce))]
+        outputs = [band.fields_of(frame.hits(bounce))]
+        kernel = specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce))
+        frame.launch(kernel, band.thread_count(), inputs, outputs)
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
@@ -238,14 +235,8 @@ class WarpBvh(BaseMethod):
         if origin == "exact":
             part = (band.first, band.end - band.first)
             launch_shadow_origins(frame, light, self._origins, True, bounce, part)
-        wp.launch(
-            specialised(make_mesh_shadow_kernel(origin), self._effects.switches(light, bounce)),
-            dim=band.thread_count(),
-            inputs=[
-                light, self._mesh.id, band.camera, frame.mesh, frame.lights,
-                band.fields_of(frame.rays(bounce)), band.fields_of(frame.hits(bounce)), band.of(self._origins),
-                band.of(frame.masks(bounce)),
-            ],
-            outputs=[band.of(frame.bits(bounce))],
-            device=frame.device,
-        )  # fmt: skip
+        traced = [band.fields_of(frame.rays(bounce)), band.fields_of(frame.hits(bounce)), band.of(self._origins)]
+        inputs = [light, self._mesh.id, band.camera, frame.mesh, frame.lights, *traced, band.of(frame.masks(bounce))]
+        outputs = [band.of(frame.bits(bounce))]
+        kernel = specialised(make_mesh_shadow_kernel(origin), self._effects.switches(light, bounce))
+        frame.launch(kernel, band.thread_count(), inputs, outputs)

@@ -68,13 +68,9 @@ class TreeTriangles:
 
     def launch_indices(self, mesh: Mesh | None = None) -> None:
         """Follow the validity flags of ``mesh``, default the frame's."""
-        wp.launch(
-            mesh_indices_kernel,
-            dim=self.count,
-            inputs=[self._frame.mesh if mesh is None else mesh, self.kept],
-            outputs=[self.indices],
-            device=self._frame.device,
-        )
+        inputs = [self._frame.mesh if mesh is None else mesh, self.kept]
+        outputs = [self.indices]
+        self._frame.launch(mesh_indices_kernel, self.count, inputs, outputs)
 
     def at_first_frame(self) -> wp.array:
         """The points of the animation's first frame, vec3f; the indices follow its validity flags."""

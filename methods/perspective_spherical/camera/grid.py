@@ -93,28 +93,15 @@ class CameraGrid:
         f, b = self.frame, self.bins
         b.clear_queue()
         wp.copy(self.depth_range, self.no_range)
-        wp.launch(
-            project_kernel,
-            dim=-(-b.items // BIN_BLOCK) * BIN_BLOCK,
-            inputs=[
-                f.triangle_count, self.build.tile, self.widening, self.outward, self.test, f.camera, f.mesh,
-            ],
-            outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue],
-            block_dim=BIN_BLOCK,
-            device=f.device,
-        )  # fmt: skip
+        inputs = [f.triangle_count, self.build.tile, self.widening, self.outward, self.test, f.camera, f.mesh]
+        outputs = [b.boxes, self.depths, self.depth_range, self.records, b.queue]
+        f.launch(project_kernel, -(-b.items // BIN_BLOCK) * BIN_BLOCK, inputs, outputs, BIN_BLOCK)
 
     def launch_bin(self) -> None:
         f, b = self.frame, self.bins
         b.clear_pairs()
-        wp.launch(
-            bin_kernel,
-            dim=b.threads,
-            inputs=[self.widening, f.camera, f.mesh, self.tiles, b.boxes, self.depths, b.queue],
-            outputs=[b.pairs],
-            block_dim=BIN_BLOCK,
-            device=f.device,
-        )
+        inputs = [self.widening, f.camera, f.mesh, self.tiles, b.boxes, self.depths, b.queue]
+        f.launch(bin_kernel, b.threads, inputs, [b.pairs], BIN_BLOCK)
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Closest hits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel, if given."""
@@ -131,21 +118,10 @@ class CameraGrid:
         in_blocks = staged(self.trace.staging, f.device)
         kernel = make_trace_kernel(self.test, block if in_blocks else 0)
         outputs = [f.hits(0), self.hit, self.no_tests if tests is None else tests]
-        wp.launch(
-            specialised(kernel, self.effects.switches()),
-            dim=sources * (-(-area // block) * block if in_blocks else area),
-            inputs=[
-                k, f.camera, f.mesh, f.alpha, self.tiles, bins.lists, self.records, self.items.parts, self.nearest,
-            ],
-            outputs=outputs,
-            block_dim=block,
-            device=f.device,
-        )  # fmt: skip
+        inputs = [k, f.camera, f.mesh, f.alpha, self.tiles, bins.lists, self.records, self.items.parts, self.nearest]
+        kernel = specialised(kernel, self.effects.switches())
+        f.launch(kernel, sources * (-(-area // block) * block if in_blocks else area), inputs, outputs, block)
         if split:
-            wp.launch(
-                specialised(make_resolve_kernel(self.test), self.effects.switches()),
-                dim=f.pixels,
-                inputs=[f.camera, f.mesh, self.nearest],
-                outputs=outputs[:-1],
-                device=f.device,
-            )
+            inputs = [f.camera, f.mesh, self.nearest]
+            kernel = specialised(make_resolve_kernel(self.test), self.effects.switches())
+            f.launch(kernel, f.pixels, inputs, outputs[:-1])

@@ -178,4 +178,4 @@ class LightGrid:
         )  # fmt: skip
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list, block: int = 256) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, block_dim=block, device=self.frame.device)
+        self.frame.launch(kernel, dim, inputs, outputs, block)

@@ -162,4 +162,4 @@ class LightPlaces:
         self._launch(edges_kernel, faces * n, [self.map, n, self.extent], outputs)
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list, block: int = 256) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, block_dim=block, device=self.frame.device)
+        self.frame.launch(kernel, dim, inputs, outputs, block)

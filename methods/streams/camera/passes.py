@@ -58,28 +58,18 @@ class Camera:
 
     def launch(self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
         """Launch a kernel of a step, for the frame's effects. ``outputs``: those before the queue of the share."""
-        wp.launch(
-            specialised(kernel, self.effects.switches()),
-            dim=threads,
-            inputs=inputs,
-            outputs=[*outputs, self.queue[share]],
-            device=self.frame.device,
-            block_dim=BLOCK_DIM,
-        )
+        outputs = [*outputs, self.queue[share]]
+        self.frame.launch(specialised(kernel, self.effects.switches()), threads, inputs, outputs, BLOCK_DIM)
 
     def launch_resolve(self) -> None:
         self.bands.run(self._resolve_band)
 
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
-        wp.launch(
-            specialised(resolve.make_resolve_kernel(self._points), self.effects.switches()),
-            dim=band.thread_count(),
-            inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
-            outputs=[band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        inputs = [band.camera, f.mesh, band.of(self.queues.nearest)]
+        outputs = [band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)]
+        kernel = specialised(resolve.make_resolve_kernel(self._points), self.effects.switches())
+        f.launch(kernel, band.thread_count(), inputs, outputs, BLOCK_DIM)
 
 
 def resolved_late(passes: list[Pass], others: list[Pass], first: bool) -> list[Pass]:

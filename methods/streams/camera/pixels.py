@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners
 from ...common.pixels import whole_quotient
@@ -116,8 +117,16 @@ def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
 
 
 @wp.func
-def candidate_of(i: wp.int32, o: wp.vec3f, corners: Corners, camera: Camera, triangles: wp.int32) -> Candidate:
-    """A triangle as pixels are tested against it; without holes."""
+def candidate_of(
+    i: wp.int32,
+    o: wp.vec3f,
+    corners: Corners,
+    camera: Camera,
+    alpha: Alpha,
+    triangles: wp.int32,
+    exact_path: wp.array(dtype=wp.uint8),
+) -> Candidate:
+    """A triangle, of so many, as pixels are tested against it; sets whether its hit points take the exact path."""
     candidate = Candidate()
     candidate.i = i
     candidate.spare = spare_bits(triangles)
@@ -125,6 +134,10 @@ def candidate_of(i: wp.int32, o: wp.vec3f, corners: Corners, camera: Camera, tri
     candidate.sure = candidate.bound
     candidate.planes = edge_planes(o, corners)
     candidate.m = inverse_depth(o, corners)
+    exact_path[i] = wp.uint8(not candidate.planes.steep)
+    if wp.static(effects.alpha):
+        if alpha.masked[i] != wp.uint8(0):
+            candidate.sure = wp.INF
     return candidate
 
 

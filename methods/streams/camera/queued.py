@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.effects.specialise import effects
 from ...gpu.entries import entry_now, entry_of_four, set_entry_of_four
 from ..queues import Queue
 from .pixels import Candidate, Planes
@@ -43,8 +45,10 @@ def stored_planes(queue: Queue, i: wp.int32) -> StoredPlanes:
 
 
 @wp.func
-def stored_candidate(queue: Queue, i: wp.int32, planes: Planes, spare: wp.int32, bound: wp.float32) -> Candidate:
-    """A queued triangle, with its :func:`stored_planes`; without holes."""
+def stored_candidate(
+    queue: Queue, i: wp.int32, planes: Planes, spare: wp.int32, bound: wp.float32, alpha: Alpha
+) -> Candidate:
+    """A queued triangle, with its :func:`stored_planes`."""
     candidate = Candidate()
     candidate.i = i
     candidate.spare = spare
@@ -52,4 +56,7 @@ def stored_candidate(queue: Queue, i: wp.int32, planes: Planes, spare: wp.int32,
     candidate.sure = bound
     candidate.m = entry_now(queue.depths, i)
     candidate.planes = planes
+    if wp.static(effects.alpha):
+        if alpha.masked[i] != wp.uint8(0):
+            candidate.sure = wp.INF
     return candidate

@@ -11,15 +11,15 @@ import warp as wp
 
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
-from ....harness.frame.geometry import Camera, Mesh, Ray
-from ...common.reads import corners_at, direction_at, weld_at
+from ....harness.frame.geometry import Camera, Mesh
+from ...common.reads import corners_at, ray_of_pixel, weld_at
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
 from ...gpu.entries import entry, raise_entry
 from ...gpu.warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
 from ..queues import CHUNKS, UNDECIDED, Queue
-from .pixels import hit_word, sign_bound, test_pixel
-from .rows import pixel_of, queued_rows, rows_of_lanes
+from .pixels import hit_word, sign_bound
+from .rows import queued_rows, rows_of_lanes, test_pixel_of
 
 REGISTERS = 80
 
@@ -66,8 +66,7 @@ def last_kernel(
                     pair = found
             if pair[0] >= 0:
                 i = pair[0]
-                y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
-                ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                ray = ray_of_pixel(camera, pair[1])
                 corners = corners_at(mesh, i)
                 weld = weld_at(mesh, i)
                 t = hit_distance(ray, corners, weld)
@@ -80,18 +79,11 @@ def last_kernel(
         else:
             further = entry(queue.chunks, k)
             k += step
-            rows = queued_rows(queue, further[0], spare, bound)
-            if wp.static(effects.alpha):
-                if alpha.masked[rows.candidate.i] != wp.uint8(0):
-                    rows.candidate.sure = wp.INF
+            rows = queued_rows(queue, further[0], spare, bound, alpha)
             lanes = rows_of_lanes(rows, lane, camera)
             at = further[1] * size
             end = wp.min(lanes.number, at + size)
             while at < end:
-                p = pixel_of(rows, lanes, at, lane)
-                unsure = wp.bool(False)
-                pixel = p[1] * camera.width + p[0]
-                if at + lane < end:
-                    unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
+                unsure, pixel = test_pixel_of(rows, lanes, at, end, lane, camera, nearest)
                 at += LANES
                 held = keep_pairs(unsure, rows.candidate.i, pixel, held, kept)

@@ -6,9 +6,9 @@ import functools
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
+from ....harness.frame.geometry import Camera, Hits, Mesh
 from ...common.pixels import tile_pixel
-from ...common.reads import corners_at, direction_at, weld_at
+from ...common.reads import corners_at, ray_at, ray_of_pixel, weld_at
 from ...exact.certain_hit import certain_hit
 from ...exact.hit_point import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...exact.triangle import spare_bits, to_float32
@@ -70,7 +70,7 @@ def make_resolve_kernel(points: str) -> wp.Kernel:
         if word != wp.uint64(0):
             best = index_of(word, spare_bits(mesh.triangles.shape[0]))
             corners = corners_at(mesh, best)
-            ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
+            ray = ray_at(camera, at[0], at[1])
             found = certain_hit(ray, corners, weld_at(mesh, best))
             t = wp.float32(found.t)
             uv = found.uv
@@ -92,8 +92,7 @@ def make_resolve_kernel(points: str) -> wp.Kernel:
             # Flat rays are few and slow to compute. Their input is read again, so that no registers hold it until here.
             if flat:
                 corners = corners_at(mesh, best)
-                y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))
-                ray = Ray(entry(camera.eye, 0), direction_at(camera, pixel - y * camera.width, y))
+                ray = ray_of_pixel(camera, pixel)
                 hit = flat_hit_point(ray, plane_distance(ray, corners), corners)
                 if wp.static(points == "exact"):
                     set_entry(hit_points, pixel, hit)

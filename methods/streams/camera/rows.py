@@ -5,7 +5,6 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera
 from ...common.reads import direction_at
 from ...exact.triangle import spare_bits
@@ -46,14 +45,14 @@ class Rows:
 
 
 @wp.func
-def queued_rows(queue: Queue, item: wp.int32, spare: wp.int32, bound: wp.float32) -> Rows:
+def queued_rows(queue: Queue, item: wp.int32, spare: wp.int32, bound: wp.float32, alpha: Alpha) -> Rows:
     """A group of the queue. ``spare``, ``bound``: see :class:`.pixels.Candidate`."""
     work = entry(queue.items, item)
     i = work[0]
     stored = stored_planes(queue, i)
     inverse = entry_of_four(queue.records, i, 3)
     rows = Rows()
-    rows.candidate = stored_candidate(queue, i, stored.planes, spare, bound)
+    rows.candidate = stored_candidate(queue, i, stored.planes, spare, bound, alpha)
     rows.lines.start = stored.more
     rows.lines.inverse = wp.vec3f(inverse[0], inverse[1], inverse[2])
     rows.first = work[1] & 65535
@@ -111,6 +110,26 @@ def pixel_of(rows: Rows, lanes: LaneRow, at: wp.int32, lane: wp.int32) -> wp.vec
     return wp.vec2i(wp.where(rows.tall, line, along), wp.where(rows.tall, along, line))
 
 
+@wp.func
+def test_pixel_of(
+    rows: Rows,
+    lanes: LaneRow,
+    at: wp.int32,
+    end: wp.int32,
+    lane: wp.int32,
+    camera: Camera,
+    nearest: wp.array(dtype=wp.uint64),
+) -> tuple[wp.bool, wp.int32]:
+    """Test pixel ``at`` + lane of a group, if it is before ``end``: whether float64 must decide, and the pixel. All lanes
+    must call it."""
+    p = pixel_of(rows, lanes, at, lane)
+    unsure = wp.bool(False)
+    pixel = p[1] * camera.width + p[0]
+    if at + lane < end:
+        unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
+    return unsure, pixel
+
+
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def rows_kernel(
     threads: wp.int32, size: wp.int32, camera: Camera, alpha: Alpha, nearest: wp.array(dtype=wp.uint64), queue: Queue
@@ -127,21 +146,13 @@ def rows_kernel(
     while k < stop:
         item = k
         k += step
-        rows = queued_rows(queue, item, spare, bound)
-        i = rows.candidate.i
-        if wp.static(effects.alpha):
-            if alpha.masked[i] != wp.uint8(0):
-                rows.candidate.sure = wp.INF
+        rows = queued_rows(queue, item, spare, bound, alpha)
         lanes = rows_of_lanes(rows, lane, camera)
         at = wp.int32(0)
         end = wp.min(lanes.number, size)
         while at < end:
-            p = pixel_of(rows, lanes, at, lane)
-            unsure = wp.bool(False)
-            pixel = p[1] * camera.width + p[0]
-            if at + lane < end:
-                unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
+            unsure, pixel = test_pixel_of(rows, lanes, at, end, lane, camera, nearest)
             at += LANES
-            held = append_pairs(unsure, i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided)
+            held = append_pairs(unsure, rows.candidate.i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided)
         queue_chunks(queue, item, lanes.number, size, lane)
     append_pairs(False, 0, 0, held, True, queue.counts, UNDECIDED, queue.undecided)

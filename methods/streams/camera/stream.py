@@ -11,8 +11,8 @@ import warp as wp
 
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
-from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
-from ...common.reads import corners_at, direction_at, weld_at
+from ....harness.frame.geometry import Camera, Corners, Mesh
+from ...common.reads import corners_at, direction_at, ray_of_pixel, weld_at
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits, to_float64
@@ -163,11 +163,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         box = box_of(corners, o, camera)
         if not counted or box[2] < box[0] or box[3] < box[1]:
             return
-        candidate = candidate_of(i, o, corners, camera, share.triangles)
-        exact_path[i] = wp.uint8(not candidate.planes.steep)
-        if wp.static(effects.alpha):
-            if alpha.masked[i] != wp.uint8(0):
-                candidate.sure = wp.INF
+        candidate = candidate_of(i, o, corners, camera, alpha, share.triangles, exact_path)
         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
             test_box(nearest, queue, box, candidate, camera)
             return
@@ -206,8 +202,7 @@ def undecided_kernel(
     while k < stop:
         pair = entry(queue.undecided, k)
         i = pair[0]
-        y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
-        ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+        ray = ray_of_pixel(camera, pair[1])
         corners = corners_at(mesh, i)
         weld = weld_at(mesh, i)
         t = hit_distance(ray, corners, weld)

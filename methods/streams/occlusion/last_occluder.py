@@ -140,11 +140,7 @@ class LastOccluder:
 
     def launch_settle(self) -> None:
         r, f = self.rays, self.rays.frame
-        wp.launch(
-            specialised(settle_kernel, r.effects.switches(r.index)),
-            dim=thread_count(f.width, f.height),
-            inputs=[r.light, r.hits, f.alpha, f.receivers],
-            outputs=[self.last, r.receivers, f.answers.shadowed],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        inputs = [r.light, r.hits, f.alpha, f.receivers]
+        outputs = [self.last, r.receivers, f.answers.shadowed]
+        kernel = specialised(settle_kernel, r.effects.switches(r.index))
+        f.launch(kernel, thread_count(f.width, f.height), inputs, outputs, BLOCK_DIM)

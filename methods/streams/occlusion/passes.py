@@ -54,50 +54,28 @@ class Occlusion:
     def launch_stream(self, share: int) -> None:
         r, f, q, settings = self.rays, self.rays.frame, self.rays.queues, self.rays.settings
         kernel = stream.make_stream_kernel(q.queued, q.queued and settings.groups == "stream", not self.overlaps)
-        wp.launch(
-            self.of_rays(r.of_cells(kernel)),
-            dim=q.share_threads,
-            inputs=[
-                q.share(share), settings.inline_cells, settings.inline_rays, r.light, r.cells, f.mesh, f.alpha,
-            ],
-            outputs=[self.bits, r.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        inputs = [q.share(share), settings.inline_cells, settings.inline_rays, r.light, r.cells, f.mesh, f.alpha]
+        outputs = [self.bits, r.queue[share]]
+        f.launch(self.of_rays(r.of_cells(kernel)), q.share_threads, inputs, outputs, BLOCK_DIM)
 
     def launch_split(self, share: int) -> None:
         r, f = self.rays, self.rays.frame
         threads = int(groups.SPLITTERS) * r.queues.few_threads
-        wp.launch(
-            specialised(groups.split_kernel, r.switches),
-            dim=threads,
-            inputs=[threads, r.light, r.cells.table, f.mesh],
-            outputs=[r.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        inputs = [threads, r.light, r.cells.table, f.mesh]
+        outputs = [r.queue[share]]
+        f.launch(specialised(groups.split_kernel, r.switches), threads, inputs, outputs, BLOCK_DIM)
 
     def launch_rows(self, again: bool, share: int) -> None:
         """Groups of rows, or their further chunks (``again``)."""
         r, f, q = self.rays, self.rays.frame, self.rays.queues
-        wp.launch(
-            self.of_rays(r.of_cells(rows.make_rows_kernel(again))),
-            dim=q.threads,
-            inputs=[q.threads, r.settings.chunk, r.cells, f.alpha],
-            outputs=[self.bits, r.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        inputs = [q.threads, r.settings.chunk, r.cells, f.alpha]
+        outputs = [self.bits, r.queue[share]]
+        f.launch(self.of_rays(r.of_cells(rows.make_rows_kernel(again))), q.threads, inputs, outputs, BLOCK_DIM)
 
     def launch_undecided(self, outside: wp.array, share: int) -> None:
         """Pairs that float32 left; the rays ``outside`` the region (:mod:`..rays.cone`) with the first share's."""
         r, f, q = self.rays, self.rays.frame, self.rays.queues
         kernel = make_undecided_kernel(bool(r.exact.size), share == 0 and outside.size > 0)
-        wp.launch(
-            self.of_rays(kernel),
-            dim=q.few_threads,
-            inputs=[q.few_threads, r.light, f.camera, f.mesh, f.alpha, r.exact, outside],
-            outputs=[self.bits, r.queue[share]],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        inputs = [q.few_threads, r.light, f.camera, f.mesh, f.alpha, r.exact, outside]
+        outputs = [self.bits, r.queue[share]]
+        f.launch(self.of_rays(kernel), q.few_threads, inputs, outputs, BLOCK_DIM)

@@ -11,8 +11,8 @@ import warp as wp
 
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
-from ....harness.frame.geometry import Camera, Mesh, Ray
-from ...common.reads import corners_at, direction_at, weld_at
+from ....harness.frame.geometry import Camera, Mesh
+from ...common.reads import corners_at, ray_of_pixel, weld_at
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
@@ -84,8 +84,7 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
                     if wp.static(stored):
                         h = hit_points[pair[1]]
                     else:
-                        y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
-                        ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                        ray = ray_of_pixel(camera, pair[1])
                         own = corners_at(mesh, entry(bits.triangle, pair[1]))
                         h = hit_point(ray, plane_distance(ray, own), own)
                     occluded = occludes(h, place, corners, weld, origin_size)

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Mesh, Ray
-from ...common.reads import corners_at, direction_at
+from ....harness.frame.geometry import Camera, Mesh
+from ...common.reads import corners_at, ray_at
 from ...exact.hit_point import along, hit_point, plane_distance
 from ...exact.triangle import largest, spare_bits, to_float32
 from ...gpu.entries import entry, entry_now
@@ -55,12 +55,6 @@ class HitPoint:
 
 
 @wp.func
-def ray_at(camera: Camera, at: wp.vec2i) -> Ray:
-    """The ray of the pixel in column and row ``at``."""
-    return Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-
-
-@wp.func
 def has_hit(hits: PrimaryHits, pixel: wp.int32) -> wp.bool:
     return entry(hits.nearest, pixel) != wp.uint64(0)
 
@@ -75,7 +69,7 @@ def point_of(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> HitPoint:
         spare = spare_bits(hits.mesh.triangles.shape[0])
         point.triangle = index_of(word, spare)
         point.exact_path = entry(hits.exact_path, point.triangle) != wp.uint8(0)
-        ray = ray_at(hits.camera, at)
+        ray = ray_at(hits.camera, at[0], at[1])
         t = distance_of(word, spare)
         point.t = wp.float32(t)
         point.hit = along(ray, t)
@@ -87,7 +81,7 @@ def point_of(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> HitPoint:
 def point_of_word(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> wp.vec3f:
     """The hit point that :func:`point_of` gives, rounded; of a pixel with a hit."""
     spare = spare_bits(hits.mesh.triangles.shape[0])
-    return to_float32(along(ray_at(hits.camera, at), distance_of(entry(hits.nearest, pixel), spare)))
+    return to_float32(along(ray_at(hits.camera, at[0], at[1]), distance_of(entry(hits.nearest, pixel), spare)))
 
 
 @wp.func
@@ -95,7 +89,7 @@ def exact_point(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> wp.vec3d:
     """The hit point of the answer."""
     word = entry_now(hits.nearest, pixel)
     corners = corners_at(hits.mesh, index_of(word, spare_bits(hits.mesh.triangles.shape[0])))
-    ray = ray_at(hits.camera, at)
+    ray = ray_at(hits.camera, at[0], at[1])
     return hit_point(ray, plane_distance(ray, corners), corners)
 
 

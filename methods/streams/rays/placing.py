@@ -90,14 +90,9 @@ class ByRays:
     def launch_aim(self) -> None:
         r, f = self.rays, self.rays.frame
         threads = int(LANES) if r.queues.cuda else 1
-        wp.launch(
-            aim_kernel,
-            dim=threads,
-            inputs=[threads, f.triangle_count, f.max_coordinate, f.proxy_positions, f.mesh],
-            outputs=[r.light, r.cells.rectangle, r.counts.flatten(), r.density],
-            device=f.device,
-            block_dim=int(LANES),
-        )
+        inputs = [threads, f.triangle_count, f.max_coordinate, f.proxy_positions, f.mesh]
+        outputs = [r.light, r.cells.rectangle, r.counts.flatten(), r.density]
+        f.launch(aim_kernel, threads, inputs, outputs, int(LANES))
 
     def launch_place(self) -> None:
         if self.reached.size:
@@ -107,13 +102,10 @@ class ByRays:
     def _place(self, threads: Threads) -> None:
         r, f = self.rays, self.rays.frame
         flags = f.receivers if self.marking else r.receivers
-        wp.launch(
-            specialised(r.of_cells(make_map_kernel(self.receivers(), self.keeps)), r.switches),
-            dim=threads.number,
-            inputs=[threads.first, r.effects.facing, r.light, r.hits],
-            outputs=[r.cells, flags, self.reached, f.answers.shadowed],
-            device=f.device,
-        )
+        inputs = [threads.first, r.effects.facing, r.light, r.hits]
+        outputs = [r.cells, flags, self.reached, f.answers.shadowed]
+        kernel = specialised(r.of_cells(make_map_kernel(self.receivers(), self.keeps)), r.switches)
+        f.launch(kernel, threads.number, inputs, outputs)
 
     def launch_count(self) -> None:
         if not self.rays.queues.cuda:
@@ -124,33 +116,23 @@ class ByRays:
 
     def _count(self, threads: Threads) -> None:
         r = self.rays
-        wp.launch(
-            specialised(r.of_cells(sort.count_kernel), r.switches),
-            dim=threads.number,
-            inputs=[threads.first, r.index, r.hits, r.receivers],
-            outputs=[r.cells],
-            device=r.frame.device,
-        )
+        inputs = [threads.first, r.index, r.hits, r.receivers]
+        r.frame.launch(specialised(r.of_cells(sort.count_kernel), r.switches), threads.number, inputs, [r.cells])
 
     def launch_spacing(self) -> None:
         """The spacing of the cells, by the rays that are expected."""
         r = self.rays
         if r.spaced:
-            wp.launch(spacing_kernel, dim=SPACING_THREADS, outputs=[r.cells], device=r.frame.device)
+            r.frame.launch(spacing_kernel, SPACING_THREADS, [], [r.cells])
 
     def launch_scan(self) -> None:
         """Offsets of the cells from their counts."""
         r, cells = self.rays, self.rays.cells
         rows = max(int(FACES) * cells.cells[0], cells.cells[2] * cells.cells[1])
         threads = 128 * rows if r.queues.cuda else int(FACES) + 1
-        wp.launch(
-            r.of_cells(sort.scan_kernel),
-            dim=threads,
-            inputs=[threads, self.region != "found"],
-            outputs=[cells, r.counts[0]],
-            device=r.frame.device,
-            block_dim=128,
-        )
+        inputs = [threads, self.region != "found"]
+        outputs = [cells, r.counts[0]]
+        r.frame.launch(r.of_cells(sort.scan_kernel), threads, inputs, outputs, 128)
         if not r.queues.cuda:
             wp.utils.array_scan(cells.count, cells.offset[1:], inclusive=True)
 
@@ -159,13 +141,9 @@ class ByRays:
 
     def _scatter(self, threads: Threads) -> None:
         r = self.rays
-        wp.launch(
-            specialised(r.of_cells(sort.make_scatter_kernel(self.region == "found")), r.switches),
-            dim=threads.number,
-            inputs=[threads.first, r.index, r.hits, r.receivers],
-            outputs=[r.cells],
-            device=r.frame.device,
-        )
+        inputs = [threads.first, r.index, r.hits, r.receivers]
+        kernel = specialised(r.of_cells(sort.make_scatter_kernel(self.region == "found")), r.switches)
+        r.frame.launch(kernel, threads.number, inputs, [r.cells])
 
 
 class ByTriangles(ByRays):
@@ -202,17 +180,13 @@ class ByTriangles(ByRays):
         threads = -(-max(1, f.triangle_count) // BLOCK_DIM) * BLOCK_DIM
         lanes = int(LANES) if r.queues.cuda else 1
         kernel = r.of_cells(bounds_kernel)
-        wp.launch(
-            specialised(kernel, replace(r.switches, receivers=self.facing.size > 0)),
-            dim=threads,
-            inputs=[threads, lanes, self.alone, r.light, f.camera, f.mesh],
-            outputs=[r.cells, self.facing],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        inputs = [threads, lanes, self.alone, r.light, f.camera, f.mesh]
+        outputs = [r.cells, self.facing]
+        kernel = specialised(kernel, replace(r.switches, receivers=self.facing.size > 0))
+        f.launch(kernel, threads, inputs, outputs, BLOCK_DIM)
         if self.region == "cone":
-            wp.launch(cone_kernel, dim=1, inputs=[r.light], outputs=[r.cells.rectangle, self.outside], device=f.device)
-        wp.launch(r.of_cells(sort.table_kernel), dim=int(FACES) + 1, outputs=[r.cells], device=f.device)
+            f.launch(cone_kernel, 1, [r.light], [r.cells.rectangle, self.outside])
+        f.launch(r.of_cells(sort.table_kernel), int(FACES) + 1, [], [r.cells])
         self.launch_spacing()
 
     def launch_place(self) -> None:
@@ -226,13 +200,10 @@ class ByTriangles(ByRays):
     def _place(self, threads: Threads) -> None:
         r, f = self.rays, self.rays.frame
         flags = f.receivers if self.marking else r.receivers
-        wp.launch(
-            specialised(r.of_cells(make_place_kernel(self.receivers(), self.region == "cone")), r.switches),
-            dim=threads.number,
-            inputs=[threads.first, r.light, r.hits, self.facing],
-            outputs=[r.cells, flags, self.reached, f.answers.shadowed, self.outside],
-            device=f.device,
-        )
+        inputs = [threads.first, r.light, r.hits, self.facing]
+        outputs = [r.cells, flags, self.reached, f.answers.shadowed, self.outside]
+        kernel = specialised(r.of_cells(make_place_kernel(self.receivers(), self.region == "cone")), r.switches)
+        f.launch(kernel, threads.number, inputs, outputs)
 
     def launch_count(self) -> None:
         self.launch_scan()

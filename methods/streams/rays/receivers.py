@@ -13,12 +13,12 @@ import warp as wp
 
 from ....harness.frame.effects.receivers import note_receiver, receives
 from ....harness.frame.geometry import Mesh, Ray
-from ...common.reads import corners_at
+from ...common.reads import corners_at, ray_at
 from ...exact.triangle import largest
 from ...gpu.division import about_root
 from ...gpu.entries import entry, set_entry
 from ..cube.lights import Light, position_of
-from .hit_points import HitPoint, PrimaryHits, ray_at
+from .hit_points import HitPoint, PrimaryHits
 
 ROUNDED = wp.constant(wp.float32(2.0**-19))
 """Bound on the error of a cone's margin in units of the sum of the coordinates that it is computed from: t is known to 2^-23
@@ -80,7 +80,7 @@ def mark_receiver(
     empty."""
     wanted = wp.bool(False)
     if point.triangle >= 0:
-        wanted = is_receiver(light, facing, ray_at(hits.camera, at), point, hits.mesh)
+        wanted = is_receiver(light, facing, ray_at(hits.camera, at[0], at[1]), point, hits.mesh)
     set_entry(receivers, light.index, pixel, wp.uint8(wanted))
     if wanted:
         note_receiver(reached)

@@ -50,21 +50,13 @@ class Rebuilt:
 
     def _keys(self) -> None:
         f, box = self.frame, self.box.launch()
-        wp.launch(
-            key_kernel,
-            dim=-(-f.triangle_count // 2),
-            inputs=[f.mesh, f.triangle_count, constants.SHARED_AREA, box],
-            outputs=[self.sort.unsorted, self.flags, self.tree, self.sort.state],
-            device=f.device,
-        )
+        inputs = [f.mesh, f.triangle_count, constants.SHARED_AREA, box]
+        outputs = [self.sort.unsorted, self.flags, self.tree, self.sort.state]
+        f.launch(key_kernel, -(-f.triangle_count // 2), inputs, outputs)
 
     def _tree(self) -> None:
         f = self.frame
-        wp.launch(
-            MAKERS[self.builder](),
-            dim=-(-f.triangle_count // constants.BLOCK) * constants.BLOCK,
-            inputs=[self.leaves, f.mesh],
-            outputs=[self.scratch, self.flags, self.tree],
-            device=f.device,
-            block_dim=constants.BLOCK,
-        )
+        inputs = [self.leaves, f.mesh]
+        outputs = [self.scratch, self.flags, self.tree]
+        kernel = MAKERS[self.builder]()
+        f.launch(kernel, -(-f.triangle_count // constants.BLOCK) * constants.BLOCK, inputs, outputs, constants.BLOCK)

@@ -125,15 +125,10 @@ class Refitted:
 
     def _box(self) -> None:
         box = self.box.launch()
-        wp.launch(extent_kernel, dim=1, inputs=[box], outputs=[self.tree.extent], device=self.frame.device)
+        self.frame.launch(extent_kernel, 1, [box], [self.tree.extent])
 
     def _refit(self) -> None:
         f = self.frame
-        wp.launch(
-            refit_kernel,
-            dim=f.triangle_count,
-            inputs=[f.triangle_count, self.topology, f.mesh],
-            outputs=[self.scratch, self.flags, self.tree],
-            device=f.device,
-            block_dim=BLOCK,
-        )
+        inputs = [f.triangle_count, self.topology, f.mesh]
+        outputs = [self.scratch, self.flags, self.tree]
+        f.launch(refit_kernel, f.triangle_count, inputs, outputs, BLOCK)

@@ -85,68 +85,59 @@ def write_float32(found: wp.vec4i, ray: Ray, pixel: wp.int32, hits: Hits, starts
     write_closest(hits, pixel, found[3], t, wp.cast(found[1], wp.float32), wp.cast(found[2], wp.float32))
 
 
-@functools.cache
-def make_resolve(holes: bool) -> Any:
-    """A function that writes the closest hit of a ray. ``holes``: undecided hits count where the triangle is opaque."""
-
-    @wp.func
-    def resolve_hit(
-        ray: Ray,
-        found: wp.vec4i,
-        pixel: wp.int32,
-        mesh: Mesh,
-        alpha: Alpha,
-        undecided: Undecided,
-        far: wp.bool,
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
-    ) -> wp.int32:
-        """Write the nearest of the certain hit and the undecided ones that ``found`` holds
-        (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle if
-        that origin is still to be computed, because the ray is flat on it or starts ``far`` away, or -1."""
-        i = found[0]
-        following = found[1]
-        last = found[2]
-        best = found[3]
-        if i >= 0 or last >= 0:
-            nearest = wp.float64(wp.INF)
-            if best >= 0:
-                nearest = plane_distance(ray, corners_at(mesh, best))
-            while i >= 0 or last >= 0:
-                if i < 0:
-                    pair = entry(undecided.pairs, last)
-                    last = pair[1]
-                    i = pair[0]
-                corners = corners_at(mesh, i)
-                weld = weld_at(mesh, i)
-                t = hit_distance(ray, corners, weld)
-                wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
-                if wp.static(holes):
-                    if wanted:
-                        wanted = opaque_at_hit(alpha, i, ray, corners, weld)
-                if wanted:
-                    nearest = t
-                    best = i
-                i = following
-                following = -1
-        distance32 = wp.float32(wp.INF)
-        uv = wp.vec2f()
-        flat = wp.bool(False)
+@wp.func
+def resolve_hit(
+    ray: Ray,
+    found: wp.vec4i,
+    pixel: wp.int32,
+    mesh: Mesh,
+    alpha: Alpha,
+    undecided: Undecided,
+    far: wp.bool,
+    hits: Hits,
+    starts: wp.array(dtype=wp.vec3f),
+) -> wp.int32:
+    """Write the nearest of the certain hit and the undecided ones that ``found`` holds
+    (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle if
+    that origin is still to be computed, because the ray is flat on it or starts ``far`` away, or -1."""
+    i = found[0]
+    following = found[1]
+    last = found[2]
+    best = found[3]
+    if i >= 0 or last >= 0:
+        nearest = wp.float64(wp.INF)
         if best >= 0:
-            hit = certain_hit(ray, corners_at(mesh, best), weld_at(mesh, best))
-            flat = hit.flat
-            if far:
-                flat = True
-            distance32 = wp.float32(hit.t)
-            uv = hit.uv
-            set_entry(starts, pixel, to_float32(along(ray, hit.t)))
-        write_closest(hits, pixel, best, distance32, uv[0], uv[1])
-        return wp.where(flat, best, -1)
-
-    return resolve_hit
-
-
-resolve_hit, resolve_holes = make_resolve(False), make_resolve(True)
+            nearest = plane_distance(ray, corners_at(mesh, best))
+        while i >= 0 or last >= 0:
+            if i < 0:
+                pair = entry(undecided.pairs, last)
+                last = pair[1]
+                i = pair[0]
+            corners = corners_at(mesh, i)
+            weld = weld_at(mesh, i)
+            t = hit_distance(ray, corners, weld)
+            wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
+            if wp.static(effects.alpha):
+                if wanted:
+                    wanted = opaque_at_hit(alpha, i, ray, corners, weld)
+            if wanted:
+                nearest = t
+                best = i
+            i = following
+            following = -1
+    distance32 = wp.float32(wp.INF)
+    uv = wp.vec2f()
+    flat = wp.bool(False)
+    if best >= 0:
+        hit = certain_hit(ray, corners_at(mesh, best), weld_at(mesh, best))
+        flat = hit.flat
+        if far:
+            flat = True
+        distance32 = wp.float32(hit.t)
+        uv = hit.uv
+        set_entry(starts, pixel, to_float32(along(ray, hit.t)))
+    write_closest(hits, pixel, best, distance32, uv[0], uv[1])
+    return wp.where(flat, best, -1)
 
 
 @wp.func
@@ -198,10 +189,7 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
             again = eye_ray(camera, at)
             if wp.static(exact):
                 far = is_far(again.origin, entry(tree.extent, 0))
-                if wp.static(effects.alpha):
-                    flat = resolve_holes(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
-                else:
-                    flat = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
+                flat = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
                 if flat >= 0:
                     write_flat_start(eye_ray(camera, at), flat, pixel, mesh, starts)
             else:
@@ -282,10 +270,7 @@ def make_resolve_kernel(parallel: bool) -> Any:
         far = wp.bool(False)
         if wp.static(parallel):
             far = is_far(ray.origin, entry(tree.extent, 0))
-        if wp.static(effects.alpha):
-            flat = resolve_holes(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
-        else:
-            flat = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
+        flat = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
         if flat >= 0:
             write_flat_start(ray, flat, pixel, mesh, starts)
         if wp.static(parallel):

@@ -79,4 +79,4 @@ class ListedRays:
 
     def _records(self) -> None:
         f, kernel = self.frame, ray_kernel if self.exact else float32_ray_kernel
-        wp.launch(kernel, dim=f.triangle_count, inputs=[f.mesh], outputs=[self.records], device=f.device)
+        f.launch(kernel, f.triangle_count, [f.mesh], [self.records])

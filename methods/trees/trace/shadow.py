@@ -25,42 +25,36 @@ from .traversal import make_any
 from .undecided import Undecided
 
 
-@functools.cache
-def make_hidden(holes: bool) -> Any:
-    """A function that gives the shadow bit of an exact ray. ``holes``: undecided triangles hide where they are opaque."""
-
-    @wp.func
-    def hidden(
-        found: wp.vec4i, ray: Ray, own: wp.int32, light: wp.vec3f, mesh: Mesh, alpha: Alpha, undecided: Undecided
-    ) -> wp.uint8:
-        """That of a traversal that gave ``found`` (:func:`.traversal.make_any`), or float64's verdict on what it left,
-        for which the hit point of ``ray`` on the triangle ``own`` is computed again."""
-        i = found[0]
-        following = found[1]
-        last = found[2]
-        bit = wp.uint8(found[3])
-        if bit == wp.uint8(0) and (i >= 0 or last >= 0):
-            met = corners_at(mesh, own)
-            h = hit_point(ray, plane_distance(ray, met), met)
-            size = wp.float64(largest(ray.origin))
-            while bit == wp.uint8(0) and (i >= 0 or last >= 0):
-                if i < 0:
-                    pair = entry(undecided.pairs, last)
-                    last = pair[1]
-                    i = pair[0]
-                corners = corners_at(mesh, i)
-                weld = weld_at(mesh, i)
-                occluded = occludes(h, light, corners, weld, size)
-                if wp.static(holes):
-                    if occluded:
-                        occluded = opaque_to_light(alpha, i, h, light, corners, weld, size)
+@wp.func
+def hidden(
+    found: wp.vec4i, ray: Ray, own: wp.int32, light: wp.vec3f, mesh: Mesh, alpha: Alpha, undecided: Undecided
+) -> wp.uint8:
+    """The shadow bit of an exact ray: that of a traversal that gave ``found`` (:func:`.traversal.make_any`), or float64's
+    verdict on what it left, for which the hit point of ``ray`` on the triangle ``own`` is computed again."""
+    i = found[0]
+    following = found[1]
+    last = found[2]
+    bit = wp.uint8(found[3])
+    if bit == wp.uint8(0) and (i >= 0 or last >= 0):
+        met = corners_at(mesh, own)
+        h = hit_point(ray, plane_distance(ray, met), met)
+        size = wp.float64(largest(ray.origin))
+        while bit == wp.uint8(0) and (i >= 0 or last >= 0):
+            if i < 0:
+                pair = entry(undecided.pairs, last)
+                last = pair[1]
+                i = pair[0]
+            corners = corners_at(mesh, i)
+            weld = weld_at(mesh, i)
+            occluded = occludes(h, light, corners, weld, size)
+            if wp.static(effects.alpha):
                 if occluded:
-                    bit = wp.uint8(1)
-                i = following
-                following = -1
-        return bit
-
-    return hidden
+                    occluded = opaque_to_light(alpha, i, h, light, corners, weld, size)
+            if occluded:
+                bit = wp.uint8(1)
+            i = following
+            following = -1
+    return bit
 
 
 @functools.cache
@@ -71,7 +65,6 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
     them, too; else they are marked already. ``faces``: only those that face it do.
     """
     between, between_holes = (make_any(exact, holes) for holes in (False, True))
-    hidden, hidden_by_opaque = make_hidden(False), make_hidden(True)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def shadow_kernel(
@@ -126,10 +119,7 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
             ray = ray_of(camera, pixel)
             if wp.static(effects.bounced):
                 ray = ray_at(rays, pixel)
-            if wp.static(effects.alpha):
-                bit = hidden_by_opaque(found, ray, hit, place, mesh, alpha, undecided)
-            else:
-                bit = hidden(found, ray, hit, place, mesh, alpha, undecided)
+            bit = hidden(found, ray, hit, place, mesh, alpha, undecided)
         else:
             bit = wp.uint8(found[3])
         set_entry(shadowed, light, pixel, bit)

@@ -209,14 +209,14 @@ class TreeRays:
         if self._exactly(light):
             kernel, outputs = planes.light_kernel, [made.edges, made.sides, made.facing]
             inputs = [f.mesh, light, f.lights, self.tree.extent, self.joined]
-        wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
+        f.launch(kernel, f.triangle_count, inputs, outputs)
 
     def _eye_records(self) -> None:
         f = self.frame
         kernel, inputs = (
             (planes.eye_kernel, [f.mesh, f.eye]) if self.exact else (planes.float32_kernel, [f.mesh, 0, f.eye])
         )
-        wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=[self.eye_records], device=f.device)
+        f.launch(kernel, f.triangle_count, inputs, [self.eye_records])
 
     def _undecided(self, bounce: int, slot: int, share: int) -> Any:
         return filled(Undecided, count=self.counts[bounce, slot, share : share + 1], pairs=self.pairs[share])
@@ -224,34 +224,22 @@ class TreeRays:
     def _primary(self, share: int) -> None:
         f = self.frame
         kernel = make_eye_kernel(self.exact, self.packets)
-        wp.launch(
-            specialised(kernel, self.effects.switches()),
-            dim=self.shares.threads,
-            inputs=[
-                f.camera, self.shares.parts[share], self.tree, self.eye_records, f.mesh, f.alpha,
-                self._undecided(0, 0, share),
-            ],
-            outputs=[f.hits(0), self.starts[0]],
-            device=f.device,
-            block_dim=constants.BLOCK,
-        )  # fmt: skip
+        seen = [f.camera, self.shares.parts[share], self.tree, self.eye_records]
+        inputs = [*seen, f.mesh, f.alpha, self._undecided(0, 0, share)]
+        outputs = [f.hits(0), self.starts[0]]
+        f.launch(specialised(kernel, self.effects.switches()), self.shares.threads, inputs, outputs, constants.BLOCK)
 
     def _shadow(self, light: int, bounce: int, shares: Shares, share: int) -> None:
         f = self.frame
         listed = self.listed.lists[bounce][share] if self.listed is not None and f.tabled(bounce) else Listed()
         kernel = make_shadow_kernel(self._exactly(light), self.marks and bounce == 0)
-        wp.launch(
-            specialised(kernel, self.effects.switches(light, bounce)),
-            dim=shares.threads,
-            inputs=[
-                f.camera, shares.parts[share], listed, light, self.effects.facing, f.lights, f.spots, f.front_facing,
-                self.tree, self.planes[light], f.mesh, f.alpha, f.rays(bounce), f.hits(bounce), self.starts[bounce],
-                self._undecided(bounce, 1 + light, share),
-            ],
-            outputs=[f.masks(bounce), f.bits(bounce)],
-            device=f.device,
-            block_dim=constants.BLOCK,
-        )  # fmt: skip
+        lit = [light, self.effects.facing, f.lights, f.spots, f.front_facing]
+        tree = [self.tree, self.planes[light], f.mesh, f.alpha]
+        found = [f.rays(bounce), f.hits(bounce), self.starts[bounce], self._undecided(bounce, 1 + light, share)]
+        inputs = [f.camera, shares.parts[share], listed, *lit, *tree, *found]
+        outputs = [f.masks(bounce), f.bits(bounce)]
+        kernel = specialised(kernel, self.effects.switches(light, bounce))
+        f.launch(kernel, shares.threads, inputs, outputs, constants.BLOCK)
 
     def trace_listed(self, bounce: int, light: int | None = None) -> None:
         """Trace listed rays of all shares, or with ``light`` the shadow rays of their hits."""
