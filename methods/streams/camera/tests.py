@@ -7,7 +7,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ....harness.frame.effects.specialise import specialised
-from ....harness.frame.geometry import Camera as CameraArrays, Mesh
+from ....harness.frame.geometry import Camera as CameraArrays
+from ....harness.frame.geometry import Mesh
 from ...common.reads import corners_at
 from ...gpu.entries import entry
 from .passes import Camera

@@ -156,7 +156,11 @@ def traversal(
     ``counts``: its tests are counted in ``tests``, and no triangle is left to float64, which changes no later test."""
 
     def loop(stack: str, leaving: str) -> str:
-        return f"{stack}{test}{COUNTING}{TRAVERSED['float32']}" if counts else f"{stack}{test}{TRAVERSE}{TRAVERSED[leaving]}"
+        return (
+            f"{stack}{test}{COUNTING}{TRAVERSED['float32']}"
+            if counts
+            else f"{stack}{test}{TRAVERSE}{TRAVERSED[leaving]}"
+        )
 
     single = loop(SINGLE, "exact" if exact else "float32")
     together = loop(PACKET, "packet" if exact else "float32")
@@ -194,9 +198,7 @@ def make_count(records: str, exact: bool, holes: bool = False) -> Any:
     result = "return {tests, 0, 0, 0};"
 
     @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, holes=holes, counts=True))
-    def count(
-        seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f)
-    ) -> wp.vec4i: ...
+    def count(seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f)) -> wp.vec4i: ...
 
     return count
 
