@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
+from ..harness.report import claims as verdict
 from ..harness.report import compare, document, numbers, ranking, sentences, style
 from ..harness.report import paper_table1 as paper
 from ..harness.report.documents import Results
 from ..harness.report.page.gather import machine_of, written
 from ..harness.results.folder import read_environment
 from . import _rivals, effects
+from .claims import CLAIMS
 
 KINDS = ("grids of rays", "trees", "rasterised buffers", "the paper's grids")
 """The kinds that a table of the fastest shows; the others are slower everywhere."""
@@ -28,11 +31,14 @@ def kinds(results: Results, folder: str) -> list[str]:
     """The fastest exact method of each kind on each scene, ms; one with wrong answers where it is faster than that."""
     import pandas as pd
 
-    table = results.ranked(folder).assign(kind=lambda own: own["method"].map(style.kind))
+    table = results.ranked(folder)
     best = ranking.best(results.frames(folder), table)
+    table = table[["title", "scene", "exact", "total_ms", "ms", "true_errors"]].assign(
+        kind=table["method"].map(style.kind), best=best
+    )
     rows = []
     for title, own in table.groupby("title", sort=False):
-        cells = {kind: fastest(own[own["kind"] == kind].assign(best=best)) for kind in KINDS}
+        cells = {kind: fastest(own[own["kind"] == kind]) for kind in KINDS}
         printed = paper.ROWS[own["scene"].iloc[0]].cells[-1].removesuffix(" ms")
         rows.append({"scene": str(title), **cells, f"*paper, {paper.GPU}*": f"*{printed}*"})
     return document.markdown(pd.DataFrame(rows))
@@ -119,29 +125,27 @@ def machine(results: Results, folder: str) -> str:
     return sentences.listed(list(dict.fromkeys(map(machine_of, facts))))
 
 
+@cache
+def judged(results: Results, machine: str) -> document.DataFrame:
+    """The paper's claims as the records of a machine decide them (:func:`.report.claims.judge_all`)."""
+    return verdict.judge_all(CLAIMS, results.data(machine))
+
+
 def claims(results: Results, *machines: str) -> list[str]:
     """The paper's claims, each with its verdict on every machine."""
-    import pandas as pd
-
-    tables = {name: pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False) for name in machines}
-    first = next(iter(tables.values()))
-    made = first[["number", "claim", "section"]].assign(**{
-        f"on {name}": "**" + own["verdict"] + "**" for name, own in tables.items()
-    }, judged=first["judged_from"])  # fmt: skip
+    first = judged(results, machines[0])
+    verdicts = {f"on {name}": "**" + judged(results, name)["verdict"] + "**" for name in machines}
+    made = first[["number", "claim", "section"]].assign(**verdicts, judged=first["judged_from"])
     return document.markdown(
         made.rename(columns={"number": "", "section": "in the paper", "judged": f"judged from, on {machines[0]}"})
     )
 
 
-def verdicts(results: Results, name: str) -> list[str]:
+def verdicts(results: Results, machine: str) -> list[str]:
     """How many claims hold."""
-    import pandas as pd
-
-    told = pd.read_csv(results.folder / name / "claims.csv", keep_default_na=False)["verdict"].value_counts()
-    return [f"{told.get('holds', 0)} hold, {told.get('does not hold', 0)} do not, {told.get(OPEN, 0)} cannot be told."]
-
-
-OPEN = "can't tell"
+    told = judged(results, machine)["verdict"].value_counts()
+    holds, fails, open_ = (told.get(each, 0) for each in (verdict.HOLDS, verdict.FAILS, verdict.OPEN))
+    return [f"{holds} hold, {fails} do not, {open_} cannot be told."]
 
 
 def folders(results: Results, name: str) -> list[str]:

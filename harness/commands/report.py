@@ -33,7 +33,7 @@ Site = Annotated[
 ]
 Docs = Annotated[
     Path | None,
-    option("--docs", "DIR", "Write no page, but the numbers and tables of the Markdown files of a checkout anew."),
+    option("--docs", "DIR", "Write no page, but the claims and the drawn parts of Markdown files of a checkout anew."),
 ]
 
 
@@ -87,10 +87,16 @@ def report(folder: Folder, out: Out = None, site: Site = None, docs: Docs = None
 
 
 def fill_documents(folder: Path, root: Path, as_json: bool) -> int:
-    """Draw the parts of Markdown files that are made from records anew; what changed is named."""
-    from ..report import documents
+    """Draw the claims of each machine and the parts of Markdown files that are made from records anew; what changed is
+    named."""
+    from ..report import claims, documents
 
-    changed = documents.fill(folder, root, importlib.import_module(f"{PACKAGE}._documents").PARTS)
+    declared, results = importlib.import_module(f"{PACKAGE}._documents"), documents.Results(folder)
+    kept = {path: path.read_bytes() for path in sorted(folder.glob("*/claims.*"))}
+    for machine in sorted({path.parent for path in kept}):
+        claims.write(machine, declared.judged(results, machine.name), results.data(machine.name))
+    changed = [path for path, before in kept.items() if path.read_bytes() != before]
+    changed += documents.fill(results, root, declared.PARTS)
     if as_json:
         import json
 

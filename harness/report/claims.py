@@ -64,6 +64,11 @@ class Evidence:
         """Image widths, smallest first."""
         return sorted(self.frames["width"].unique())
 
+    @cached_property
+    def largest(self) -> document.DataFrame:
+        """The frames of the largest image size."""
+        return self.of()
+
     def of(self, **wanted: Any) -> document.DataFrame:
         """Frames whose columns have these values, of the largest image size unless a width is named."""
         return self.frames[matching(self.frames, **{"width": self.widths[-1], **wanted})]
@@ -76,10 +81,11 @@ class Evidence:
         self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
     ) -> dict[str, float]:
         """Measure of ``one``'s points over ``other``'s, by scene (all, or ``scenes``). Raises :class:`Lacking` if none."""
-        frames, found = compare.slim(self.of(), ("pass.", "counter.")), dict[str, float]()
+        frames, found = self.largest, dict[str, float]()
         base, own = matching(frames, **other), matching(frames, **one)
         if base.any() and own.any():
-            points, bases = compare.pairs(frames[base | own], base[base | own])
+            both = compare.slim(frames[base | own], ("pass.", "counter."))
+            points, bases = compare.pairs(both, base[base | own])
             known = by_scene(points[matching(points, **one)].reset_index())
             values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
             found = dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
@@ -235,9 +241,18 @@ def judge_all(claims: Sequence[Claim], data: Data) -> document.DataFrame:
 
 
 def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
-    """``claims.md`` and ``claims.csv`` in the folder; printed unless ``quiet``."""
+    """:func:`write` the claims as the records in the folder decide them; printed unless ``quiet``."""
     data = collect(folder)
-    made, points, path = judge_all(claims, data), document.named(data.frames), folder / "claims.md"
+    made = judge_all(claims, data)
+    if not quiet:
+        text = made["claim"] + " (" + made["section"] + "): " + made["numbers"]
+        print_table(made[["number", "verdict"]].assign(**{"claim (section): what was measured": text}))
+    return write(folder, made, data)
+
+
+def write(folder: Path, made: document.DataFrame, data: Data) -> list[Path]:
+    """``claims.md`` and ``claims.csv`` in the folder: what :func:`judge_all` made of the data."""
+    points, path = document.named(data.frames), folder / "claims.md"
     told, errors = made["verdict"].value_counts(), points["error"].str.split().str[0].value_counts()
     shown = made.assign(verdict="**" + made["verdict"] + "**")
     lines = [
@@ -248,7 +263,4 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
         f"{errors.get(numbers.UNSCORED, 0)} are unscored.\n",
     ]
     path.write_text("\n".join(lines), encoding="utf-8")
-    if not quiet:
-        text = made["claim"] + " (" + made["section"] + "): " + made["numbers"]
-        print_table(made[["number", "verdict"]].assign(**{"claim (section): what was measured": text}))
     return [path, document.write_csv(made, folder / "claims.csv", list(made))]

@@ -32,9 +32,14 @@ BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", 
 
 
 def slim(frames: DataFrame, but: Sequence[str] = ("round.",)) -> DataFrame:
-    """A tidy table without its :data:`BULKY` columns ``but`` these: hundreds of columns take most of a comparison's time."""
-    bulky = tuple(name for name in BULKY if name not in but)
-    return frames[[name for name in frames if not name.startswith(bulky)]]
+    """A tidy table without its :data:`BULKY` columns, ``but`` those of these that some row has: hundreds of columns take
+    most of a comparison's time."""
+    kept = [
+        name
+        for name in frames
+        if not name.startswith(BULKY) or (name.startswith(tuple(but)) and frames[name].notna().any())
+    ]
+    return frames[kept]
 
 
 def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[DataFrame, DataFrame]:

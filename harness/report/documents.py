@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from ..errors import UserError
 from ..files import write_text
 from ..results.schema import folders_with_records, place_name
-from . import document, ranking
+from . import claims, document, ranking
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -35,7 +35,14 @@ class Results:
         self.folder = folder
         self.frames: Callable[[str], DataFrame] = cache(lambda name: document.frames(folder / name))
         self.points: Callable[[str], DataFrame] = cache(lambda name: document.named(self.frames(name)))
+        self.part: Callable[..., list[str]] = cache(lambda make, *words: make(self, *words))
+        self.data: Callable[[str], claims.Data] = cache(self._data)
         self.ranked: Callable[[str], DataFrame] = cache(lambda name: ranking.ranked(self.frames(name)))
+
+    def _data(self, machine: str) -> claims.Data:
+        """What claims are judged from: the frames of all folders of a machine."""
+        names = self.names(machine)
+        return claims.together([self.frames(name).assign(folder=name.removeprefix(f"{machine}/")) for name in names])
 
     def names(self, below: str = "") -> list[str]:
         """The results folders, as :func:`.results.schema.place_name` calls them."""
@@ -61,15 +68,15 @@ def drawn(text: str, results: Results, parts: Parts, path: Path) -> str:
         name, *words = found["name"].split()
         if name not in parts:
             raise UserError(f"{path}: no part {name!r} is drawn; there are {', '.join(sorted(parts))}")
-        lines = parts[name](results, *words)
+        lines = results.part(parts[name], *words)
         return found[1] + "\n".join(["", *lines, ""]) + "\n" + found[4]
 
     return PART.sub(part, text)
 
 
-def fill(folder: Path, root: Path, parts: Parts) -> list[Path]:
+def fill(results: Results, root: Path, parts: Parts) -> list[Path]:
     """Draw the parts of every document of a checkout anew; the files that changed."""
-    results, changed = Results(folder), []
+    changed = []
     for path in documents(root):
         text = path.read_text(encoding="utf-8")
         if PART.search(text) and (new := drawn(text, results, parts, path)) != text:

@@ -77,6 +77,11 @@ class BinaryTree(BaseMethod):
         self._capacity = grown(int(counted(needed).max()), before, self._memory, "undecided pairs")
         return self._capacity != before
 
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
+        """Triangle tests of each pixel's primary ray."""
+        assert self._rays is not None
+        return (self._rays.tests_per_pixel(),)
+
     def counters(self) -> dict[str, int]:
         """Pairs that were left to float64 in the last frame."""
         if self._rays is None:

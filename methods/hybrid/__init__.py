@@ -101,6 +101,10 @@ class Hybrid(BaseMethod):
             self._capacity = grown(int(found.max()), before, self._memory, "undecided pairs")
         return more or self._capacity != before
 
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
+        """Triangle tests of each pixel's primary ray."""
+        return self._streams.tests_per_pixel()
+
     def counters(self) -> dict[str, int]:
         """The counters of the streams, and the pairs of shadow rays that the tree left to float64 in the last frame."""
         if self._streams.needs() is None:

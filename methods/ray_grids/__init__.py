@@ -8,9 +8,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...harness.frame.frame import Frame
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
+from ..streams.camera.tests import tests_per_pixel
 from ..streams.light import Light
 from ..streams.method import StreamedMethod
 from ..streams.occlusion.last_occluder import LastOccluder, occluder_arrays
@@ -55,6 +59,11 @@ class RayGrids(StreamedMethod):
         # Where the stream tests rays, or counts them, they must lie in their cells.
         overlaps = rays.queues.queued and settings.overlaps and settings.groups == "stream"
         return Light(ByTriangles(rays), Occlusion(rays, overlaps=overlaps))
+
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
+        """Triangle tests of each pixel's primary ray."""
+        assert self._camera is not None
+        return (tests_per_pixel(self._camera),)
 
     def counters(self) -> dict[str, int]:
         """Those of every such method, and rays that a remembered occluder settled."""

@@ -58,6 +58,7 @@ class StreamedMethod(BaseMethod):
         super().__init__(build, trace)
         self._capacity: Capacity | None = None
         self._queues: Queues | None = None
+        self._camera: Camera | None = None
         self._memory = 0
         self._threads = 1
 
@@ -115,7 +116,8 @@ class StreamedMethod(BaseMethod):
             self._capacity = settings.room(frame.triangle_count, frame.pixels, shares)
         streams = 1 if lights is None else 1 + len(effects.shadows)
         self._queues = Queues(frame, queued, self._capacity, streams, shares, threads > 1)
-        return Camera(frame, settings, self._queues, effects, points=points, threads=threads)
+        self._camera = Camera(frame, settings, self._queues, effects, points=points, threads=threads)
+        return self._camera
 
     def needs(self) -> wp.array | None:
         return None if self._queues is None else self._queues.counts

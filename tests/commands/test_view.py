@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import io
 import json
 import re
 import socket
@@ -17,6 +18,7 @@ import uvicorn
 import websocket
 from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
+from PIL import Image
 from shadowbench.harness.commands.default_method import default_method
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.commands.render import opened
@@ -96,6 +98,14 @@ def test_partial_frames_have_the_bits_of_render(scene):
     assert set(frames._sessions) == {METHOD, OTHER}, "both of a comparison are kept"
     small, _ = frames.show(Wish(OTHER, (8, 8)))
     assert (small["size"], set(frames._sessions)) == ([8, 8], {OTHER}), "and nothing else"
+
+
+@pytest.mark.parametrize("method", ["ray_grids", "bvh2", "hybrid"])
+def test_the_default_method_and_the_strongest_rivals_have_a_heat_map(scene, method):
+    facts, picture = Frames(prepare(resolve(scene)), "cpu").show(Wish(method, SIZE, show="tests"))
+    assert facts["counts"]
+    assert facts["tests"]["most"] > facts["tests"]["mean"] > 0.0
+    assert len({tuple(colour) for colour in np.asarray(Image.open(io.BytesIO(picture))).reshape(-1, 3)}) > 1
 
 
 def test_a_frame_on_a_cpu_waits_for_no_run_that_measures(scene, tmp_path, monkeypatch):

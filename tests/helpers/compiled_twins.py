@@ -230,6 +230,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         ray_kernels.make_shadow_kernel: make_grid_kernels()[1],
         tree_closest.make_eye_kernel: tree_closest.make_eye_kernel(True, False),
         tree_closest.make_listed_kernel: tree_closest.make_listed_kernel(True),
+        tree_closest.make_tests_kernel: tree_closest.make_tests_kernel("eye", True),
         tree_closest.make_resolve_kernel: tree_closest.make_resolve_kernel(False),
         tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel(True, True),
         mesh_kernels.make_mesh_shadow_kernel: mesh_kernels.make_mesh_shadow_kernel("plain_cut"),

@@ -15,18 +15,21 @@ from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.overrides import Lighting
 
 GRIDS, TREE, MAP = (Entry("ray_grids", {}, "grids"), Entry("bvh", {}, "tree"), Entry("shadow_map", {}, "map & <b>"))
-FACTS = {
-    "cpu": {"model": "A CPU", "usable_cores": 2},
-    "warp": "1.0",
-    "python": "3",
-    "os": "x",
-    "gpus": [{"name": "A GPU"}],
-}
+HYBRID = Entry("hybrid", {}, "hybrid")
+FACTS = {"cpu": {"model": "A CPU", "usable_cores": 2}, "warp": "1.0", "python": "3", "os": "x"}
 
 
 def wrong(record, count):
     record["frames"][0]["score"].update(true_errors=count, check="failed")
     return record
+
+
+def write_machine(folder: Path, records: list[dict], gpu: str) -> None:
+    """Records and the facts of the machine that they were measured on."""
+    write_records(folder, records)
+    (folder / "environments").mkdir()
+    facts = {**FACTS, "gpus": [{"name": gpu}]}
+    (folder / "environments" / f"{records[0]['environment']}.json").write_text(json.dumps(facts))
 
 
 def make_results(root: Path) -> Path:
@@ -65,10 +68,7 @@ def make_results(root: Path) -> Path:
         one["rounds"], one["environment"] = [{"round": 0, "clock": {"load": 9.0}}], "other"
     folders = {"frame_time": times, "figure11": far, "table1": table, "effects": effects, "other/frame_time": elsewhere}
     for name, records in folders.items():
-        write_records(root / name, records)
-        (root / name / "environments").mkdir()
-        facts = FACTS if "/" not in name else {**FACTS, "gpus": [{"name": "Another GPU"}]}
-        (root / name / "environments" / f"{records[0]['environment']}.json").write_text(json.dumps(facts))
+        write_machine(root / name, records, "Another GPU" if "/" in name else "A GPU")
     folder, key = root / "frame_time", times[4]["key"]
     (folder / "frame_time.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>')
     (folder / "images").mkdir()

@@ -8,7 +8,8 @@ import time
 
 import pytest
 from helpers import browser
-from helpers.page_results import command, make_results
+from helpers.experiment_records import record_of
+from helpers.page_results import GRIDS, HYBRID, MAP, command, make_results, write_machine, wrong
 
 VIEWS = (
     "overview", "table", "scatter", "curves", "machines", "points", "pictures", "maps", "claims", "drawings",
@@ -27,7 +28,9 @@ def results(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def page(results):
+def page(request, results):
+    if hasattr(request, "param"):
+        return request.getfixturevalue(request.param)
     with pytest.MonkeyPatch.context() as patch:
         assert command(patch, results, "--out", results / "page.html") == 0
     return results / "page.html"
@@ -174,6 +177,40 @@ def test_machines_stand_side_by_side(visit):
     heads = [head.text for head in css(found, ".grid thead th")]
     assert heads == ["scene", "method", "A GPU", "Another GPU"]
     assert any("0.505 ✓ 0.707 ✓" in " ".join(row.text.split()) for row in css(found, ".grid tbody tr"))
+
+
+@pytest.fixture(scope="module")
+def ties(tmp_path_factory):
+    """Two methods that tie and one beside them with wrong answers; one machine has two folders of the experiment."""
+    root = tmp_path_factory.mktemp("ties")
+    near = record_of("frame_time", MAP, ms=0.503)
+    own = {"a": [record_of("frame_time", GRIDS, ms=0.5), record_of("frame_time", HYBRID, ms=0.5005), wrong(near, 3)]}
+    own["a-real"] = [record_of("frame_time", GRIDS, "buddha", ms=0.4)]
+    own["b"] = [record_of("frame_time", GRIDS, scene, ms=0.7) | {"environment": "b"} for scene in ("cloth", "buddha")]
+    for name, records in own.items():
+        write_machine(root / name, records, "Another GPU" if name == "b" else "A GPU")
+    with pytest.MonkeyPatch.context() as patch:
+        assert command(patch, root, "--out", root / "page.html") == 0
+    return root / "page.html"
+
+
+@pytest.mark.parametrize("page", ["ties"], indirect=True)
+def test_ties_are_drawn_as_ties_and_no_mark_hides_another(visit):
+    found = visit("view=scatter&s=a")
+    assert [row.text.split()[-2:] == ["on", "it"] for row in css(found, ".split tbody tr")] == [True, True, False]
+    assert len(css(found, ".plane .dot-label")) == 1, "names at one place do not lie on each other"
+    found = visit("", 360)
+    boxes = [mark.rect for mark in css(found, ".kind-row:first-child .dot")]
+    assert len({box["y"] for box in boxes}) == 2
+    left = css(found, ".kinds")[0].rect["x"]
+    assert all(label.rect["x"] > left for label in css(found, ".kinds .dot-label"))
+
+
+@pytest.mark.parametrize("page", ["ties"], indirect=True)
+def test_the_folders_of_one_machine_are_one_column(visit):
+    found = visit("view=machines")
+    assert [head.text for head in css(found, ".grid thead th")] == ["scene", "method", "A GPU", "Another GPU"]
+    assert sorted(column(found, 1)) == ["Buddha (stand-in)", "Cloth (stand-in)"]
 
 
 def test_a_table_says_how_sure_it_is_and_its_controls_keep_their_names(visit):

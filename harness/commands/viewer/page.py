@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import html
 import re
 from importlib.resources import files
 from typing import Any
 
-from ...report.page.build import filled, inert, script_source
+from ...report.page.build import filled, head, inert, script_source
 
 
 def page(facts: dict[str, Any]) -> str:
     """The HTML of the page; ``facts`` are what its script begins with."""
-    texts = {
-        "TITLE": html.escape(str(facts["title"]), quote=False),
-        "STYLE": resource("view.css"),
-        "FACTS": inert(facts),
-        "PROGRAM": resource("view.js"),
-    }
-    return filled(resource("view.html"), texts)
+    texts = {"FACTS": inert(facts), "PROGRAM": resource("view.js")}
+    return head(facts["title"], resource("view.css")) + filled(resource("view.html"), texts)
 
 
 def policy(text: str, sockets: str) -> str:

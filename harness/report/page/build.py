@@ -26,15 +26,16 @@ def page(data: dict[str, Any]) -> str:
     script = "\n".join(f"// {name}\n{resource(name)}" for name in SCRIPTS)
     program = f'"use strict";\n(() => {{\n{script}\n}})();\n'
     library = f"/*\n{licence.strip()}\n*/\n{library}"
-    texts = {
-        "TITLE": html.escape(str(data["title"]), quote=False),
-        "POLICY": policy(library, program),
-        "STYLE": resource("page.css") + "\n" + library_style,
-        "DATA": inert(data),
-        "LIBRARY": library,
-        "PROGRAM": program,
-    }
-    return filled(resource("page.html"), texts)
+    style = resource("page.css") + "\n" + library_style
+    texts = {"DATA": inert(data), "LIBRARY": library, "PROGRAM": program}
+    return head(data["title"], style, policy(library, program)) + filled(resource("page.html"), texts)
+
+
+def head(title: str, style: str, policy: str = "") -> str:
+    """The beginning of every page of the project, up to its body; ``policy``: of its content, if it has one of its own."""
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n' if policy else ""
+    style = resource("theme.css") + style
+    return filled(resource("head.html"), {"TITLE": html.escape(title, quote=False), "POLICY": meta, "STYLE": style})
 
 
 def filled(template: str, texts: dict[str, str]) -> str:

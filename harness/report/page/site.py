@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 from ...files import write_text
-from .build import filled, page, resource
+from .build import filled, head, page, resource
 
 DRAWINGS = ("*.svg", "*.png")
 
@@ -43,7 +43,6 @@ def experiment_page(about: Mapping[str, Any], drawings: list[str]) -> str:
     images = [f'<a href="{quote(name)}"><img src="{quote(name)}" alt="{html.escape(name)}"></a>' for name in drawings]
     texts = {
         "TITLE": html.escape(about["title"]),
-        "STYLE": resource("page.css"),
         "FINDING": html.escape(about["finding"]),
         "NOTES": "\n".join(
             f"<p class=note>{html.escape(text)}</p>" for text in (about["where"] + ".", *about["valid"])
@@ -52,4 +51,4 @@ def experiment_page(about: Mapping[str, Any], drawings: list[str]) -> str:
         "HOME": f"{up}index.html",
         "DRAWINGS": "\n".join(f"<p class='drawing lines'>{image}</p>" for image in images),
     }
-    return filled(resource("experiment.html"), texts)
+    return head(about["title"], resource("page.css")) + filled(resource("experiment.html"), texts)

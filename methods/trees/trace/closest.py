@@ -25,7 +25,7 @@ from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
-from .traversal import make_closest
+from .traversal import make_closest, make_count
 from .undecided import Undecided
 
 
@@ -196,6 +196,29 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
                 write_float32(found, again, pixel, hits, starts)
 
     return eye_kernel
+
+
+@functools.cache
+def make_tests_kernel(records: str, exact: bool) -> Any:
+    """One thread per pixel: how many triangles its ray is tested against. The kernels of a frame do not count."""
+    count, count_holes = (make_count(records, exact, holes) for holes in (False, True))
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def tests_kernel(
+        camera: Camera, rays: Rays, tree: Tree, triangles: wp.array(dtype=wp.vec4f), tests: wp.array(dtype=wp.int32)
+    ):
+        pixel = wp.tid()
+        y = pixel // camera.width
+        if wp.static(records == "eye"):
+            ray = eye_ray(camera, wp.vec2i(pixel - y * camera.width, y))
+        else:
+            ray = ray_at(rays, pixel)
+        if wp.static(effects.alpha):
+            tests[pixel] = count_holes(True, ray.origin, ray.direction, tree, triangles)[0]
+        else:
+            tests[pixel] = count(True, ray.origin, ray.direction, tree, triangles)[0]
+
+    return tests_kernel
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -145,11 +145,22 @@ auto traverse = [&](auto leave, auto full) {
 meet after each. The others test a leaf in the iteration that has come to it."""
 
 
-def traversal(ray: str, test: str, result: str, exact: bool, packets: bool = False, holes: bool = False) -> str:
-    """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle."""
+COUNTING = "int tests = 0;" + TRAVERSE.replace("test(at, leave)", "(tests++, test(at, leave))")
+
+
+def traversal(
+    ray: str, test: str, result: str, exact: bool, packets: bool = False, holes: bool = False, counts: bool = False
+) -> str:
+    """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle.
+
+    ``counts``: its tests are counted in ``tests``, and no triangle is left to float64, which changes no later test."""
 
     def loop(stack: str, leaving: str) -> str:
-        return f"{stack}{test}{TRAVERSE}{TRAVERSED[leaving]}"
+        return (
+            f"{stack}{test}{COUNTING}{TRAVERSED['float32']}"
+            if counts
+            else f"{stack}{test}{TRAVERSE}{TRAVERSED[leaving]}"
+        )
 
     single = loop(SINGLE, "exact" if exact else "float32")
     together = loop(PACKET, "packet" if exact else "float32")
@@ -179,6 +190,17 @@ def make_closest(records: str, exact: bool, packets: bool = False, holes: bool =
     ) -> wp.vec4i: ...
 
     return closest
+
+
+@functools.cache
+def make_count(records: str, exact: bool, holes: bool = False) -> Any:
+    """A function of a ray that gives (its tests, 0, 0, 0), as :func:`make_closest` traverses it alone."""
+    result = "return {tests, 0, 0, 0};"
+
+    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, holes=holes, counts=True))
+    def count(seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f)) -> wp.vec4i: ...
+
+    return count
 
 
 @functools.cache

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from ....harness.frame.effects.mirrors import traced_bounces
 from ....harness.frame.effects.receivers import facing_passes, facing_reads
@@ -21,7 +22,7 @@ from .. import constants
 from ..nodes import Tree
 from ..records import planes
 from ..records.planes import LightPlanes
-from .closest import Listed, make_eye_kernel
+from .closest import Listed, make_eye_kernel, make_tests_kernel
 from .listed_rays import RECORDS, ListedRays
 from .shadow import make_shadow_kernel
 from .shares import Shares
@@ -107,6 +108,21 @@ class TreeRays:
         if self.effects.bounces:
             pairs["mirror"] = int(found[1:, 0].sum())
         return pairs
+
+    def tests_per_pixel(self) -> NDArray[np.int32]:
+        """Triangle tests of each primary ray of the last frame, traced again alone, not in a packet."""
+        f = self.frame
+        records, triangles = "eye", self.eye_records
+        if self.effects.orthographic and self.listed is not None:
+            records, triangles = "ray", self.listed.records
+        tests = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
+        wp.launch(
+            specialised(make_tests_kernel(records, self.exact), self.effects.switches()),
+            dim=f.pixels,
+            inputs=[f.camera, f.rays(0), self.tree, triangles, tests],
+            device=f.device,
+        )
+        return tests.numpy()
 
     def _exactly(self, light: int) -> bool:
         """Whether the shadow rays of a light are exact: float32 cannot trace rays from a directional one, which lies where

@@ -216,6 +216,7 @@
     $("size").append(new Option(`${width}x${height}`, JSON.stringify([width, height]), factor === 1, factor === 1));
   }
   $("size").onchange = () => { state.size = JSON.parse($("size").value); ask(); };
+  $("title").textContent = facts.title;
   $("stand-in").textContent = [facts.stand_in, facts.left_out].filter(Boolean).join("; ");
   $("frame").max = facts.frames - 1;
   $("time").hidden = facts.frames < 2;

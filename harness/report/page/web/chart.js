@@ -1,6 +1,8 @@
 // Lines over a number: zoomed by dragging, the nearest point named under the pointer. Drawn by uPlot.
 
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+/** A colour of the theme as a canvas takes it. */
+const css = (name) => { const probe = $("#said"); probe.style.color = `var(${name})`; return getComputedStyle(probe).color; };
+
 /**
  * Where a logarithmic axis has its ticks: the powers of ten; where there are few, 1, 2 and 5 of each; where there are none, even
  * steps. (uPlot's own ticks do not end where an axis does not begin at a power of ten.)

@@ -117,7 +117,7 @@ function pointLines(p, frame = null) {
   return lines;
 }
 
-const inTheDark = () => getComputedStyle(document.documentElement).colorScheme === "dark";
+const inTheDark = () => (document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "")) === "dark";
 /** A colour of the project's drawings; on a dark page mixed with white, so that lines stand out. */
 function seen(hex) {
   if (!inTheDark()) return hex;

@@ -3,7 +3,7 @@
 /** An axis in per cent of its length. Values of zero have a place of their own at its beginning, where `zero` asks for it. */
 function percentAxis(values, zero = false) {
   const some = values.filter((v) => v > 0);
-  const low = Math.min(...some) / 1.25, high = Math.max(...some) * 1.25, from = zero ? 14 : 0;
+  const low = Math.min(...some) / 1.4, high = Math.max(...some) * 1.25, from = zero ? 14 : 0;
   const place = (v) => (v > 0 ? from + (100 - from) * Math.log(v / low) / Math.log(high / low) : from / 2);
   const ticks = some.length ? logTicks(low, high) : [];
   return { place, ticks: [...(zero ? [[place(0), "0"]] : []), ...ticks.filter((v, i) => ticks.length < 7 || i % 2 === 0).map((v) => [place(v), onAxis(v)])] };

@@ -15,7 +15,7 @@ function viewPoints(host) {
   const all = Boolean(state["points.wide"]);
   const columns = [
     { key: "where", title: "scene", text: (p) => p.where, tip: (p) => [p.where, ["triangles", whole(p.triangles)], isStandIn(p) ? ["stand-in", p.stand_in] : ["source", p.source_file || "procedural"]] },
-    { key: "name", title: "method", text: (p) => p.name + (p.earlier ? " †" : ""), node: (p) => el("span.key", {}, swatch(p.method), p.name, p.earlier && el("em.old", {}, "†")), tip: (p) => [p.method_title, ["settings", p.settings], ["version", (p.method_sha256 || "").slice(0, 12)]] },
+    { key: "name", title: "method", className: () => "name", text: (p) => p.name + (p.earlier ? " †" : ""), node: (p) => el("span.key", {}, swatch(p.method), p.name, p.earlier && el("em.old", {}, "†")), tip: (p) => [p.method_title, ["settings", p.settings], ["version", (p.method_sha256 || "").slice(0, 12)]] },
     plain("folder", "experiment"),
     { key: "bar", title: `ms, ${log ? "log" : "linear"}`, fixed: true, screen: true, text: () => "", node: (p) => timeBar(p, place), tip: (p) => pointLines(p) },
     { key: "total_ms", title: "frame, ms", numeric: "up", value: (p) => (p.done ? p.total_ms : null), text: (p) => (p.done ? `${textOf(p, "total_ms")} ${p.error}` : p.status), csv: (p) => p.total_ms,

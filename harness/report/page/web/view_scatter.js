@@ -9,10 +9,13 @@ function viewScatter(host) {
   const scenes = unique(own.map(name));
   const scene = scenes.includes(state.ss) ? state.ss : scenes[0];
   const rows = own.filter((p) => name(p) === scene).sort((a, b) => a.total_ms - b.total_ms);
-  const front = new Set(rows.filter((p) => !rows.some((q) => q.total_ms <= p.total_ms && q.wrong_per_frame <= p.wrong_per_frame && (q.total_ms < p.total_ms || q.wrong_per_frame < p.wrong_per_frame))));
+  // What ties with the fastest within the spread of the repeats is on it too.
+  const front = new Set(rows.filter((p) => p.best || !rows.some((q) => q.total_ms <= p.total_ms && q.wrong_per_frame <= p.wrong_per_frame && (q.total_ms < p.total_ms || q.wrong_per_frame < p.wrong_per_frame))));
   const x = percentAxis(rows.map((p) => p.total_ms)), y = percentAxis([...rows.map((p) => p.wrong_per_frame), 1], true);
   const at = (p) => ({ left: x.place(p.total_ms), bottom: y.place(p.wrong_per_frame) });
   host.append(el("div.controls", {}, folderChoice(choices, folder, (s) => change({ s, ss: "" })), select("Scene", scenes, scene, (ss) => change({ ss }), { "data-focus": "ss" })));
+  // Of those at one place the first is named, so that no two names lie on each other.
+  const labelled = (p) => front.has(p) && ![...front].some((q) => rows.indexOf(q) < rows.indexOf(p) && Math.hypot(at(p).left - at(q).left, at(p).bottom - at(q).bottom) < 12);
   const columns = [
     { key: "name", title: "method", text: (p) => p.name, node: (p) => el("span.key", {}, swatch(p.method), p.name), tip: pointLines },
     { key: "total_ms", title: "frame, ms", numeric: "up", value: (p) => p.total_ms, text: (p) => textOf(p, "total_ms"), csv: (p) => p.total_ms, bold: (p) => p.best, className: (p) => (p.best ? "is-best" : "") },
@@ -21,7 +24,7 @@ function viewScatter(host) {
   const valid = folderOf(folder).valid;
   host.append(section(`${folderOf(folder).title}: errors against time`, savers(columns, ordered(columns, rows, "scatter"), `${folder}-errors`.replace(/\W+/g, "-"), `Errors against time, ${scene}`, { notes: valid }),
     el("div.split", {}, el("div.stay", {}, el("div.scatter", { role: "group", "aria-label": `Wrong answers a frame against ms a frame, ${scene}` },
-      el("div.plane", {}, tickMarks(x, "x"), tickMarks(y, "y"), frontLine([...front].map(at)), rows.map((p) => dot(p, at(p), front.has(p) ? p.name : ""))), el("p.axis-title", {}, "ms a frame →")),
+      el("div.plane", {}, tickMarks(x, "x"), tickMarks(y, "y"), frontLine([...front].map(at)), rows.map((p) => dot(p, at(p), labelled(p) ? p.name : ""))), el("p.axis-title", {}, "ms a frame →")),
     el("p.note", {}, "Upwards: wrong answers a frame; on the lowest line none is wrong. The line is the front: nothing is both faster and less wrong.")),
     grid(columns, rows, { caption: `${scene}, fastest first`, name: "scatter", open: openDetails, valid, notes: marksIn(rows.map((p) => textOf(p, "total_ms"))) }))));
 }

@@ -1,0 +1,64 @@
+"""How many triangles each primary ray is tested against, of the methods that count it apart from their frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.streams import trial
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import prepare
+
+WIDTH, HEIGHT = 40, 30
+TRIANGLES = 60
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    return make_scene(*soup(5, TRIANGLES, size=0.6), [(0.0, 0.0, 5.0)], (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 60.0)
+
+
+@pytest.fixture(scope="module")
+def covering(prepared):
+    """How many triangles each pixel's ray passes within ``edge`` of, by planes in float64: a function of that margin."""
+    moment = prepared.moment(0, WIDTH, HEIGHT)
+    a, b, c = (moment.points[prepared.faces[:, k]].astype(np.float64) - moment.eye for k in range(3))
+    directions = moment.directions(np.arange(WIDTH * HEIGHT)).astype(np.float64)
+    planes = [np.cross(p, q) for p, q in ((b, c), (c, a), (a, b))]
+    turned = np.sign(np.einsum("ij,ij->i", a, planes[0]))
+    heights = [(directions @ plane.T) * turned / np.linalg.norm(plane, axis=1) for plane in planes]
+    return lambda edge: (np.minimum.reduce(heights) >= -edge).sum(axis=1)
+
+
+def counted(prepared, name, settings=None, device="cpu"):
+    session = Session(make_method(name, settings or {}), prepared, WIDTH, HEIGHT, device)
+    answers = session.answers(prepared.moment(0, WIDTH, HEIGHT))
+    primary, *_ = session.method.tests_per_pixel()
+    again = session.frame.answers.to_host()
+    assert all((again[part] == answers[part]).all() for part in answers), "counting changed an answer"
+    assert (primary[answers["triangle"] >= 0] > 0).all()
+    return primary
+
+
+@pytest.mark.parametrize("name", ["ray_grids", "hybrid"])
+def test_rows_of_triangles_are_counted_at_the_pixels_that_they_cover(prepared, covering, name, device):
+    settings = trial(inline_pixels=0) if name == "ray_grids" else {}
+    primary = counted(prepared, name, settings, device)
+    assert (primary >= covering(0.0)).all()
+    if name == "ray_grids":
+        assert (primary <= covering(1e-3)).all()
+        boxes = counted(prepared, name, trial(inline_pixels=10**6), device)
+        assert (boxes >= primary).all(), "all pixels of a box are tested"
+        assert boxes.sum() > 1.5 * primary.sum()
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_tree_tests_what_its_rays_meet(prepared, parallel, device):
+    camera = replace(prepared.scene.camera, height=3.0) if parallel else prepared.scene.camera
+    primary = counted(prepare(replace(prepared.scene, camera=camera)), "bvh2", None, device)
+    assert primary.max() <= TRIANGLES
+    assert primary.mean() < TRIANGLES / 4, "boxes leave out most"
+    assert (primary == 0).any(), "some rays meet no box"
