@@ -60,6 +60,11 @@ def for_markdown(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("](", "]\\(")
 
 
+def numbered(count: int, noun: str) -> str:
+    """A number of things: "1 scene", "2 scenes"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def scalar(value: Any) -> Any:
     """A value that a column of a table can hold: lists and objects as text."""
     return value if value is None or isinstance(value, str | int | float) else str(value)

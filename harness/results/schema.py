@@ -107,12 +107,10 @@ def archived(place: Path, seen: set[str]) -> Iterator[Record]:
 def read_record(path: Path) -> Record:
     """A finished record. Raises :class:`UserError`, one line that names the file, if the file is not a record."""
     try:
-        text = read_regular(path, MOST_RECORD).decode("utf-8")
+        content = read_regular(path, MOST_RECORD)
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror}); remove it and run again") from error
-    except ValueError as error:
-        raise UserError(f"{path}: not a record ({error}); remove it and run again") from error
-    return _record_in(text, str(path))
+    return record_in(content, str(path))
 
 
 def whole_record(path: Path) -> Record | None:
@@ -127,7 +125,7 @@ def read_archive(path: Path) -> Iterator[Record]:
     """The records of a packed folder, one per line. Raises :class:`UserError` as :func:`read_record` does."""
     try:
         for number, line in enumerate(_lines(path), 1):
-            yield _record_in(line.decode("utf-8"), f"{path}, line {number}", "fetch it again")
+            yield record_in(line, f"{path}, line {number}", "fetch it again")
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"{path}: cannot be read ({reason}); fetch it again") from error
@@ -162,8 +160,10 @@ def write_archive(path: Path, records: Iterable[Record]) -> None:
     write_bytes(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
 
 
-def _record_in(text: str, where: str, remedy: str = "remove it and run again") -> Record:
+def record_in(content: bytes, where: str, remedy: str = "remove it and run again") -> Record:
+    """The record that JSON holds. Raises :class:`UserError`, one line that says ``where`` it is from, if it is not one."""
     try:
+        text = content.decode("utf-8")
         found = json.loads(text)
         if may_hide(text):
             found = all_visible(found)

@@ -8,6 +8,7 @@ wait while this one takes samples, and this one waits for them: see :mod:`.runne
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import time
@@ -15,29 +16,27 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import one_line
+from ..errors import one_line, warn
 from ..results.disputes import charged_records
 from ..results.folder import ResultsFolder
-from ..results.record import SCORING_FAILED, Record, as_read, make_record
+from ..results.record import SCORING_FAILED, Record, as_read
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
 from .machine.environment import environment, keep
 from .machine.lock import MACHINE
-from .machine.sample_turns import Turns
 from .measuring.memory import NOT_STOPPED, stops_allocations
 from .planning.experiment import Entry
-from .planning.planned_point import describe_method, make_point, orders, seed_of
+from .planning.planned_point import describe_method, orders, seed_of
 from .planning.run_options import Job, Options
 from .planning.survey import announcement, survey
 from .planning.time_estimate import Estimate, Unit, expected_work, points_of, steps_of
 from .progress import Silent
-from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
 from .unmade_scenes import forget_unmade, unmade_scene
 from .workers import scratch
 from .workers.handle import WorkerError, WorkerLostError
 from .workers.pool import GRADER, Workers, grader_name
-from .workers.protocol import grade_command, load_command
+from .workers.protocol import grade_command, load_command, picture_of
 
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
 """Number of workers that score at the same time, before the timing of a scene. Each has the scene in memory."""
@@ -56,18 +55,10 @@ class Run:
     options: Options
     report: Silent
     environment: str = ""
-    once: float = 0.0
-    """Seconds of the current scene spent on one-time work: starting processes, compiling kernels."""
-    estimate: Estimate = field(default_factory=lambda: Estimate(()))
-    unit: Unit = field(default_factory=lambda: Unit(0.0, 0))
-    """The points of the current scene."""
-    began: float = 0.0
-    """When they began; the time of waiting for other runs is subtracted."""
     name: str = field(default_factory=lambda: os.urandom(6).hex())
     """Tables compare only points of one run, because the points of a scene are interleaved."""
-    turns: Turns = field(default_factory=Turns)
     card: str = ""
-    """On a cluster: which card takes the samples, as its records name it."""
+    """On a cluster: which card takes the samples, as its records name it. The caller holds the lock of the card."""
     graders: int = GRADERS
 
     def __post_init__(self) -> None:
@@ -87,7 +78,7 @@ class Run:
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
-            self.estimate = Estimate.of(parts)
+            self.estimate = Estimate.of(parts, lambda: time.monotonic() - MACHINE.waited)
             records: list[Record] = []
             try:
                 for part in parts:
@@ -109,8 +100,7 @@ class Run:
     def _scene(self, name: str, methods: Described) -> list[Record]:
         """The records of a scene with every lighting; also updates the estimate of the remaining time."""
         lightings = self.options.preset.lightings
-        self.unit = Unit.of(name, self.options.preset)
-        self.began, self.once = time.monotonic() - MACHINE.waited, 0.0
+        self.estimate.begin(Unit.of(name, self.options.preset))
         jobs: list[Job] = []
         waiting: list[Job] = []
         for done, lighting in enumerate(lightings, 1):
@@ -120,26 +110,18 @@ class Run:
             self._ready([job for job in own if job.record is None])
             if waiting:
                 # Rounds are expected to take as long as all that comes before them.
-                spent, of = self._spent_on_scene(), len(lightings) / done
-                self._left(round(len(waiting) * of), spent * (2 * of - 1))
+                of = len(lightings) / done
+                rest = self.estimate.spent() * (2 * of - 1)
+                self.report.left(self.estimate.left_within(round(len(waiting) * of), rest))
         self._measure(waiting)
         for lighting in lightings:
-            repaint(self.options, self.folder, [job for job in jobs if job.lighting is lighting])
+            self._redraw([job for job in jobs if job.lighting is lighting])
         self.workers.clear()
-        self.estimate.finished(self.unit, len(waiting), self._spent_on_scene())
+        self.estimate.finish(len(waiting))
         left = self.estimate.left()
         if left is not None:
             self.report.left(left)
         return [job.record for job in jobs if job.record is not None]
-
-    def _left(self, measured: int, rest: float) -> None:
-        """Report the remaining time of the run: ``rest`` seconds for the ``measured`` points of this scene, and others."""
-        self.report.left(self.estimate.left_within(self.unit, measured, self._spent_on_scene(), rest))
-
-    def _spent_on_scene(self) -> float:
-        """Seconds that the current scene has taken, without one-time work."""
-        seconds = time.monotonic() - MACHINE.waited - self.began
-        return max(seconds - self.once, 0.1 * seconds)
 
     def _lit(self, name: str, lighting: Lighting, methods: Described) -> list[Job]:
         """The points of a scene with one lighting, loaded where there is something to measure."""
@@ -175,13 +157,13 @@ class Run:
         except WorkerError as error:
             return None, dict.fromkeys(methods, error)
         if starting:
-            self.once += max(0.0, time.monotonic() - began - facts["load_s"])
+            self.estimate.once += max(0.0, time.monotonic() - began - facts["load_s"])
         return facts, lost
 
     def _jobs(self, scene: str, lighting: Lighting, facts: dict[str, Any], methods: Described) -> list[Job]:
         options, jobs = self.options, []
         for entry, method in methods:
-            point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
+            point = options.point(entry, facts, method)
             job = Job(point, scene, self.folder.journal(point.key), steps_of(options.preset), lighting)
             kept = self.folder.record(point.key)
             if kept and not (options.retry and kept.says_nothing):
@@ -223,16 +205,48 @@ class Run:
             for number, order in enumerate(orders(len(jobs), preset.rounds, seed))
             for place, index in enumerate(order)
         ]
-        before = self._spent_on_scene()
-        with self.turns.measuring():
+        before = self.estimate.spent()
+        with contextlib.nullcontext() if self.card else MACHINE.exclusive():
             for done, (number, place, job) in enumerate(turns, 1):
                 if job.record is None and number not in job.journal.rounds() and not self._spent(job):
                     where = {"round": number, "place": place, "of": len(jobs)}
-                    with self.turns.round(job):
+                    with self._turn(job):
                         self._attempt(job, f"measuring, round {number + 1}", self._round, where)
                 if job.record is None and number + 1 == preset.rounds:
                     self._close(job)
-                self._left(count, (self._spent_on_scene() - before) / done * (len(turns) - done))
+                rest = (self.estimate.spent() - before) / done * (len(turns) - done)
+                self.report.left(self.estimate.left_within(count, rest))
+
+    def _turn(self, job: Job) -> contextlib.AbstractContextManager[None]:
+        """Around one round of a point. On a cluster several cards of a machine measure at the same time.
+
+        The clock of a GPU times a captured graph, whatever the host does meanwhile. A method on the CPU, and one whose
+        launches the host must issue in time, needs the machine alone: all others pause between two of their rounds.
+        """
+        if not self.card:
+            return contextlib.nullcontext()
+        MACHINE.give_way()
+        method = job.point.method
+        captured = str(method["device"]).startswith("cuda") and method.get("capturable")
+        return contextlib.nullcontext() if captured else MACHINE.exclusive()
+
+    def _redraw(self, jobs: list[Job]) -> None:
+        """Draw the picture of a scene with one lighting where it is missing or damaged though all its points have records.
+
+        The first measured point is answered again, untimed. If it cannot be drawn, a message says so.
+        """
+        from ..report.picture import opened
+
+        job = next((job for job in jobs if job.record is not None and job.record.status == "ok"), None)
+        if job is None or opened(picture_of(self.folder, job)) is not None:
+            return
+        try:
+            self.workers.make(job.scene, job.lighting, {job.method})
+            job.generation = 0
+            self.workers.prepare(job, answers=True)
+            self.workers.command(self.workers.get(GRADER), **grade_command(self.options, self.folder, job))
+        except WorkerError as error:
+            warn(f"{picture_of(self.folder, job)}: cannot be drawn ({error.reason})")
 
     def _spent(self, job: Job) -> bool:
         """Whether one more round, as long as the previous ones, would exceed the point's budget."""
@@ -258,7 +272,7 @@ class Run:
     def _prepare(self, job: Job) -> None:
         reply = self.workers.prepare(job, answers=not job.journal.first("finished"))
         if reply is not None:
-            self.once += reply["compile_s"]
+            self.estimate.once += reply["compile_s"]
             self._note(job, {"event": "prepared", **reply})
 
     def _round(self, job: Job, where: dict[str, int]) -> None:
@@ -303,7 +317,7 @@ class Run:
             except WorkerError as error:
                 self._ask_another(job, grader, error)
             else:
-                self.once += reply["compile_s"]
+                self.estimate.once += reply["compile_s"]
                 self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _ungraded(self, job: Job, error: WorkerError) -> None:
@@ -315,14 +329,12 @@ class Run:
 
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:
         """Write the record of a job."""
-        point = job.point
-        described = {**point.configuration, "preset": self.options.preset_name}
-        made_of = (point.key, described, point.scene, point.method, self.environment)
+        options, made_in = self.options, self.environment
         try:
-            record = as_read(make_record(*made_of, job.journal.events, status, reason))
+            record = as_read(options.record(job.point, job.journal.events, made_in, status, reason))
         except ValueError as error:
             why = f"its rounds make no record: {one_line(error)}"
-            record = make_record(*made_of, status="failed", reason=why)
+            record = options.record(job.point, (), made_in, "failed", why)
         self.folder.keep_record(record, job.journal)
         job.record = record
         self.report.done(job.steps)

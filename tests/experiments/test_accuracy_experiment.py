@@ -28,7 +28,7 @@ from shadowbench.harness.report import style
 from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.runner.planning import survey
 from shadowbench.harness.runner.planning.experiment import Entry
-from shadowbench.harness.runner.planning.planned_point import check_entries
+from shadowbench.harness.runner.planning.planned_point import describe_method
 from shadowbench.harness.runner.progress import Silent
 
 # --- what it runs ---
@@ -37,7 +37,7 @@ from shadowbench.harness.runner.progress import Silent
 @pytest.mark.parametrize("preset", ["quick", "paper"])
 def test_points_have_names_of_their_own_and_settings_that_exist(preset):
     entries = declared.EXPERIMENT.presets[preset].methods
-    labels = [entry.label for entry in check_entries(entries)]
+    labels = [describe_method(entry, "cpu")["label"] for entry in entries]
     assert len(set(labels)) == len(labels)
     assert all(": " in label for label in labels)
     assert len({label.split(": ")[0] for label in labels}) <= len(style.COLOURS)

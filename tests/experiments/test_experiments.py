@@ -13,7 +13,7 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import label_of
 from shadowbench.harness.runner.planning.experiment import experiment_names, find_experiment, find_preset
-from shadowbench.harness.runner.planning.planned_point import check_entries
+from shadowbench.harness.runner.planning.planned_point import describe_method
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Options, Run
 from shadowbench.harness.scene.catalogue import scene_names
@@ -51,7 +51,8 @@ def test_declarations_are_valid(name):
     assert declared.name == name
     assert set(declared.presets) == {"quick", "paper"}
     for preset in declared.presets.values():
-        check_entries(preset.methods)
+        for entry in preset.methods:
+            describe_method(entry, "cpu")
         labels = [entry.label or entry.method for entry in preset.methods]
         assert len(set(labels)) == len(labels), "labels tell the lines of a drawing apart"
         assert set(preset.scenes) <= set(scene_names())

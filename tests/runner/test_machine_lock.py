@@ -16,7 +16,6 @@ from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import run as run_module
-from shadowbench.harness.runner.machine import sample_turns as turns
 from shadowbench.harness.runner.machine.lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.workers import pool as workers
@@ -304,7 +303,7 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
     from shadowbench.harness.commands.run import plan_run
 
     lock = MachineLock(tmp_path)
-    for module in (run_module, turns, workers):
+    for module in (run_module, workers):
         monkeypatch.setattr(module, "MACHINE", lock)
     sent: list[tuple[str, bool, int]] = []
 
@@ -341,7 +340,8 @@ def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> N
     }  # fmt: skip
     worker, lock = Remote("grading", tmp_path / "grading.log"), MachineLock(tmp_path)
     try:
-        worker.ask(PATIENCE_S, do="free")
+        worker.send(do="free")
+        worker.receive(PATIENCE_S)
         with lock.exclusive():
             worker.send(**load, share=True)
             reply = worker._reply(PATIENCE_S)

@@ -91,18 +91,26 @@ def test_a_point_is_printed_with_its_time_or_with_what_went_wrong(clock, capsys)
 def test_the_estimate_has_a_fixed_time_and_one_in_proportion_to_the_work():
     """Seconds of a point: 2 + work / 10, of which the samples take at most 20."""
     units = [Unit(float(work), 4, 20.0) for work in (10, 100, 1000, 10, 100)]
-    estimate = Estimate(units)
+    now = [0.0]
+    estimate = Estimate(units, lambda: now[0])
+
+    def finished(unit: int, measured: int, seconds: float) -> float | None:
+        estimate.begin(units[unit])
+        now[0] += seconds
+        estimate.finish(measured)
+        return estimate.left()
+
     assert estimate.left() is None
-    estimate.finished(units[3], 0, 0.0)
-    assert estimate.left() is None
-    estimate.finished(units[0], 4, 4 * 3.0)
-    assert estimate.left() == pytest.approx(4 * 3.0 * (2 * 10**0.5 + 10.0))
-    estimate.finished(units[1], 2, 2 * 12.0)
-    assert estimate.left() == pytest.approx(4 * 12.0 + 4 * 22.0)
-    assert estimate.left_within(units[4], 4, 40.0, 8.0) == pytest.approx(8.0 + 4 * 22.0)
-    estimate.finished(units[2], 4, 88.0)
-    estimate.finished(units[4], 4, 48.0)
-    assert estimate.left() == 0.0
+    assert finished(3, 0, 0.0) is None
+    assert finished(0, 4, 4 * 3.0) == pytest.approx(4 * 3.0 * (2 * 10**0.5 + 10.0))
+    assert finished(1, 2, 2 * 12.0) == pytest.approx(4 * 12.0 + 4 * 22.0)
+    estimate.begin(units[4])
+    now[0] += 47.0
+    estimate.once = 7.0  # of starting a process
+    assert estimate.left_within(4, 8.0) == pytest.approx(8.0 + 4 * 22.0)
+    now[0] += 8.0
+    estimate.finish(4)
+    assert finished(2, 4, 88.0) == 0.0
 
 
 @pytest.mark.parametrize("seconds", [lambda w: 0.4 + w / 5e5, lambda w: 0.7, lambda w: 0.02 + w**0.7 / 3e3])
@@ -110,12 +118,16 @@ def test_the_estimate_holds_within_a_factor_of_two(seconds):
     """The work of a sweep over triangles and pixels, smallest first, as experiments with further presets have it."""
     work = [2.0 * (n + PIXEL * side * side) for side in (64, 128, 256) for n in (1e3, 1e4, 1e5)]
     units = [Unit(one, 5) for one in work]
-    estimate, rest = Estimate(units), sum(5 * seconds(one) for one in work)
+    now = [0.0]
+    estimate, rest = Estimate(units, lambda: now[0]), sum(5 * seconds(one) for one in work)
     for place, unit in enumerate(units[:-1]):
         took = 5 * seconds(unit.work)
+        estimate.begin(unit)
+        now[0] += took / 2
         if place > 1:
-            assert 0.5 < estimate.left_within(unit, 5, took / 2, took / 2) / (rest - took / 2) < 2.0
-        estimate.finished(unit, 5, took)
+            assert 0.5 < estimate.left_within(5, took / 2) / (rest - took / 2) < 2.0
+        now[0] += took / 2
+        estimate.finish(5)
         rest -= took
         if place > 0:
             assert 0.5 < estimate.left() / rest < 2.0

@@ -12,7 +12,8 @@ from shadowbench.harness.runner.workers.handle import Remote, WorkerError, Worke
 def worker(tmp_path: Path):
     (tmp_path / "log").write_text("a line of an earlier run\n")
     remote = Remote("any", tmp_path / "log")
-    remote.ask(120.0, do="free")
+    remote.send(do="free")
+    remote.receive(120.0)
     yield remote
     remote.stop()
 

@@ -3,20 +3,24 @@ shard."""
 
 from __future__ import annotations
 
-import itertools
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from statistics import median
-from typing import Any
 
 import warp as wp
+
+from ...frame.schedule.passes import Pass
+from ...frame.schedule.runner import PassRunner
+from ..measuring.timing import Sampling, sample_frame
 
 wp.set_module_options({"enable_backward": False})
 
 WARM_S = 0.3
 """Seconds of work before the samples, so that a GPU has left its idle clocks."""
 
-SAMPLES = 15
+SAMPLES = Sampling(samples=15, most=15, stage_samples=0)
 
 
 @dataclass(frozen=True)
@@ -45,15 +49,6 @@ class Calibration:
         pairs = ((self.arithmetic_ms, other.arithmetic_ms), (self.memory_ms, other.memory_ms))
         return max(max(a, b) / min(a, b) - 1.0 for a, b in pairs)
 
-    def facts(self) -> dict[str, float]:
-        """The calibration as the log of a cluster stores it; :meth:`read` reads it."""
-        return {"arithmetic_ms": round(self.arithmetic_ms, 5), "memory_ms": round(self.memory_ms, 5)}
-
-    @staticmethod
-    def read(facts: dict[str, Any]) -> Calibration:
-        """The calibration with these :meth:`facts`."""
-        return Calibration(float(facts["arithmetic_ms"]), float(facts["memory_ms"]))
-
 
 @wp.kernel
 def multiply_add(steps: int, result: wp.array(dtype=wp.float32)):  # type: ignore[valid-type]
@@ -78,34 +73,16 @@ def calibrate(device: str) -> Calibration:
     with wp.ScopedDevice(device):
         few = wp.empty(size.threads, dtype=wp.float32)
         values, result = wp.zeros(size.words, dtype=wp.float32), wp.empty(size.words, dtype=wp.float32)
-        first = wp.launch(multiply_add, dim=size.threads, inputs=[size.steps], outputs=[few], record_cmd=True)
-        second = wp.launch(copy_plus_one, dim=size.words, inputs=[values], outputs=[result], record_cmd=True)
-        first.launch()
-        second.launch()
+    arithmetic = _frame_of(device, partial(wp.launch, multiply_add, size.threads, [size.steps], [few]))
+    memory = _frame_of(device, partial(wp.launch, copy_plus_one, size.words, [values], [result]))
+    until = time.perf_counter() + WARM_S
+    while time.perf_counter() < until:
+        arithmetic.run()
+        memory.run()
         wp.synchronize_device(device)
-        until = time.perf_counter() + WARM_S
-        while time.perf_counter() < until:
-            first.launch()
-            second.launch()
-            wp.synchronize_device(device)
-        found = Calibration(_median_ms(first, device), _median_ms(second, device))
-    return found
+    return Calibration(*(median(sample_frame(one, SAMPLES).total_ms) for one in (arithmetic, memory)))
 
 
-def _median_ms(command: Any, device: str) -> float:
-    """Median of :data:`SAMPLES` launches, by the device's clock; on a CPU by the host's."""
-    if not device.startswith("cuda"):
-        times = []
-        for _ in range(SAMPLES):
-            start = time.perf_counter()
-            command.launch()
-            times.append((time.perf_counter() - start) * 1e3)
-        return median(times)
-    events = [wp.Event(device, enable_timing=True) for _ in range(SAMPLES + 1)]
-    command.launch()
-    wp.record_event(events[0])
-    for event in events[1:]:
-        command.launch()
-        wp.record_event(event)
-    wp.synchronize_device(device)
-    return median(wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events))
+def _frame_of(device: str, launch: Callable[[], None]) -> PassRunner:
+    """A frame of one launch, which is timed as any frame is."""
+    return PassRunner(device, [Pass("calibrate", "build", (), ("result",), launch)])

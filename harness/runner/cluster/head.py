@@ -8,24 +8,23 @@ folder as a run on one machine stores them.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from ...errors import UserError
 from ...results.disputes import charged_records
 from ...results.folder import ResultsFolder
 from ...results.record import Record
+from ...texts import numbered
 from ..machine.lock import MACHINE
 from ..planning.experiment import Experiment
 from ..planning.run_options import Options
 from ..planning.time_estimate import expected_work, points_of
 from ..progress import Silent
 from ..workers import scratch
-from . import spool
-from .delivery import Delivery
+from . import delivery, spool
 from .ledger import LIMIT, Ledger, reference_of
 from .pool import Pool, SchedulerLostError
 from .shard import TOPIC, Outcome, Shard, Worker, code_hash, introduce, measure
@@ -43,14 +42,22 @@ FIRST_S = 120.0
 PATIENCE_S = 60.0
 """Seconds to wait for a worker when none is left: a nanny starts its worker again."""
 
+GONE = "it ended, or does not answer"
+
 
 @dataclass(eq=False)
-class Running:
-    """A task on a worker: a shard, or its introduction."""
+class Seat:
+    """What is known of the worker at an address, and what it does.
 
-    future: Any
-    shard: Shard | None
-    card: str = ""
+    process  the id of the worker's process: another one may have the address later
+    worker   how it describes itself; None: it has not done so, or takes no part
+    task     its introduction, or the shard
+    """
+
+    process: str
+    worker: Worker | None = None
+    task: Any = None
+    shard: Shard | None = None
 
 
 @dataclass(eq=False)
@@ -61,14 +68,9 @@ class ClusterRun:
     options: Options
     report: Silent
     run: str = field(default_factory=lambda: os.urandom(6).hex())
-    known: dict[str, str] = field(default_factory=dict)
-    """The id of the process at each worker's address."""
-    cards: dict[str, Worker] = field(default_factory=dict)
-    """The workers that measure, by address."""
-    tasks: dict[str, Running] = field(default_factory=dict)
-    """What each worker does, by address."""
+    seats: dict[str, Seat] = field(default_factory=dict)
+    """By address."""
     refused: list[str] = field(default_factory=list)
-    todo: list[Shard] = field(default_factory=list)
     keys: dict[int, tuple[str, ...]] = field(default_factory=dict)
     """The keys of the points of each finished shard."""
     joined: bool = False
@@ -81,23 +83,22 @@ class ClusterRun:
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
-        self.delivery = Delivery(self.folder, self.options)
 
     def go(self) -> list[Record]:
         """Measure every point without a record.
 
         Raises :class:`UserError`, with what is finished and how to continue, if the scheduler is lost or no worker is left.
         """
+        options, scenes = self.options, self._shards()
         scratch.remove_abandoned()
         with self.folder.locked(), self.folder.writing():
-            self.ledger = Ledger(self.options.out, self.run)
-            self.todo = self._shards()
-            self.count = len(self.todo)
+            self.ledger = Ledger(options.out, self.run)
+            self.todo, self.count = scenes, len(scenes)
             self.report.steps(self.count)
+            points = sum(points_of(part) for part in options.preset.parts())
             self.report.note(
-                f"{self.options.experiment.name}, preset {self.options.preset_name}: {self.count} scene"
-                f"{'s' * (self.count != 1)}, {sum(points_of(p) for p in self.options.preset.parts())} points on the "
-                f"workers of --cluster {self.pool.address}, results go to {self.options.out}"
+                f"{options.experiment.name}, preset {options.preset_name}: {numbered(self.count, 'scene')}, {points} points "
+                f"on the workers of --cluster {self.pool.address}, results go to {options.out}"
             )
             self.ledger.note("run", shards=self.count, cluster="local" if self.pool.local else "scheduler")
             self.pool.client.subscribe_topic(TOPIC, self._heard)
@@ -119,50 +120,45 @@ class ClusterRun:
         named = Experiment(self.options.experiment.name, self.options.experiment.title, {})
         for part in self.options.preset.parts():
             for scene in part.scenes:
-                preset = dataclasses.replace(part, scenes=(scene,))
-                options = dataclasses.replace(self.options, preset=preset, experiment=named)
+                options = replace(self.options, preset=replace(part, scenes=(scene,)), experiment=named)
                 shards.append(Shard(len(shards), options, self.run, wait=MACHINE.wait))
-        return sorted(shards, key=lambda one: -expected_work(_scene(one), one.options.preset))
+        return sorted(shards, key=lambda one: -expected_work(one.scene, one.options.preset))
 
     def _turn(self) -> None:
         """Check the workers, collect finished shards, hand out the next ones."""
         if time.monotonic() - self.looked > LOOK_S:
             self.looked = time.monotonic()
             self._look()
-        for address, task in list(self.tasks.items()):
-            if task.future.status == "pending":
-                continue
-            del self.tasks[address]
-            if task.future.status in ("cancelled", "lost"):
-                raise SchedulerLostError
-            self._finished(address, task)
-        asked = any(task.shard is None for task in self.tasks.values())
+        for address, seat in list(self.seats.items()):
+            if seat.task is not None and seat.task.status != "pending":
+                if seat.task.status in ("cancelled", "lost"):
+                    raise SchedulerLostError
+                self._finished(address, seat)
+        asked = any(seat.task is not None and seat.shard is None for seat in self.seats.values())
         if asked and not self.keys and time.monotonic() - self.began < FIRST_S:
             return  # the first shards are handed out when all cards have been compared
         if self.joined:
             self._compare()
-        for address, worker in list(self.cards.items()):
-            if address not in self.tasks and self.todo:
-                self._give(address, worker)
+        for address, seat in self.seats.items():
+            if seat.worker is not None and seat.task is None and self.todo:
+                self._give(address, seat, seat.worker)
 
     # --- workers ---
 
     def _look(self) -> None:
+        """Take note of workers that have come or gone."""
         there = self.pool.workers()
-        for address, process in list(self.known.items()):
-            if there.get(address) != process:
-                del self.known[address]
-                self.cards.pop(address, None)
-                task = self.tasks.pop(address, None)
-                if task is not None:
+        for address, seat in list(self.seats.items()):
+            if there.get(address) != seat.process:
+                del self.seats[address]
+                if seat.task is not None:
                     with contextlib.suppress(Exception):
-                        task.future.cancel()
-                    self._lost(task, "it ended, or does not answer")
-        for address, process in there.items():
-            if address not in self.known:
-                self.known[address] = process
-                self.tasks[address] = Running(self._submit(introduce, self.pool.device, address), None)
-        if self.cards or self.tasks:
+                        seat.task.cancel()
+                    self._lost(seat.shard, seat.worker, GONE)
+        for address in there.keys() - self.seats.keys():
+            task = self._submit(introduce, self.pool.device, address)
+            self.seats[address] = Seat(there[address], task=task)
+        if any(seat.worker or seat.task for seat in self.seats.values()):
             self.alone = None
         elif self.alone is None:
             self.alone = time.monotonic()
@@ -171,46 +167,44 @@ class ClusterRun:
         elif time.monotonic() - self.alone > PATIENCE_S:
             raise self._ended("no worker is left")
 
-    def _admit(self, address: str, worker: Worker) -> None:
-        """Add a worker to the run if it runs the same code on a card that can share a column with the others."""
-        reason = ""
-        if worker.code != code_hash():
-            reason = "it has other source files of shadowbench than this machine; install the same version"
+    def _admit(self, seat: Seat, worker: Worker) -> None:
+        """Add a worker to the run if it runs the same code."""
+        facts = {name: getattr(worker, name) for name in ("card", "host", "device_name", "warp", "python")}
+        fits = worker.code == code_hash()
+        reason = "" if fits else "it has other source files of shadowbench than this machine; install the same version"
+        self.ledger.note("card", **facts, calibration=asdict(worker.calibration), refused=reason)
+        if fits:
+            seat.worker, self.joined = worker, True
         else:
-            self.cards[address] = worker
-            self.joined = True
-        self._note_card(worker, reason)
+            self._refuse(f"card {worker.card}", reason)
 
     def _compare(self) -> None:
         """Choose the reference if the folder has none, and drop the cards that are too far from it."""
         self.joined = False
-        names = {one.device_name for one in self.cards.values()}
-        if self.cards and not any(self.ledger.reference(name) for name in names):
-            chosen = reference_of(list(self.cards.values()))
-            facts = {"device_name": chosen.device_name, "calibration": chosen.calibration.facts()}
+        workers = [seat.worker for seat in self.seats.values() if seat.worker is not None]
+        if workers and not any(self.ledger.reference(one.device_name) for one in workers):
+            chosen = reference_of(workers)
+            facts = {"device_name": chosen.device_name, "calibration": asdict(chosen.calibration)}
             self.ledger.note("reference", card=chosen.card, **facts)
-        for address, one in list(self.cards.items()):
+        for seat in self.seats.values():
+            if (one := seat.worker) is None:
+                continue
             reference = self.ledger.reference(one.device_name)
             if reference is None:
-                self._drop(address, f"it is another product ({one.device_name}) than the reference")
+                self._drop(seat, f"it is another product ({one.device_name}) than the reference")
             elif one.card != reference[0] and (gap := one.calibration.apart(reference[1])) > LIMIT:
-                self._drop(address, _too_far(gap))
+                self._drop(seat, _too_far(gap))
 
-    def _note_card(self, worker: Worker, reason: str) -> None:
-        facts = {"card": worker.card, "host": worker.host, "device_name": worker.device_name}
-        versions = {"warp": worker.warp, "python": worker.python}
-        self.ledger.note("card", **facts, **versions, calibration=worker.calibration.facts(), refused=reason)
-        if reason:
-            self._say(f"card {worker.card} takes no part: {reason}")
+    def _drop(self, seat: Seat, reason: str) -> None:
+        """Give the worker no more shards."""
+        if seat.worker is not None:
+            self.ledger.note("dropped", card=seat.worker.card, reason=reason)
+            self._refuse(f"card {seat.worker.card}", reason)
+            seat.worker = None
 
-    def _drop(self, address: str, reason: str) -> None:
-        card = self.cards.pop(address).card
-        self.ledger.note("dropped", card=card, reason=reason)
-        self._say(f"card {card} takes no part: {reason}")
-
-    def _say(self, text: str) -> None:
-        self.refused.append(text)
-        self.report.note(text)
+    def _refuse(self, who: str, reason: str) -> None:
+        self.refused.append(f"{who} takes no part: {reason}")
+        self.report.note(self.refused[-1])
 
     # --- shards ---
 
@@ -218,93 +212,87 @@ class ClusterRun:
         pinned = {"workers": [address], "allow_other_workers": False, "resources": self.pool.resources}
         return self.pool.client.submit(work, what, pure=False, retries=0, **pinned)
 
-    def _give(self, address: str, worker: Worker) -> None:
+    def _give(self, address: str, seat: Seat, worker: Worker) -> None:
         """Hand the worker a shard: one that was begun on this card of its machine, else the largest."""
         begun = (one for one in self.todo if spool.name_of(one.options, worker.card) in worker.held)
         shard = next(begun, self.todo[0])
         self.todo.remove(shard)
-        beside = sum(one.host == worker.host for one in self.cards.values())
-        sent = dataclasses.replace(
+        sent = replace(
             shard,
-            known=self.delivery.known(shard.options),
+            known=delivery.known_files(self.folder, shard.options),
             reference=self.ledger.reference(worker.device_name),
             limit=LIMIT,
-            beside=beside,
+            beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
-        self.tasks[address] = Running(self._submit(measure, sent, address), shard, worker.card)
-        self.report.doing(f"{_scene(shard)}: on card {worker.card}")
+        seat.task, seat.shard = self._submit(measure, sent, address), shard
+        self.report.doing(f"{shard.scene}: on card {worker.card}")
 
-    def _finished(self, address: str, task: Running) -> None:
-        if task.future.status == "error":
-            error = task.future.exception()
-            reason = " ".join(str(error).split())[:300] or type(error).__name__
-            if type(error).__name__ == "KilledWorker":
-                reason = "it ended, or does not answer"
-            elif task.shard is None:
-                self._say(f"a worker takes no part: {reason}")
-                return
-            self._lost(task, reason)
-            return
+    def _finished(self, address: str, seat: Seat) -> None:
+        """Take what a worker's task has given."""
+        task, shard = seat.task, seat.shard
+        seat.task = seat.shard = None
         try:
-            result = task.future.result(timeout=PATIENCE_S)
-        except Exception as error:  # the worker ended between its answer and our reading it
-            self._lost(task, f"its result could not be fetched ({type(error).__name__})")
+            result = task.result(timeout=PATIENCE_S)
+        except Exception as error:
+            reason = " ".join(str(error).split())[:300] or type(error).__name__
+            if task.status != "error":  # the worker ended between its answer and our reading it
+                reason = f"its result could not be fetched ({type(error).__name__})"
+            elif type(error).__name__ == "KilledWorker":
+                reason = GONE
+            elif shard is None:
+                self._refuse("a worker", reason)
+            self._lost(shard, seat.worker, reason)
             return
-        if task.shard is None:
-            self._admit(address, result)
+        if shard is None:
+            self._admit(seat, result)
         else:
-            self._take(address, task.shard, result)
+            self._take(address, seat, shard, result)
 
-    def _take(self, address: str, shard: Shard, outcome: Outcome) -> None:
+    def _take(self, address: str, seat: Seat, shard: Shard, outcome: Outcome) -> None:
         """Store the results of a worker. Those of a card that differs too much from the others go into a folder of their
         own."""
-        points = {n: p.facts() for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
-        about = {"scene": _scene(shard), "size": _size(shard), "card": outcome.card, **points}
+        points = {n: asdict(p) for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
+        about = {**shard.about, "card": outcome.card, **points}
         gap = outcome.apart
         reference = self.ledger.reference(outcome.device_name)
         if outcome.after and reference and reference[0] != outcome.card:
             gap = max(gap, outcome.after.apart(reference[1]))
         if gap > LIMIT:
-            beside = self.options.out / f"card-{outcome.card}"
             if outcome.keys:
-                Delivery(ResultsFolder(beside), self.options).write(outcome)
+                delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
             self.ledger.note("apart", **about, apart=round(gap, 4), points=len(outcome.keys))
-            if address in self.cards:
-                self._drop(address, _too_far(gap))
+            self._drop(seat, _too_far(gap))
             self.todo.append(shard)
         else:
-            for record in self.delivery.write(outcome):
-                self.report.point(record)
+            records = delivery.write(self.folder, outcome.files)
             self.ledger.note("shard", **about, points=len(outcome.keys), attempt=shard.attempt)
-            self.keys[shard.number] = outcome.keys
-            self.report.done()
+            self._done(shard, outcome.keys, records)
         forgetting = self.pool.client.submit(spool.forget, outcome.folder, workers=[address], pure=False, retries=0)
         self.cleaning.append(forgetting)
 
-    def _lost(self, task: Running, reason: str) -> None:
-        """A worker is lost. Its shard goes to another one, at most :data:`ATTEMPTS` times in total."""
-        shard = task.shard
-        if shard is None:
-            return
-        about = {"scene": _scene(shard), "size": _size(shard), "card": task.card, "attempt": shard.attempt}
-        self.ledger.note("lost", **about, reason=reason)
-        gone = f"{_scene(shard)}: the worker on card {task.card} was lost ({reason})"
-        if shard.attempt < ATTEMPTS:
-            self.report.note(f"{gone}; its points are measured again where there is room")
-            self.todo.insert(0, dataclasses.replace(shard, attempt=shard.attempt + 1))
-            return
-        why = f"its worker was lost {shard.attempt} times: {reason}"
-        self.report.note(f"{gone}, the last of {ATTEMPTS} attempts; its points count as failed")
-        failed = self.delivery.failed(shard.options, self._device(), why)
-        for record in failed:
+    def _done(self, shard: Shard, keys: tuple[str, ...], new: list[Record]) -> None:
+        for record in new:
             self.report.point(record)
-        self.keys[shard.number] = tuple(record.key for record in failed)
+        self.keys[shard.number] = keys
         self.report.done()
 
-    def _device(self) -> tuple[str, str]:
-        """Name and product name of the device of the points."""
+    def _lost(self, shard: Shard | None, worker: Worker | None, reason: str) -> None:
+        """A worker is lost. Its shard, if any, goes to another one, at most :data:`ATTEMPTS` times in total."""
+        if shard is None or worker is None:
+            return
+        card = worker.card
+        self.ledger.note("lost", **shard.about, card=card, attempt=shard.attempt, reason=reason)
+        gone = f"{shard.scene}: the worker on card {card} was lost ({reason})"
+        if shard.attempt < ATTEMPTS:
+            self.report.note(f"{gone}; its points are measured again where there is room")
+            self.todo.insert(0, replace(shard, attempt=shard.attempt + 1))
+            return
+        self.report.note(f"{gone}, the last of {ATTEMPTS} attempts; its points count as failed")
         names = [event["device_name"] for event in self.ledger.events("card")]
-        return self.options.device, names[-1] if names else ""
+        device = self.options.device, names[-1] if names else ""
+        why = f"its worker was lost {shard.attempt} times: {reason}"
+        records = delivery.failed(self.folder, shard.options, device, why)
+        self._done(shard, tuple(record.key for record in records), records)
 
     def _heard(self, event: Any) -> None:
         """A message of a worker, in a thread of Dask's."""
@@ -322,14 +310,6 @@ class ClusterRun:
     def _ended(self, what: str) -> UserError:
         done = f"{len(self.keys)} of {self.count} scenes are finished and in {self.options.out}"
         return UserError(f"--cluster {self.pool.address}: {what}; {done}; run the same command again to continue")
-
-
-def _scene(shard: Shard) -> str:
-    return shard.options.preset.scenes[0]
-
-
-def _size(shard: Shard) -> str:
-    return f"{shard.options.preset.width}x{shard.options.preset.height}"
 
 
 def _too_far(gap: float) -> str:

@@ -42,34 +42,23 @@ class Ledger:
         if chosen is None:
             return None
         own = [
-            Calibration.read(point)
+            event[when]
             for event in self._journal.events
-            if event.get("card") == chosen and event["event"] in ("reference", "card", "shard")
-            for point in (event.get("before"), event.get("after"), event.get("calibration"))
-            if point
+            for when in ("before", "after", "calibration")
+            if event.get("card") == chosen and event["event"] in ("reference", "card", "shard") and when in event
         ]
-        return chosen, middle(own)
-
-
-def middle(points: list[Calibration]) -> Calibration:
-    """The median of calibration points, separately for each kernel."""
-    return Calibration(median(point.arithmetic_ms for point in points), median(point.memory_ms for point in points))
+        return chosen, Calibration(*(median(point[name] for point in own) for name in ("arithmetic_ms", "memory_ms")))
 
 
 def reference_of(workers: list[Worker]) -> Worker:
-    """The worker whose card most others are within :data:`LIMIT` of; of equals, the fastest."""
+    """The worker whose card most others of its product are within :data:`LIMIT` of; of equals, the fastest."""
 
     def company(one: Worker) -> tuple[int, float]:
-        near = sum(_alike(one, other) for other in workers)
+        alike = [other for other in workers if other.device_name == one.device_name]
+        near = sum(other.card == one.card or one.calibration.apart(other.calibration) <= LIMIT for other in alike)
         return near, -one.calibration.arithmetic_ms - one.calibration.memory_ms
 
     return max(workers, key=company)
-
-
-def _alike(one: Worker, other: Worker) -> bool:
-    same = one.card == other.card
-    close = one.calibration.apart(other.calibration) <= LIMIT
-    return one.device_name == other.device_name and (same or close)
 
 
 def merging_refused(folders: Iterable[Path]) -> str:

@@ -19,9 +19,7 @@ import warp as wp
 from ...files import digest
 from ...frame.devices import device_title
 from ...frame.warp_init import start_warp
-from ...results.record import Record
 from ..machine.lock import MACHINE, MachineLock
-from ..machine.sample_turns import CardTurns
 from ..planning.run_options import Options
 from ..planning.survey import survey
 from ..progress import Silent
@@ -74,11 +72,21 @@ class Shard:
     beside: int = 1
     wait: bool = True
 
+    @property
+    def scene(self) -> str:
+        return self.options.preset.scenes[0]
+
+    @property
+    def about(self) -> dict[str, str]:
+        """Its scene and size, as the log has them."""
+        return {"scene": self.scene, "size": f"{self.options.preset.width}x{self.options.preset.height}"}
+
 
 @dataclass(frozen=True)
 class Outcome:
     """The outcome of a shard. ``folder``: its name in the :mod:`.spool` of the worker.
 
+    before, after  calibration points; none where nothing was to be measured
     apart  how far the card was from the reference before the shard, if too far; nothing was measured then
     keys   the keys of all its points in the declared order
     """
@@ -122,18 +130,14 @@ def card_id(device: str) -> str:
     return digest(str(wp.get_device(device).uuid))[:8] if device.startswith("cuda") else host_id()
 
 
-def card_lock(device: str) -> MachineLock:
-    """The lock of a card of this machine, by the GPU's UUID; of the CPU, a lock of its worker's turn."""
-    return MachineLock(of=card_id(device))
-
-
 def introduce(device: str) -> Worker:
     """The worker's description of itself, with a calibration point. Runs in a worker, as a task."""
     start_warp()
-    with card_lock(device).exclusive():
+    card = card_id(device)
+    with MachineLock(of=card).exclusive():
         calibration = _calibrated(device)
     return Worker(
-        card=card_id(device),
+        card=card,
         host=host_id(),
         device=device,
         device_name=device_title(device),
@@ -174,7 +178,8 @@ class Relay(Silent):
 def measure(shard: Shard) -> Outcome:
     """Measure one shard. Runs in a worker, as a task; the client reports its exceptions.
 
-    The lock of the card is held from the first calibration point to the last, so nothing else measures on it between.
+    The lock of the card (of a CPU: of its worker's turn) is held from the first calibration point to the last, so nothing
+    else measures on it between.
     """
     start_warp()
     device, MACHINE.wait = shard.options.device, shard.wait
@@ -182,28 +187,20 @@ def measure(shard: Shard) -> Outcome:
     name = spool.name_of(shard.options, card)
     folder = spool.shard_folder(name)
     options = dataclasses.replace(shard.options, out=folder)
-    relay = Relay(shard, card)
-    lock = card_lock(device)
+    relay, lock = Relay(shard, card), MachineLock(of=card)
     lock.say = relay.note
+    graders = max(1, min(GRADERS, (os.cpu_count() or 1) // 2 // shard.beside))
     with lock.exclusive():
         spool.fill(folder, shard.known)
         before = after = None
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
-            apart = 0.0
             if shard.reference is not None and shard.reference[0] != card:
                 apart = before.apart(shard.reference[1])
-            if apart > shard.limit:
-                return Outcome(card, title, name, before, apart=apart)
-        records = measured(options, relay, shard, card)
+                if apart > shard.limit:
+                    return Outcome(card, title, name, before, apart=apart)
+        records = Run(options, relay, name=shard.run, card=card, graders=graders).go()
         if before is not None:
             after = _calibrated(device)
     keys = tuple(record.key for record in records)
     return Outcome(card, title, name, before, after, keys=keys, files=spool.fresh(folder, shard.known))
-
-
-def measured(options: Options, relay: Relay, shard: Shard, card: str) -> list[Record]:
-    """The records of a shard, by a run in its folder."""
-    graders = max(1, min(GRADERS, (os.cpu_count() or 1) // 2 // shard.beside))
-    run = Run(options, relay, name=shard.run, turns=CardTurns(), card=card, graders=graders)
-    return run.go()

@@ -22,13 +22,10 @@ from ...files import digest, plain, write_bytes
 from ..planning.run_options import Options
 
 PLACE = "SHADOWBENCH_SHARDS"
-"""The environment variable that gives the folder of the shards of a machine."""
+"""The environment variable that gives the folder in which the folder of all shards of a machine is made."""
 
-PREFIX = "shadowbench-shards-"
-"""How the name of that folder begins without the variable: the rest is random, as others may write beside it."""
-
-MARKER = ".shadowbench-shard"
-"""A file in every folder that this module made. Nothing without it is written to or removed."""
+PREFIX = "shadowbench-shards"
+"""The name of that folder; without the variable, how it begins: the rest is random, as others may write beside it."""
 
 NAME = re.compile("[0-9a-f]{16}")
 """The names of shards, see :func:`name_of`."""
@@ -44,49 +41,41 @@ SINGLE = ("scenes.json",)
 Files = dict[str, bytes]
 
 
-def places() -> list[Path]:
-    """The folders of the shards of this machine and user: the one given, or those in the folder for temporary files.
+def root() -> Path:
+    """The folder of all shards of this machine and user. Nothing outside it is written to or removed.
 
-    There is more than one of the latter where two workers made the first shard at the same time.
+    Raises :class:`UserError` where no such folder can be made that is closed to others.
     """
     if given := os.environ.get(PLACE):
-        return [Path(os.path.abspath(given))]
-    return [path for path in sorted(Path(tempfile.gettempdir()).glob(f"{PREFIX}*")) if is_own(path)]
+        place = Path(os.path.abspath(given))
+        (place / PREFIX).mkdir(mode=0o700, parents=True, exist_ok=True)
+        own = _own(place, PREFIX)
+    else:
+        place = Path(tempfile.gettempdir())
+        if not _own(place, f"{PREFIX}-*"):
+            tempfile.mkdtemp(prefix=f"{PREFIX}-{time.time_ns():020}-")
+        own = _own(place, f"{PREFIX}-*")
+    if not own:
+        raise UserError(f"{place}: it has no folder {PREFIX} that is closed to others; set {PLACE} to another folder")
+    return own[0]  # the oldest: two workers that begin at the same time have one
 
 
-def is_own(folder: Path) -> bool:
-    """Whether this module made a folder for this user: no link, closed to others, with the marker."""
-    try:
-        here, marker = folder.lstat(), (folder / MARKER).lstat()
-    except OSError:
-        return False
-    ours = here.st_uid == marker.st_uid == os.getuid()
-    return ours and _closed(here) and stat.S_ISREG(marker.st_mode)
-
-
-def _closed(here: os.stat_result) -> bool:
-    return stat.S_ISDIR(here.st_mode) and not here.st_mode & 0o077
-
-
-def made(folder: Path) -> Path:
-    """Make a folder of our own, or take the one that is there. Raises :class:`UserError` if that is not ours."""
-    with contextlib.suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-    here = folder.lstat()
-    unmarked = _closed(here) and here.st_uid == os.getuid() and not any(folder.iterdir())
-    if not unmarked and not is_own(folder):
-        raise UserError(f"{folder}: it is not a folder of shadowbench; move it, or set {PLACE} to another folder")
-    (folder / MARKER).touch()
-    return folder
+def _own(place: Path, pattern: str) -> list[Path]:
+    """The folders of this user, closed to others and no links, by name."""
+    found = []
+    for path in sorted(place.glob(pattern)):
+        with contextlib.suppress(FileNotFoundError):
+            here = path.lstat()
+            if stat.S_ISDIR(here.st_mode) and here.st_uid == os.getuid() and not here.st_mode & 0o077:
+                found.append(path)
+    return found
 
 
 def shard_folder(name: str) -> Path:
-    """The folder of a shard, which is made where there is none. Raises :class:`UserError` as :func:`made` does."""
-    here = places()
-    if not here:
-        here = [made(Path(tempfile.mkdtemp(prefix=PREFIX)))]
-    here[0].mkdir(mode=0o700, parents=True, exist_ok=True)
-    return made(next((place / name for place in here if (place / name).exists()), here[0] / name))
+    """The folder of a shard, which is made where there is none."""
+    folder = root() / name
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 def name_of(options: Options, card: str) -> str:
@@ -103,23 +92,17 @@ def name_of(options: Options, card: str) -> str:
 
 def held() -> list[str]:
     """The names of the shards that wait on this machine; those that are too old are removed."""
-    names = []
-    for folder in sorted(path for place in places() for path in place.glob("*")):
-        if not NAME.fullmatch(folder.name) or not is_own(folder):
-            continue
+    for folder in root().iterdir():
         with contextlib.suppress(OSError):
-            if time.time() - folder.lstat().st_mtime > KEPT_S:
-                shutil.rmtree(folder, ignore_errors=True)
-            else:
-                names.append(folder.name)
-    return names
+            if time.time() - folder.stat().st_mtime > KEPT_S:
+                forget(folder.name)
+    return sorted(folder.name for folder in root().iterdir())
 
 
 def forget(name: str) -> None:
     """Remove the folder of a shard whose results have been written elsewhere."""
-    for folder in (place / name for place in places() if NAME.fullmatch(name)):
-        if is_own(folder):
-            shutil.rmtree(folder, ignore_errors=True)
+    if NAME.fullmatch(name):
+        shutil.rmtree(root() / name, ignore_errors=True)
 
 
 def fill(folder: Path, files: Files) -> None:

@@ -84,19 +84,24 @@ def gpus() -> list[dict[str, Any]]:
         {"alias": device.alias, "name": device.name, "arch": device.arch, "sms": device.sm_count}
         for device in wp.get_cuda_devices()
     ]
-    if found and shutil.which("nvidia-smi"):
-        # The UUID matches the two lists. It is not stored, because it identifies a single card.
-        fields = ("uuid", *GPU_FIELDS)
-        query = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
-        try:
-            lines = subprocess.run(query, capture_output=True, text=True, timeout=20, check=True).stdout.splitlines()
-        except (OSError, subprocess.SubprocessError):
-            lines = []
-        rows = [dict(zip(fields, (v.strip() for v in line.split(",")), strict=False)) for line in lines]
-        by_number = {row.pop("uuid", ""): row for row in rows}
-        for entry, device in zip(found, wp.get_cuda_devices(), strict=True):
-            entry["smi"] = by_number.get(device.uuid)
+    # The UUID matches the two lists. It is not stored, because it identifies a single card.
+    by_number = {row.pop("uuid"): row for row in _asked_of_driver("uuid", *GPU_FIELDS)} if found else {}
+    for entry, device in zip(found, wp.get_cuda_devices(), strict=True):
+        entry["smi"] = by_number.get(device.uuid)
     return found
+
+
+def _asked_of_driver(*fields: str, device: str = "") -> list[dict[str, str]]:
+    """What nvidia-smi says of each GPU, or of one with a UUID; nothing where it is missing or fails."""
+    if not shutil.which("nvidia-smi"):
+        return []
+    command = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
+    command += [f"--id={device}"] if device else []
+    try:
+        told = subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout
+    except (OSError, subprocess.SubprocessError):
+        return []
+    return [dict(zip(fields, map(str.strip, line.split(",")), strict=False)) for line in told.splitlines()]
 
 
 def packages() -> dict[str, str]:
@@ -136,22 +141,14 @@ def _version(read: Any) -> str | None:
         return None
 
 
-CLOCK_FIELDS = "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
+CLOCK_FIELDS = (
+    "clocks.sm", "clocks.mem", "power.draw", "temperature.gpu", "clocks_throttle_reasons.active", "utilization.gpu",
+)  # fmt: skip
 
 
 def clock_state(device: str) -> dict[str, Any]:
     """Clocks, power and throttle reasons of a GPU (null if nvidia-smi does not report them), and the host's load."""
-    state: dict[str, Any] = {"load": round(os.getloadavg()[0], 2), "gpu": None}
-    if device.startswith("cuda") and shutil.which("nvidia-smi"):
-        state["gpu"] = _query_gpu(device)
-    return state
-
-
-def _query_gpu(device: str) -> dict[str, str] | None:
-    chosen = wp.get_device(device).uuid
-    command = ["nvidia-smi", f"--query-gpu={CLOCK_FIELDS}", "--format=csv,noheader,nounits", f"--id={chosen}"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return dict(zip(CLOCK_FIELDS.split(","), (v.strip() for v in done.stdout.split(",")), strict=False))
+    known = []
+    if device.startswith("cuda"):
+        known = _asked_of_driver(*CLOCK_FIELDS, device=wp.get_device(device).uuid)
+    return {"load": round(os.getloadavg()[0], 2), "gpu": known[0] if known else None}

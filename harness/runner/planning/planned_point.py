@@ -22,7 +22,10 @@ from .experiment import Entry, Preset
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with ``method.param=value`` settings added to every entry of that method; each setting is checked."""
+    """Entries with ``method.param=value`` settings added to every entry of that method.
+
+    Raises :class:`UserError` as :func:`describe_method` does for any of them.
+    """
     result = list(entries)
     for text in texts:
         method, key, value = _parsed(text)
@@ -32,7 +35,9 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
         result = [
             dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e for e in result
         ]
-    return check_entries(tuple(result))
+    for entry in result:
+        describe_method(entry, "cpu")
+    return tuple(result)
 
 
 def refuse_own_settings(experiment: str, texts: list[str], entries: tuple[Entry, ...]) -> None:
@@ -56,15 +61,11 @@ def _parsed(text: str) -> tuple[str, str, str]:
     return match[1], match[2], match[3]
 
 
-def check_entries(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """The same entries. Raises :class:`UserError` for an unknown method or parameter, or a value of a wrong type."""
-    for entry in entries:
-        describe_method(entry, "cpu")
-    return entries
-
-
 def describe_method(entry: Entry, device: str) -> dict[str, Any]:
-    """Facts about a method for its records. ``broken``: why the method cannot be constructed."""
+    """Facts about a method for its records. ``broken``: why the method cannot be constructed.
+
+    Raises :class:`UserError` for an unknown method or parameter, or a value of a wrong type.
+    """
     facts: dict[str, Any] = {
         "name": entry.method,
         "title": entry.method,
@@ -108,61 +109,46 @@ class Point:
     scene: dict[str, Any]
     method: dict[str, Any]
     configuration: dict[str, Any]
-    frames: tuple[int, ...]
     preset: Preset
+
+
+OF_SCENE = ("arrays_sha256", "moments_sha256", "camera", "lights", "light_path", "effects")
+OF_METHOD = ("label", "settings", "parameters", "device", "device_name")
+OF_PRESET = ("width", "height", "samples", "most", "deviation", "stage_samples", "rounds", "budget_s")
+"""Facts that a key always depends on."""
+
+OF_SOME_SCENES, OF_SOME_PRESETS = ("lighting", "surfaces_sha256"), ("maps", "memory", "wrong_maps")
+"""Those that it depends on where there is such a thing."""
 
 
 def make_point(
     experiment: str, preset: Preset, entry: Entry, scene: dict[str, Any], method: dict[str, Any], seed: int
 ) -> Point:
     """The point of a method on a scene, whose facts a worker gave (see :func:`.scene.facts.scene_facts`)."""
-    frames = tuple(scene.get("frames") or ())
+    source = scene.get("source") or {}
+    of_files = {"files_sha256": source.get("sha256"), "asked": source.get("asked")}
+    of_preset = vars(preset)
     configuration = {
         "schema": SCHEMA,
         "experiment": experiment,
         "scene": scene["name"],
-        "arrays_sha256": scene.get("arrays_sha256"),
-        "moments_sha256": scene.get("moments_sha256"),
-        "camera": scene.get("camera"),
-        "lights": scene.get("lights"),
-        "light_path": scene.get("light_path"),
-        "effects": scene.get("effects"),
+        **{name: scene.get(name) for name in OF_SCENE},
         "method": entry.method,
-        "label": method["label"],
-        "settings": method["settings"],
-        "parameters": method["parameters"],
         "method_sha256": method["source_sha256"],
-        "device": method["device"],
-        "device_name": method["device_name"],
+        **{name: method[name] for name in OF_METHOD},
         "warp": wp.__version__,
-        "width": preset.width,
-        "height": preset.height,
-        "frames": list(frames),
-        "samples": preset.samples,
-        "most": preset.most,
-        "deviation": preset.deviation,
-        "stage_samples": preset.stage_samples,
-        "rounds": preset.rounds,
-        "budget_s": preset.budget_s,
+        **{name: of_preset[name] for name in OF_PRESET},
+        "frames": list(scene.get("frames") or ()),
         "seed": seed,
-        **{name: scene[name] for name in ("lighting", "surfaces_sha256") if scene.get(name)},
-        **_file_facts(scene),
-        **({"maps": True} if preset.maps else {}),
-        **({"memory": preset.memory} if preset.memory else {}),
-        **({"wrong_maps": True} if preset.wrong_maps else {}),
+        **{name: scene[name] for name in OF_SOME_SCENES if scene.get(name)},
+        **{name: value for name, value in of_files.items() if value},
+        **{name: of_preset[name] for name in OF_SOME_PRESETS if of_preset[name]},
     }
     words = [scene["name"], (scene.get("lighting") or {}).get("label", ""), entry.method, entry.label]
     stem = "-".join(word for word in words if word)
     readable = re.sub(r"[^a-z0-9_.-]+", "-", stem.lower()).strip("-.")[:60]
     key = f"{readable}-{preset.width}x{preset.height}-{digest(configuration)[:16]}"
-    return Point(key, entry, scene, method, configuration, frames, preset)
-
-
-def _file_facts(scene: dict[str, Any]) -> dict[str, Any]:
-    """What a key depends on where the scene is of files: the hash of all of them, and what was asked of them."""
-    source = scene.get("source") or {}
-    given = {"files_sha256": source.get("sha256"), "asked": source.get("asked")}
-    return {name: value for name, value in given.items() if value}
+    return Point(key, entry, scene, method, configuration, preset)
 
 
 def seed_of(text: str) -> int:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ...results.journal import Journal
-from ...results.record import Record
+from ...results.record import Record, make_record
 from ...scene.chosen_view import ChosenView
 from ...scene.overrides import Lighting
 from ...scene.scene import Scene
-from .experiment import Experiment, Preset
-from .planned_point import Point
+from .experiment import Entry, Experiment, Preset
+from .planned_point import Point, make_point
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,22 @@ class Options:
     def described(self, scene: str) -> Scene:
         """A scene of the run, given by name or file, with the camera and the lights of the command line."""
         return self.view.resolved(scene, self.scene_dir)
+
+    def point(self, entry: Entry, scene: dict[str, Any], method: dict[str, Any]) -> Point:
+        """The point of a method on a scene, from the facts of both (:func:`.planned_point.make_point`)."""
+        return make_point(self.experiment.name, self.preset, entry, scene, method, self.seed)
+
+    def record(
+        self,
+        point: Point,
+        events: Iterable[dict[str, Any]] = (),
+        environment: str = "",
+        status: str = "ok",
+        reason: str = "",
+    ) -> Record:
+        """The record of a point from the events of its journal (:func:`.results.record.make_record`)."""
+        asked = {**point.configuration, "preset": self.preset_name}
+        return make_record(point.key, asked, point.scene, point.method, environment, events, status, reason)
 
 
 @dataclass(eq=False)

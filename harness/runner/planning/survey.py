@@ -14,9 +14,10 @@ from ...errors import UserError
 from ...frame.devices import device_title
 from ...results.folder import ResultsFolder
 from ...results.throttled import CROWDED
+from ...texts import numbered
 from ..scene_cache import known_scene
 from ..workers.protocol import load_command
-from .planned_point import describe_method, make_point
+from .planned_point import describe_method
 from .run_options import Options
 from .time_estimate import expected_work, guess
 
@@ -56,8 +57,7 @@ def survey(options: Options) -> list[Planned]:
                 for entry, method in methods:
                     record = None
                     if facts:
-                        point = make_point(options.experiment.name, part, entry, facts, method, options.seed)
-                        record = folder.record(point.key)
+                        record = folder.record(own.point(entry, facts, method).key)
                     again = record is not None and options.retry and record.says_nothing
                     rounds = record.rounds or () if record is not None else ()
                     found.append(
@@ -98,7 +98,7 @@ def duration(seconds: float) -> str:
 def announcement(options: Options, points: list[Planned]) -> str:
     """The plan of a run, in one line."""
     to_do, scenes = sum(p.to_do for p in points), len({p.scene for p in points})
-    count = f"{len(points)} point{'s' * (len(points) != 1)} on {scenes} scene{'s' * (scenes != 1)}"
+    count = f"{numbered(len(points), 'point')} on {numbered(scenes, 'scene')}"
     name = f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}"
     there = len(points) - to_do
     untimed = untimed_s(options)
@@ -106,9 +106,11 @@ def announcement(options: Options, points: list[Planned]) -> str:
         return f"{name}: nothing to measure, {there} of {len(points)} points are already in {options.out}"
     seconds, known = seconds_left(points)
     text = f"{name}: {count}, results go to {options.out}"
-    text += f"; {there} of them {'is' if there == 1 else 'are'} already measured" * bool(there)
+    if there:
+        text += f"; {there} of them {'is' if there == 1 else 'are'} already measured"
     text += f". This may take {'about' if known else 'roughly'} {duration(seconds + untimed)}"
-    text += f", {duration(untimed)} of it for untimed counts" * bool(untimed)
+    if untimed:
+        text += f", {duration(untimed)} of it for untimed counts"
     if not known:
         text += ", and the time to compile kernels that are not in Warp's cache, at the first scene"
     return text + busy(options.device)
@@ -120,7 +122,7 @@ def busy(device: str) -> str:
     if load <= CROWDED * cores:
         return ""
     what = "CPU times will be too long" if device == "cpu" else "wall-clock times will be too long"
-    return f". The machine is busy (load {load:.1f} on {cores} core{'s' * (cores != 1)}): {what}"
+    return f". The machine is busy (load {load:.1f} on {numbered(cores, 'core')}): {what}"
 
 
 def as_json(options: Options, points: list[Planned]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -114,39 +115,48 @@ class Estimate:
     """Estimates the time of the remaining units from the times of those already measured.
 
     A point takes a fixed time (its scene is made, it is prepared, its answers are checked) and a time in proportion to
-    its work, which its budget limits. Both are fitted to what was measured; seconds exclude one-time costs (starting
-    processes, compiling).
+    its work, which its budget limits. Both are fitted to what was measured.
+
+    units  those to be measured, in any order
+    clock  seconds, in which waiting for other runs does not count
+    once   seconds of the unit under way that are spent once for all: starting processes, compiling; they do not count
     """
 
-    def __init__(self, units: Sequence[Unit]):
-        self.to_do = list(units)
+    def __init__(self, units: Sequence[Unit], clock: Callable[[], float] = time.monotonic):
+        self.to_do, self.clock, self.once = list(units), clock, 0.0
         self._measured: list[tuple[Unit, float]] = []
 
     @classmethod
-    def of(cls, parts: Sequence[Preset]) -> Estimate:
+    def of(cls, parts: Sequence[Preset], clock: Callable[[], float]) -> Estimate:
         """For all scenes of some presets."""
-        return cls([Unit.of(scene, part) for part in parts for scene in part.scenes])
+        return cls([Unit.of(scene, part) for part in parts for scene in part.scenes], clock)
 
-    def finished(self, unit: Unit, measured: int, seconds: float) -> None:
-        """``measured`` points of a unit were measured in ``seconds``; its others had their records."""
+    def begin(self, unit: Unit) -> None:
+        """A unit is under way from now on."""
         self.to_do.remove(unit)
+        self._unit, self._began, self.once = unit, self.clock(), 0.0
+
+    def spent(self) -> float:
+        """Seconds that the unit under way has taken."""
+        seconds = self.clock() - self._began
+        return max(seconds - self.once, 0.1 * seconds)
+
+    def finish(self, measured: int) -> None:
+        """``measured`` points of the unit under way were measured; its others had their records."""
         if measured:
-            self._measured.append((replace(unit, points=measured), seconds))
+            self._measured.append((replace(self._unit, points=measured), self.spent()))
 
     def left(self) -> float | None:
-        """Seconds, or None before anything was measured."""
-        return self._total(self.to_do, self._measured) if self._measured else None
+        """Seconds of the units to be measured, or None before anything was measured."""
+        return self._total(self._measured) if self._measured else None
 
-    def left_within(self, unit: Unit, measured: int, spent: float, rest: float) -> float:
-        """Seconds, while a unit is measured that has taken ``spent`` seconds and is expected to take ``rest`` more."""
-        others = list(self.to_do)
-        others.remove(unit)
-        return rest + self._total(others, [*self._measured, (replace(unit, points=measured), spent + rest)])
+    def left_within(self, measured: int, rest: float) -> float:
+        """Seconds, while ``measured`` points of the unit under way are measured, expected to take ``rest`` more."""
+        return rest + self._total([*self._measured, (replace(self._unit, points=measured), self.spent() + rest)])
 
-    @staticmethod
-    def _total(units: Sequence[Unit], known: Sequence[tuple[Unit, float]]) -> float:
+    def _total(self, known: Sequence[tuple[Unit, float]]) -> float:
         seconds = fitted([(unit.work, seconds / unit.points) for unit, seconds in known])
-        return sum(unit.points * seconds(unit.work, unit.most_s) for unit in units)
+        return sum(unit.points * seconds(unit.work, unit.most_s) for unit in self.to_do)
 
 
 def fitted(known: Sequence[tuple[float, float]]) -> Callable[[float, float], float]:

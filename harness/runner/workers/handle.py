@@ -67,15 +67,6 @@ class Remote:
         """Whether the process runs."""
         return self._process is not None
 
-    def ask(self, timeout: float, **command: Any) -> dict[str, Any]:
-        """Send a command and wait for its reply, at most ``timeout`` seconds.
-
-        Raises :class:`WorkerError` with the worker's reason, and :class:`WorkerLostError` if it died or did not reply; it
-        is then stopped.
-        """
-        self.send(**command)
-        return self.receive(timeout)
-
     def send(self, **command: Any) -> None:
         """Send a command without waiting; :meth:`receive` must follow."""
         process = self._process or self._start()
@@ -88,7 +79,11 @@ class Remote:
             pass  # the worker has died; receive() reports it
 
     def receive(self, timeout: float) -> dict[str, Any]:
-        """The reply to the last command, within ``timeout`` seconds. Waiting for the machine lock does not count."""
+        """The reply to the last command, within ``timeout`` seconds. Waiting for the machine lock does not count.
+
+        Raises :class:`WorkerError` with the worker's reason, and :class:`WorkerLostError` if it died or did not reply; it
+        is then stopped.
+        """
         reply = self._reply(timeout)
         while "waiting" in reply:
             self._asked = math.inf if reply["waiting"] else time.monotonic()

@@ -45,11 +45,6 @@ class Workers:
             self._remotes[name] = Remote(name, self.folder.log(name))
         return self._remotes[name]
 
-    @property
-    def started(self) -> set[str]:
-        """The names of the workers whose process was started at least once."""
-        return {name for name, worker in self._remotes.items() if worker.generation}
-
     # --- commands ---
 
     def command(self, worker: Remote, **command: Any) -> dict[str, Any]:
