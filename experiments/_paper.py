@@ -8,6 +8,8 @@ with the paper's test a ray may pass between two front faces and then meets no b
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 from ..harness.runner.planning.experiment import Entry
 from ..methods.perspective_spherical.parameters import PAPER
 
@@ -15,6 +17,9 @@ METHOD = "perspective_spherical"
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 """The paper's, in its order."""
+
+REAL = ("bunny",) if find_spec("pxr") else ()
+"""A small real scene that needs no download, where USD files can be read."""
 
 UNBALANCED = "65536"
 """A value of r that hardly any tile exceeds, except where a far light leaves few tiles: no load balancing."""

@@ -24,19 +24,7 @@ from ..harness.scene.scene import Light
 CAMERA_TURN, LIGHT_TURN = 1.0 / 360.0, 4.0 / 360.0
 """Turns of the camera about its target, and of the lights about the scene's middle, in a whole step of the animation."""
 
-INPUTS = (
-    "points",
-    "valid",
-    "eye",
-    "axes",
-    "max_coordinate",
-    "tangents",
-    "column",
-    "row",
-    "lights",
-    "proxy_positions",
-    "spots",
-)
+INPUTS = "points valid eye axes max_coordinate tangents column row lights proxy_positions spots".split()
 """The arrays of a frame that :meth:`.frame.frame.Frame.load` fills."""
 
 Kept = list[tuple[wp.array, wp.array]]

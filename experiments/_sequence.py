@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 
 from ..harness.files import digest
 from ..harness.results.folder import ResultsFolder
-from ..harness.results.journal import Journal
-from ..harness.results.record import SCHEMA, Record, make_record
-from ..harness.runner.machine.environment import clock_state, environment, keep
-from ..harness.runner.machine.lock import MACHINE
+from ..harness.results.record import SCHEMA, Record
 from ..harness.runner.measuring.measured_point import frame_bytes, spread_frames
-from ..harness.runner.measuring.memory import Memory, peak_resident_bytes
+from ..harness.runner.measuring.memory import Memory
 from ..harness.runner.planning.experiment import Entry
-from ..harness.runner.planning.planned_point import describe_method, orders, seed_of
+from ..harness.runner.planning.planned_point import describe_method, seed_of
 from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
 from ..harness.runner.source.closure import hash_of
@@ -30,6 +27,7 @@ from ..harness.scene.facts import scene_facts
 from ..harness.scene.prepared import prepare
 from . import _played
 from ._played import Kept, Played, moment_before
+from ._rounds import Rounds, judged, results
 
 
 def measure(options: Options, report: Silent, steps: Mapping[str, float], first: str) -> list[Record]:
@@ -38,11 +36,8 @@ def measure(options: Options, report: Silent, steps: Mapping[str, float], first:
     Points with a record are not measured again. The entry with the label ``first`` forgets before each timed frame what
     it kept.
     """
-    folder, preset = ResultsFolder(options.out), options.preset
-    MACHINE.say = report.note
-    with folder.locked(), MACHINE.shared():
-        with folder.writing():
-            made_in = keep(options.out, environment())
+    preset = options.preset
+    with results(options, report) as (folder, made_in):
         report.steps(len(preset.scenes) * len(steps) * len(preset.methods) * preset.rounds)
         records = []
         for name in preset.scenes:
@@ -60,7 +55,7 @@ class SceneRun:
     def __init__(
         self, options: Options, name: str, report: Silent, folder: ResultsFolder, steps: Mapping[str, float], first: str
     ):
-        self.options, self.preset, self.report, self.folder = options, options.preset, report, folder
+        self.options, self.preset, self.report = options, options.preset, report
         self.prepared = prepare(options.described(name))
         self.size = self.preset.width, self.preset.height
         # The first frame of an animation has none before it.
@@ -73,60 +68,40 @@ class SceneRun:
         }
         self.steps, self.first = steps, first
         self.points = [(label, entry) for label in steps for entry in self.preset.methods]
+        said = [(f"{self.prepared.scene.title}: {label}", entry.label) for label, entry in self.points]
+        self.rounds = Rounds(folder, report, self.preset, [self._facts(*point) for point in self.points], said)
 
     def go(self, made_in: str) -> list[Record]:
         """The records, those after one step together."""
-        facts = [self._facts(*point) for point in self.points]
-        keys = [f"{f['scene']['name']}-{self.size[0]}x{self.size[1]}-{digest(f)[:24]}" for f in facts]
-        found = [self.folder.record(key) for key in keys]
-        todo = [i for i, record in enumerate(found) if record is None]
-        journals = {i: self.folder.journal(keys[i]) for i in todo}
-        self.report.done((len(keys) - len(todo)) * self.preset.rounds)
-        if todo:
-            self._measure(todo, journals)
-        for i in todo:
-            of = facts[i]["point"], facts[i]["scene"], facts[i]["method"]
-            record = make_record(keys[i], *of, made_in, journals[i].events)
-            self.folder.keep_record(record, journals[i])
-            self.report.point(record)
-            found[i] = record
-        return [record for record in found if record is not None]
+        if self.rounds.todo:
+            self._measure()
+        return self.rounds.records(made_in)
 
-    def _measure(self, todo: list[int], journals: Mapping[int, Journal]) -> None:
+    def _measure(self) -> None:
         """Prepare points and take their rounds."""
-        title, device = self.prepared.scene.title, self.options.device
-        base = Played(self.preset.methods[0], self.prepared, self.size, device)
+        base = Played(self.preset.methods[0], self.prepared, self.size, self.options.device)
         expected = {frame: base.session.answers(moment) for frame, moment in self.this.items()}
         del base
-        played = {entry.label: self._warm(entry, todo, journals, expected) for entry in self.preset.methods}
-        kept = {i: self._kept(played[entry.label], label) for i, (label, entry) in enumerate(self.points)}
-        seed = seed_of(f"{self.prepared.scene.name}/{self.options.seed}")
-        with MACHINE.exclusive():
-            for number, order in enumerate(orders(len(todo), self.preset.rounds, seed)):
-                for place, index in enumerate(order):
-                    i = todo[index]
-                    label, entry = self.points[i]
-                    self.report.doing(f"{title}: {label}, round {number + 1}", entry.label)
-                    if number not in journals[i].rounds():
-                        where = {"event": "round", "round": number, "place": place, "of": len(order)}
-                        found = self._round(played[entry.label], kept[i], expected)
-                        self._note(journals[i], {**where, **found})
-                    self.report.done()
+        played = {entry.label: self._warm(entry, expected) for entry in self.preset.methods}
+        kept = [self._kept(played[entry.label], label) for label, entry in self.points]
 
-    def _warm(
-        self, entry: Entry, todo: list[int], journals: Mapping[int, Journal], expected: Mapping[int, dict[str, NDArray]]
-    ) -> Played:
+        def samples(i: int) -> list[dict[str, Any]]:
+            return self._samples(played[self.points[i][1].label], kept[i], expected)
+
+        self.rounds.measure(seed_of(f"{self.prepared.scene.name}/{self.options.seed}"), self.options.device, samples)
+
+    def _warm(self, entry: Entry, expected: Mapping[int, dict[str, NDArray]]) -> Played:
         """An entry's method with buffers large enough for all its points, each of which is noted as prepared."""
         tracker = Memory()
         tracker.start()
         one = Played(entry, self.prepared, self.size, self.options.device, entry.label == self.first)
-        for i in todo:
+        for i in self.rounds.todo:
             label, own = self.points[i]
             if own is entry:
                 self.report.doing(f"{self.prepared.scene.title}: {label}, warming up", entry.label)
-                event = self._prepared(one, label, expected)
-                if not journals[i].first("prepared"):
-                    self._note(journals[i], event)
+                start = time.perf_counter()
+                frames = [self._judged(one, label, frame, expected[frame]) for frame in self.this]
+                self.rounds.prepared(i, time.perf_counter() - start, frames)
         tracker.pause()
         one.memory = max(0, tracker.peak() - frame_bytes(one.session))
         return one
@@ -135,32 +110,22 @@ class SceneRun:
         """The frames of a step on the device, each with the one before it."""
         return {k: (one.keep(self.before[label][k]), one.keep(self.this[k])) for k in self.this}
 
-    def _prepared(self, one: Played, label: str, expected: Mapping[int, dict[str, NDArray]]) -> dict[str, Any]:
-        """Run each frame after the one before it; compare its answers, and count the rays that were settled."""
-        start, frames = time.perf_counter(), []
-        for frame, this in self.this.items():
-            answers = one.answers(self.before[label][frame], this)
-            wrong = differing(answers, expected[frame])
-            pixels = len(answers["triangle"])
-            rays = {"pixels": pixels, "ok": pixels - min(wrong, pixels), "true": wrong}
-            check = "failed" if wrong else "ok"
-            score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": rays, "shadow": []}
-            counters = {**one.method.counters(), "shadowed rays": int((answers["shadowed"] == 1).sum())}
-            frames.append({"frame": frame, "counters": counters, "score": score, "unscored": None})
-        spent = time.perf_counter() - start
-        return {"event": "prepared", "compile_s": 0.0, "first_frame_s": spent, "frames": frames}
+    def _judged(self, one: Played, label: str, frame: int, expected: Mapping[str, NDArray]) -> dict[str, Any]:
+        """Run a frame after the one before it; compare its answers, and count the rays that were settled."""
+        answers = one.answers(self.before[label][frame], self.this[frame])
+        counters = {**one.method.counters(), "shadowed rays": int((answers["shadowed"] == 1).sum())}
+        return judged(frame, len(answers["triangle"]), differing(answers, expected), counters)
 
-    def _round(
+    def _samples(
         self, one: Played, kept: Mapping[int, tuple[Kept, Kept]], expected: Mapping[int, dict[str, NDArray]]
-    ) -> dict[str, Any]:
+    ) -> list[dict[str, Any]]:
         """One round of samples of every frame. Raises RuntimeError if a timed frame gives other answers."""
-        started, frames = time.time(), []
+        frames = []
         budget = self.preset.budget_s / self.preset.rounds / len(kept)
         for frame, moments in kept.items():
-            began, pairs = time.time(), one.samples(*moments, 1)[:0]
+            began, pairs = time.time(), list[tuple[float, float]]()
             while len(pairs) < self.preset.samples and (not pairs or time.time() - began < budget):
-                batch = self.preset.samples if one.session.replays else 1
-                pairs += one.samples(*moments, batch)
+                pairs += one.samples(*moments, self.preset.samples if one.session.replays else 1)
             wrong = differing(one.timed_answers(*moments), expected[frame])
             if wrong:
                 raise RuntimeError(f"{one.method.name}: {wrong} timed answers of frame {frame} differ")
@@ -170,12 +135,7 @@ class SceneRun:
                 "wall_ms": [round(wall, 6) for _, wall in pairs], "passes": [], "stopped_by": ends,
                 "regrown": one.session.regrown, "memory_bytes": one.memory, "memory_source": "warp allocations",
             })  # fmt: skip
-        return {"started": started, "spent_s": time.time() - started, "clock": clock_state(self.options.device),
-                "frames": frames, "peak_rss_bytes": peak_resident_bytes()}  # fmt: skip
-
-    def _note(self, journal: Journal, event: dict[str, Any]) -> None:
-        with self.folder.writing():
-            journal.append({**event, "noted": time.time()})
+        return frames
 
     def _facts(self, label: str, entry: Entry) -> dict[str, Any]:
         """The facts of a point for its record."""

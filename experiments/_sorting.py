@@ -22,17 +22,13 @@ from ..harness.frame.devices import device_title
 from ..harness.frame.schedule.passes import Pass
 from ..harness.frame.schedule.runner import PassRunner
 from ..harness.results.folder import ResultsFolder
-from ..harness.results.journal import Journal
-from ..harness.results.record import SCHEMA, Record, make_record
-from ..harness.runner.machine.environment import clock_state, environment, keep
-from ..harness.runner.machine.lock import MACHINE
-from ..harness.runner.measuring.memory import peak_resident_bytes
+from ..harness.results.record import SCHEMA, Record
 from ..harness.runner.measuring.timing import Sampling, sample_frame
 from ..harness.runner.planning.experiment import Preset
-from ..harness.runner.planning.planned_point import orders
 from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
 from ..harness.runner.source.closure import SAMPLING, closure_hash, hash_of
+from ._rounds import Rounds, judged, results
 
 NAME, SORT = "radix_sort_pairs", "sort pairs"
 
@@ -74,12 +70,8 @@ def measure(options: Options, report: Silent, bits: Sequence[int]) -> list[Recor
     """
     if options.preset.scenes or options.preset.methods:
         raise UserError(f"{options.experiment.name} sorts random keys; it takes no --scene and no --method")
-    folder = ResultsFolder(options.out)
     parts = options.preset.parts()
-    MACHINE.say = report.note
-    with folder.locked(), MACHINE.shared():
-        with folder.writing():
-            made_in = keep(options.out, environment())
+    with results(options, report) as (folder, made_in):
         report.steps(sum(len(bits) * part.rounds for part in parts))
         return [record for part in parts for record in _measured(options, part, report, bits, folder, made_in)]
 
@@ -88,67 +80,24 @@ def _measured(
     options: Options, preset: Preset, report: Silent, bits: Sequence[int], folder: ResultsFolder, made_in: str
 ) -> list[Record]:  # fmt: skip
     facts = [_facts(options, preset, count) for count in bits]
-    keys = [f"{f['point']['bits']}-bits-{preset.width}x{preset.height}-{digest(f)[:16]}" for f in facts]
-    kept = [folder.record(key) for key in keys]
-    todo = [i for i, record in enumerate(kept) if record is None]
-    journals = {i: folder.journal(keys[i]) for i in todo}
     pairs = preset.width * preset.height
-    trials = {i: Trial(pairs, bits[i], options.device, options.seed) for i in todo}
-    for i in todo:
-        report.doing(f"{pairs:,} pairs: warming up", f"{bits[i]} bits")
-        _note(folder, journals[i], _prepared(trials[i], journals[i]))
-    with MACHINE.exclusive():
-        for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
-            for place, index in enumerate(order):
-                i = todo[index]
-                report.doing(f"{pairs:,} pairs: round {number + 1}", f"{bits[i]} bits")
-                if number not in journals[i].rounds():
-                    where = {"event": "round", "round": number, "place": place, "of": len(order)}
-                    _note(folder, journals[i], {**where, **_round(trials[i], preset)})
-                report.done()
-    for i in todo:
-        record = make_record(keys[i], facts[i]["point"], facts[i]["scene"], facts[i]["method"], made_in,
-                             journals[i].events)  # fmt: skip
-        folder.keep_record(record, journals[i])
-        report.point(record)
-        kept[i] = record
-    report.done((len(bits) - len(todo)) * preset.rounds)
-    return [record for record in kept if record is not None]
+    rounds = Rounds(folder, report, preset, facts, [(f"{pairs:,} pairs", f"{count} bits") for count in bits])
+    trials = {i: Trial(pairs, bits[i], options.device, options.seed) for i in rounds.todo}
+    for i, trial in trials.items():
+        report.doing(f"{pairs:,} pairs, warming up", f"{bits[i]} bits")
+        start = time.perf_counter()
+        trial.run()
+        found = judged(0, pairs, trial.wrong(), {"pairs": pairs})
+        rounds.prepared(i, time.perf_counter() - start, [found])
+    most, budget = max(preset.most, preset.samples), preset.budget_s / preset.rounds
+    sampling = Sampling(preset.samples, most, preset.deviation, preset.stage_samples, budget)
 
+    def samples(i: int) -> list[dict[str, Any]]:
+        measured = vars(sample_frame(trials[i], sampling))
+        return [{"frame": 0, **measured, "regrown": 0, "memory_bytes": 6 * 4 * pairs, "memory_source": "arrays"}]
 
-def _prepared(trial: Trial, journal: Journal) -> dict[str, Any] | None:
-    """Sort once and judge the order, unless an earlier run did."""
-    start = time.perf_counter()
-    trial.run()
-    wrong = trial.wrong()
-    if journal.first("prepared"):
-        return None
-    pixels = {"pixels": trial.pairs, "ok": trial.pairs - wrong, "true": wrong}
-    check = "failed" if wrong else "ok"
-    score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": pixels, "shadow": []}
-    frame = {"frame": 0, "counters": {"pairs": trial.pairs}, "score": score, "unscored": None}
-    return {"event": "prepared", "compile_s": 0.0, "first_frame_s": time.perf_counter() - start, "frames": [frame]}
-
-
-def _round(trial: Trial, preset: Preset) -> dict[str, Any]:
-    """One round of samples."""
-    budget = preset.budget_s / preset.rounds
-    sampling = Sampling(
-        preset.samples, max(preset.most, preset.samples), preset.deviation, preset.stage_samples, budget
-    )
-    started = time.time()
-    found = sample_frame(trial, sampling)
-    frame = {"frame": 0, "started": found.started, "total_ms": found.total_ms, "wall_ms": found.wall_ms,
-             "passes": found.passes, "stopped_by": found.stopped_by, "regrown": 0,
-             "memory_bytes": 6 * 4 * trial.pairs, "memory_source": "arrays"}  # fmt: skip
-    return {"started": started, "spent_s": time.time() - started, "clock": clock_state(trial.device),
-            "frames": [frame], "peak_rss_bytes": peak_resident_bytes()}  # fmt: skip
-
-
-def _note(folder: ResultsFolder, journal: Journal, event: dict[str, Any] | None) -> None:
-    if event is not None:
-        with folder.writing():
-            journal.append({**event, "noted": time.time()})
+    rounds.measure(options.seed, options.device, samples)
+    return rounds.records(made_in)
 
 
 def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:

@@ -164,7 +164,8 @@ def balancing(evidence: Evidence) -> Finding:
         for clamp, words in RECTANGLES.items():
             own = scene[scene["set.clamp"] == clamp].set_index("distance")
             gains = each(dict(own["without"] / own["best"]))
-            parts += [f"{words}, without balancing over with it at the best r: {gains}"] * bool(len(own))
+            if gains:
+                parts.append(f"{words}, without balancing over with it at the best r: {gains}")
         own = scene[scene["set.clamp"] == "none"]
         if len(own) > 1:
             slowest = own.loc[own["without"].idxmax()]
@@ -323,7 +324,8 @@ def against_rivals(evidence: Evidence) -> Finding:
         table = evidence.over_rivals({"label": ours}, sorted(exact | rebuilt | refitted), TOTAL)
         for kind, labels in kinds.items():
             largest = table[sorted(labels)].max(axis=1).dropna()
-            parts += [f"{ours} over the fastest {kind}: {each(dict(largest))}"] * bool(len(largest))
+            if len(largest):
+                parts.append(f"{ours} over the fastest {kind}: {each(dict(largest))}")
             deciding.append(largest.max())
     slowest = deciding[0]
     if slowest != slowest:

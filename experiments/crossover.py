@@ -132,7 +132,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         f"Fastest over {AXES[axis]} ({crossing(line, axis)})": winner_table(line, axis) for axis, line in lines.items()
     }
     notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
-    notes += [ABOUT] * bool(len(done))
+    if len(done):
+        notes.append(ABOUT)
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, files, quiet, notes)
 
 
@@ -150,7 +151,7 @@ def finding(done: document.DataFrame) -> str:
     told = ranking.most_wins(Counter([*best["label"], *tied["next"]]), len(best), "setting")
     wrong = Counter(every.loc[~every["exact"], "label"])
     beaten = [f"{label}, which is not exact, is faster in {n}" for label, n in wrong.most_common()]
-    return f"{told} {'; '.join(beaten)}{'.' * bool(beaten)}".strip()
+    return f"{told} {'; '.join(beaten)}." if beaten else told
 
 
 def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
@@ -174,27 +175,21 @@ def beside(row: Any) -> str:
 
 def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame, path: Path) -> Path:
     """One panel per quantity: time against it, one line per method."""
-    from matplotlib.ticker import NullLocator
+    import pandas as pd
 
     looks = panels.looks(done)
-    across = min(3, len(lines))
-    down = -(-len(lines) // across)
-    size = (2 * style.COLUMN_WIDTH, 2.1 * down + 0.7)
-    with panels.sheet(path, size, down, across, legend=3, sharey=True) as (_, grid):
-        for axes, (axis, line) in zip(grid.flat, lines.items(), strict=False):
-            for label, own in line.sort_values(axis).groupby("label", sort=False):
-                panels.line(axes, own, axis, "total_ms", "spread", label, looks[label])
-            values = sorted(line[axis].unique())
+    every = pd.concat(line.assign(axis=axis, x=line[axis]).sort_values("x") for axis, line in lines.items())
+    with panels.facets(path, every, "axis", 3, 2.1, 2.0, legend=3, left="ms per frame", sharey=True) as shown:
+        for axes, axis, line in shown:
+            for label, own in line.groupby("label", sort=False):
+                panels.line(axes, own, "x", "total_ms", "spread", label, looks[label])
+            values = sorted(line["x"].unique())
             if values[0] > 0:
                 axes.set_xscale("log")
             axes.set_xticks(values, [counted(axis, value) for value in values])
-            axes.xaxis.set_minor_locator(NullLocator())
+            axes.tick_params(axis="x", which="minor", length=0, labelbottom=False)
             axes.set_xlabel(AXES[axis])
-        for axes in grid[:, 0]:
-            axes.set_ylabel("ms per frame")
             style.plain_log(axes)
-        for axes in grid.flat[len(lines) :]:
-            axes.set_visible(False)
     return path
 
 

@@ -90,7 +90,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     )] if len(effects) else []  # fmt: skip
     if len(moved):
         seen, kinds = moved[moved["pass_count"] > 0], list(MOVED)
-        idle = " (nothing moved: no kernel is launched)" * ("nothing" not in set(seen["moved"]))
+        idle = "" if "nothing" in set(seen["moved"]) else " (nothing moved: no kernel is launched)"
         pictures.append(panels.lines(
             folder / "effects-moved.svg", seen.assign(place=seen["moved"].map(kinds.index)), "place", "total_ms",
             facet="title", across=moved["title"].nunique(), whisker="spread", drawn=panels.looks(moved), wide=1.2,

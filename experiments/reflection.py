@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ..harness.report import compare, document, numbers, panels, sentences
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
@@ -45,7 +47,7 @@ def read(folder: Path) -> document.DataFrame:
     same = (*compare.SCENE, *compare.SIZE, "label")
     own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
     table["added_ms"] = table["key"].map(own["total_ms"] - base["total_ms"])
-    table["added_spread"] = table["key"].map((compare.spread(own) ** 2 + compare.spread(base) ** 2) ** 0.5)
+    table["added_spread"] = table["key"].map(np.hypot(compare.spread(own), compare.spread(base)))
     table["ratio"] = table["key"].map(compare.ratios(frames, frames["light_label"] == BASE, same)["ratio"])
     passes = {"mirrored": ("trace", MIRRORED), "traced": ("trace", "")}
     table = document.with_passes(table, folder, passes)
@@ -55,8 +57,8 @@ def read(folder: Path) -> document.DataFrame:
     table["mirrored_ns"] = stage_ms(table, "trace", MIRRORED) * 1e6 / rays
     table["mirrored_ns_spread"] = table["mirrored_spread"] * 1e6 / rays
     table["loss"] = table["mirrored_ns"] / table["primary_ns"]
-    shares = (table["mirrored_spread"] / table["mirrored_ms"]) ** 2 + (table["traced_spread"] / table["traced_ms"]) ** 2
-    table["loss_spread"] = table["loss"] * shares**0.5
+    shares = [table[f"{name}_spread"] / table[f"{name}_ms"] for name in passes]
+    table["loss_spread"] = table["loss"] * np.hypot(*shares)
     return table
 
 
@@ -69,25 +71,23 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables = {}
     if len(bounced):
         files.append(picture(bounced, folder / "reflection.svg"))
-        shown = bounced.assign(
-            added=numbers.carry(bounced["added_ms"], bounced["added_spread"], "+"),
-            each=numbers.carry(bounced["mirrored_ns"], bounced["mirrored_ns_spread"])
-            + " (x"
-            + numbers.carry(bounced["loss"], bounced["loss_spread"]).str.strip(numbers.NOISY)
-            + ")",
-        )
+        added = numbers.carry(bounced["added_ms"], bounced["added_spread"], "+")
+        each = numbers.carry(bounced["mirrored_ns"], bounced["mirrored_ns_spread"])
+        loss = numbers.carry(bounced["loss"], bounced["loss_spread"]).str.strip(numbers.NOISY)
+        shown = bounced.assign(added=added, each=each + " (x" + loss + ")")
         tables = {
             f"What mirrors add to the frame of {BASE}, ms": added_table(shown, done),
-            "A mirrored ray, ns, and over a primary ray of the same structure": document.cross_table(
-                shown, HEADINGS, "label", "each"
-            ),
-        }
-    notes = [f"{MIRRORS} Shadow rays of mirrored hits count in the frame, not in the time of a mirrored ray."]
-    notes *= bool(len(bounced))
+            "A mirrored ray, ns, and over a primary ray of the same structure":
+                document.cross_table(shown, HEADINGS, "label", "each"),
+        }  # fmt: skip
+    notes = [ABOUT] if len(bounced) else []
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding(bounced), tables, files, quiet, notes)
 
 
-MIRRORS = "The scene's largest triangles, half of its area, are mirrors."
+ABOUT = (
+    "The scene's largest triangles, half of its area, are mirrors. Shadow rays of mirrored hits count in the frame, not in "
+    "the time of a mirrored ray."
+)
 
 
 def added_table(shown: document.DataFrame, done: document.DataFrame) -> document.DataFrame:
@@ -96,14 +96,8 @@ def added_table(shown: document.DataFrame, done: document.DataFrame) -> document
 
     base = done[(done["light_label"] == BASE) & done["label"].isin(shown["label"])]
     base = base.assign(added=numbers.carry(base["total_ms"], base["spread"]))
-    both = pd.concat([base, shown]).sort_values(["title", "light_label"], key=rank, kind="stable")
-    return document.cross_table(both, HEADINGS, "label", "added")
-
-
-def rank(column: document.Series) -> document.Series:
-    """The order of the lightings; scenes stay as they are."""
-    order = {lighting.label: i for i, lighting in enumerate(LIGHTINGS)}
-    return column.map(order) if column.name == "light_label" else column
+    both = document.arranged(pd.concat([base, shown]), "light_label", [lighting.label for lighting in LIGHTINGS])
+    return document.cross_table(both.sort_values("title", kind="stable"), HEADINGS, "label", "added")
 
 
 def finding(bounced: document.DataFrame) -> str:
@@ -126,9 +120,8 @@ def best_ratio(bounced: document.DataFrame) -> document.DataFrame:
     sides = [least[least["kind"] == kind] for kind in ("grid", "tree")]
     grid, tree = (side["mirrored_ns"] for side in sides)
     shares = [side["mirrored_ns_spread"] / side["mirrored_ns"] for side in sides]
-    share = (shares[0] ** 2 + shares[1] ** 2) ** 0.5
     ratio = grid / tree
-    return ratio.to_frame("ratio").assign(ratio_spread=ratio * share).dropna(subset="ratio")
+    return ratio.to_frame("ratio").assign(ratio_spread=ratio * np.hypot(*shares)).dropna(subset="ratio")
 
 
 def picture(bounced: document.DataFrame, path: Path) -> Path:

@@ -14,8 +14,8 @@ import numpy as np
 
 from ..harness.report import document, panels
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
+from .two_lights import lights
 
 OURS = "ray grids"
 METHODS = (
@@ -23,11 +23,6 @@ METHODS = (
     Entry(METHOD, {}, "the paper's grids"),
     Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
 )
-
-
-def lights(*counts: int) -> tuple[Lighting, ...]:
-    """The given numbers of lights, turned evenly about the middle of the scene."""
-    return tuple(Lighting(f"{n} lights", count=n) for n in counts)
 
 
 def sweeps(base: Preset, scenes: tuple[str, ...], sides: tuple[int, ...], counts: tuple[int, ...]) -> Preset:
@@ -71,7 +66,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
     every = pd.concat(lines.values())
-    notes = [f"Scenes: {scenes}."] * bool(len(titles))
+    notes = [f"Scenes: {scenes}."] if scenes else []
     notes += [f"Not measured: time against {x}." for x in SWEEPS if len(titles) and x not in set(every["sweep"])]
     pictures = [panels.lines(
         folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=len(SWEEPS), whisker="spread",

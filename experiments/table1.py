@@ -7,7 +7,6 @@ methods below on this machine. The quick preset is for a CPU: its image size is 
 from __future__ import annotations
 
 from collections import Counter
-from importlib.util import find_spec
 from pathlib import Path
 
 from ..harness.report import document, numbers, panels, ranking
@@ -15,11 +14,8 @@ from ..harness.report import paper_table1 as paper
 from ..harness.results.newest import settings_text
 from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ._paper import METHOD, SCENES, faithful
+from ._paper import METHOD, REAL, SCENES, faithful
 from .figure9 import gallery
-
-REAL = ("bunny",) if find_spec("pxr") else ()
-"""A small real scene that needs no download, where USD files can be read."""
 
 QUICK_ROWS = ("the paper's grids", "ray grids", "BVH2 rebuilt", "uniform grid", "mesh rebuilt", "Embree")
 
@@ -146,16 +142,18 @@ def notes(table: document.DataFrame) -> list[str]:
     """How to read an entry, what was left out, and where the paper's numbers are from."""
     told, theirs = [ABOUT], set(table["scene"]) & set(paper.ROWS)
     if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):
-        told += [f"Only {paper.SIZE[0]}x{paper.SIZE[1]} can be compared with the paper's rows."]
+        told.append(f"Only {paper.SIZE[0]}x{paper.SIZE[1]} can be compared with the paper's rows.")
     short = table[table["frames_left_out"] > 0]
-    told += [f"{LEFT_OUT}{document.listed(list(short['title'] + ', ' + short['row']))}."] * bool(len(short))
+    if len(short):
+        told.append(f"{LEFT_OUT}{document.listed(list(short['title'] + ', ' + short['row']))}.")
     told += [f"Unscored: {reason}." for reason in sorted(set(table["unscored"]) - {""})]
     if older := table.attrs.get("older"):
-        told += [f"Not shown: older records of these points, or of other scenes of their names: {older}."]
+        told.append(f"Not shown: older records of these points, or of other scenes of their names: {older}.")
     told += document.never_hit_notes(table)
-    printed = "; ".join(f"{title}: {source}" for title, source in paper.COLUMNS.items())
-    printed = f"The paper's numbers: {printed}. {' '.join(paper.FOOTNOTES)}".replace("*", r"\*")
-    return told + [printed] * bool(theirs)
+    if theirs:
+        printed = "; ".join(f"{title}: {source}" for title, source in paper.COLUMNS.items())
+        told.append(f"The paper's numbers: {printed}. {' '.join(paper.FOOTNOTES)}".replace("*", r"\*"))
+    return told
 
 
 EXPERIMENT = Experiment(

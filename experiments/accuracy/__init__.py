@@ -8,7 +8,6 @@ use them, and shadow maps from 512 texels upward. Labels read "family: level"; a
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 from ...harness.report import document
@@ -16,11 +15,8 @@ from ...harness.runner.planning.experiment import Entry, Experiment, Preset
 from ...harness.runner.planning.run_options import Options
 from ...harness.runner.planning.time_estimate import expected_triangles
 from ...harness.runner.progress import Silent
+from .._paper import REAL, SCENES
 from . import drawing, hard_cases, offsets
-
-SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
-REAL = ("bunny",) if find_spec("pxr") else ()
-"""A small real scene that needs no download, where USD files can be read."""
 
 QUICK_SCENES = (*(REAL or ("sibenik",)), "conference")
 
@@ -158,7 +154,6 @@ CELL_S, CELL_TRIANGLE_S = 0.035, 1e-6
 
 HARD_S = 10.0
 """Seconds of a point on the hard cases of the quick preset."""
-
 
 HARD_CASES = "hard-cases"
 

@@ -76,7 +76,7 @@ def usable(table: document.DataFrame) -> document.DataFrame:
 def sampled(table: document.DataFrame) -> str:
     """A note on points of which only a sample was judged; "" where there is none."""
     count = int((usable(table).reindex(columns=["primary.unjudged"]) > 0).sum().iloc[0])
-    return SAMPLED.format(count) * bool(count)
+    return SAMPLED.format(count) if count else ""
 
 
 def frontier(table: document.DataFrame) -> document.Series:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def hard_rows(
             place = device_for(method_class(entry.method), device)
         except ImportError:  # a peer's library that is not installed: no row
             continue
-        method = lambda e=entry: make_method(e.method, dict(e.settings))  # type: ignore[misc]  # noqa: E731
+        method = partial(make_method, entry.method, dict(entry.settings))
         found = judge_method(method, place, cases, judged, every_bit=True)
         run = [finding for finding in found if finding.status != "outside"]
         wrong = sorted((f for f in run if f.status == "error"), key=lambda f: -f.true_errors)

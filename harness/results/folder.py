@@ -119,10 +119,6 @@ class ResultsFolder:
         """Where the scene under way is handed from one worker to the others; ``frames``: see :class:`.Lighting`."""
         return self.path / "journal" / f"scene-{frames}.npz"
 
-    def image(self, scene: str, light: str, width: int, height: int) -> Path:
-        """The picture of a scene: see :func:`image_name`."""
-        return self.path / "images" / image_name(scene, light, width, height)
-
     def log(self, worker: str) -> Path:
         """The output of a worker, and of the method in it, on standard error."""
         return self.path / "logs" / f"{worker}.log"

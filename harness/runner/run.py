@@ -297,8 +297,7 @@ class Run:
         except WorkerError as error:
             self._ask_another(job, grader, error)
             return
-        command = grade_command(self.options, self.folder, job)
-        self.workers.send(self.workers.get(grader), **command, wrong_maps=self.options.preset.wrong_maps)
+        self.workers.send(self.workers.get(grader), **grade_command(self.options, self.folder, job))
 
     def _ask_another(self, job: Job, grader: str, error: WorkerError) -> None:
         """Where the scoring process was killed, have another one score the answers, which are still there."""

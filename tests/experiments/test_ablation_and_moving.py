@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 
-from helpers.experiment_records import record_of, write_records
+from helpers.experiment_records import csv_of, record_of, report_of
 from shadowbench.experiments import _paper, ablation
-from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.planning.experiment import find_experiment
 from shadowbench.methods.perspective_spherical import parameters
 
@@ -19,21 +17,15 @@ def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_pat
     records = [record_of("ablation", known[label], "buddha", ms=ms) for label, ms in times.items()]
     slow = {**times, "all of ours": 3.0}
     records += [record_of("ablation", known[label], "cloth", ms=ms) for label, ms in slow.items()]
-    write_records(tmp_path, records)
-    files = show("ablation", tmp_path, quiet=True)
-    text = (tmp_path / "ablation.md").read_text()
-    said = "Over Warp's tree rebuilt, all of ours takes 0.866 times as long and paper-faithful 2.00"
-    assert said in text
+    text = report_of("ablation", tmp_path, records)
+    assert "Over Warp's tree rebuilt, all of ours takes 0.866 times as long and paper-faithful 2.00" in text
     back = text[text.index("## Frame time over that of all of ours") :]
     assert "| ours with radix sort | 0.866 | 0.500 | 1.50 |" in back
-    assert tmp_path / "ablation-ours.svg" in files
     drawn = (tmp_path / "ablation-ours.svg").read_text()
     for word in ("Warp's tree rebuilt", "ours with radix sort", "frame time over that of all of ours"):
         assert word in drawn, word
     records[2]["environment"] = "another run"
-    write_records(tmp_path / "old", records[:3])
-    show("ablation", tmp_path / "old", quiet=True)
-    assert "Warp's tree rebuilt was not measured" in (tmp_path / "old" / "ablation.md").read_text()
+    assert "Warp's tree rebuilt was not measured" in report_of("ablation", tmp_path / "old", records[:3])
     assert not (tmp_path / "old" / "ablation-ours.svg").exists()
 
 
@@ -53,11 +45,8 @@ def test_moving_has_a_row_a_frame(tmp_path):
     ]
     for i, frame in enumerate(records[0]["frames"]):
         frame["total_ms"] = [10.0 + i] * 2
-    write_records(tmp_path, records)
-    show("moving", tmp_path, quiet=True)
-    lines = (tmp_path / "moving.csv").read_text().splitlines()
-    assert len(lines) == 1 + 8 * len(records)
-    assert "| 8 | 10.0 | 13.5 | 17.0 | 1.70 | 0 |" in (tmp_path / "moving.md").read_text()
+    assert "| 8 | 10.0 | 13.5 | 17.0 | 1.70 | 0 |" in report_of("moving", tmp_path, records)
+    assert len(csv_of("moving", tmp_path)) == 8 * len(records)
     assert "turns of the light" in (tmp_path / "moving.svg").read_text()
 
 
@@ -70,15 +59,12 @@ def test_moving_counts_what_explains_a_slow_place_and_names_what_has_no_record(t
     for i, frame in enumerate(slow["frames"]):
         frame["counters"] = {"shadow tests a hundred rays": 9000 if i == 3 else 2000,
                              "light 0 tiles with rays": 50 if i == 3 else 120}  # fmt: skip
-    write_records(tmp_path, [slow, uncounted, even])
-    show("moving", tmp_path, quiet=True)
-    text = (tmp_path / "moving.md").read_text()
+    text = report_of("moving", tmp_path, [slow, uncounted, even])
     scenes = [line.split(" | ")[0] for line in text.splitlines() if line.startswith("| ") and "---" not in line]
     titles = ["| scene", *["| Fairy (stand-in)"] * 2, *["| Sibenik (stand-in)"] * 2]
     assert scenes == titles, "animated first, and a row for what has no record"
     assert "- mesh rebuilt, one turn: no record (Fairy (stand-in))" in text
-    with open(tmp_path / "moving.csv", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["total_ms"] == "30"]
+    rows = [row for row in csv_of("moving", tmp_path) if row["total_ms"] == "30"]
     tests, tiles = "counter.shadow tests a hundred rays", "counter.light 0 tiles with rays"
     assert [(row["scene"], row[tests], row[tiles]) for row in rows] == [("sibenik", "9000", "50")]
 
@@ -91,9 +77,7 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
         for i, e in enumerate(entries):
             lost = "culled" in e.label and scene == "cloth"
             records.append(record_of("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok"))
-    write_records(tmp_path, records)
-    show("ablation", tmp_path, quiet=True)
-    text = (tmp_path / "ablation.md").read_text()
+    text = report_of("ablation", tmp_path, records)
     assert "| direct mapping, 16x16 tiles | 1.10 | 1.10 | 1.10 |" in text
     assert "| exact test, back faces culled | 1.90 | - | 1.90 |" in text
     assert "Not measured" in text
@@ -101,4 +85,4 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
     changes = text[text.index("## Frame time over that of paper") : text.index("## Frame time over that of all")]
     assert "Warp's tree" not in changes
     assert "ours with" not in changes
-    assert len((tmp_path / "ablation.csv").read_text().splitlines()) == 1 + len(records)
+    assert len(csv_of("ablation", tmp_path)) == len(records)

@@ -96,26 +96,6 @@ def test_other_settings_reach_every_entry_of_their_method(tmp_path):
     assert not [entry for entry in preset.methods if entry.method != "bvh2" and "threads" in entry.settings]
 
 
-def test_what_the_issue_asks_of_figure_11():
-    quick = find_experiment("figure11").presets["quick"]
-    assert quick.scenes == ("cloth",)
-    assert quick.frames == 3
-    assert [x.distance for x in quick.lightings][-1] == 1e7
-    assert len(quick.lightings) == 5
-    # No load balancing is one value of r, and float32 is also told from the middle of the hit points where it can be.
-    assert {e.settings["r"] for e in quick.methods} >= {"32", "65536"}
-    centred = [e.settings for e in quick.methods if e.settings["precision"] == "float32-centred"]
-    assert {(s["clamp"], s["aimed"]) for s in centred} == {("none", "true"), ("hits", "true")}
-    paper = find_experiment("figure11").presets["paper"]
-    reached = [x.distance for part in paper.parts() for x in part.lightings]
-    assert sorted(reached) == [0.1, 1, 10, 1e3, 1e5, 1e7]
-    assert {part.memory for part in paper.parts()} == {16 << 30}
-    fine = [e.settings for e in quick.methods if e.settings["precision"] == "float64"]
-    assert {(s["clamp"], s["aimed"]) for s in fine} == {(c, a) for c in ("none", "hits") for a in ("true", "false")}
-    assert len({s["r"] for s in fine}) == 4
-    assert len(fine) == 16
-
-
 def test_direct_and_indirect_mapping_trace_with_blocks_of_one_size():
     tiles = {e.label: (int(e.settings["tile"]), int(e.settings["k"])) for e in figure2.METHODS}
     assert {tile * k for label, (tile, k) in tiles.items() if label != figure2.DIRECT_SMALL} == {16}

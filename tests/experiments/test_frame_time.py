@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.experiment_records import record_of, write_records
+from helpers.experiment_records import csv_of, record_of, report_of, write_records
 from helpers.planned_for_cuda import plan_for_cuda
 from helpers.streams import trial
 from shadowbench.experiments import _floor as floor
@@ -29,20 +27,12 @@ def timed(entry, scene, *times):
     return record
 
 
-def drawn(folder, records):
-    show("frame_time", write_records(folder, records), quiet=True)
-    with open(folder / "frame_time.csv", newline="") as file:
-        rows = {(r["scene"], r["label"]): r for r in csv.DictReader(file)}
-    return (folder / "frame_time.md").read_text(), rows
-
-
 def test_no_method_is_the_base_unless_it_wins(tmp_path, capsys):
     """Titles, findings and ratios are of the fastest exact method of each scene, whichever it is."""
     made = [timed(OURS, "cloth", 5.8, 6.2), timed(MESH, "cloth", 10.0, 10.2), timed(GRAPH, "cloth", 1.9, 2.1)]
     write_records(tmp_path, made)
     show("frame_time", tmp_path)
-    with open(tmp_path / "frame_time.csv", newline="") as file:
-        rows = {row["label"]: row for row in csv.DictReader(file)}
+    rows = {row["label"]: row for row in csv_of("frame_time", tmp_path)}
     ratio = {name: float(rows["ray grids"][name]) for name in ("times_fastest_exact", "low", "high")}
     assert ratio == pytest.approx({"times_fastest_exact": 3.0, "low": 5.8 / 2.1, "high": 6.2 / 1.9}, rel=1e-5)
     for text in (capsys.readouterr().out, (tmp_path / "frame_time.md").read_text()):
@@ -58,8 +48,9 @@ def test_a_ratio_is_over_the_frames_that_both_have(tmp_path):
     for i, frame in enumerate(ours["frames"]):
         frame["total_ms"] = [1.0 + i, 1.0 + i]
     peer["frames"][0]["total_ms"] = [5.0, 5.0]
-    text, rows = drawn(tmp_path, [ours, peer])
-    assert rows["cloth", "mesh rebuilt"]["times_fastest_exact"] == "5"
+    text = report_of("frame_time", tmp_path, [ours, peer])
+    (mesh,) = (row for row in csv_of("frame_time", tmp_path) if row["label"] == "mesh rebuilt")
+    assert mesh["times_fastest_exact"] == "5"
     assert "| mesh rebuilt | 5.00 [1/3] | 5.00 |" in text
 
 
@@ -85,18 +76,15 @@ def floored(monkeypatch, folder, passes):
     record = record_of("frame_time", Entry("ray_grids", {}, "ray grids"), passes=passes, ms=1.0)
     record["scene"].update(triangles=1_000_000, vertices=500_000)
     record["frames"][0].update(shadow_rays=3000, counters={"camera items": 10, "light 0 items": 20})
-    write_records(folder, [record])
-    files = show("frame_time", folder, quiet=True)
-    return {file.name for file in files}, (folder / "frame_time.md").read_text()
+    text = report_of("frame_time", folder, [record])
+    return text, (folder / "frame_time-stages.csv").read_text().splitlines()
 
 
 def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
     passes = [("camera: resolve", "trace", 0.4), ("light 0: scatter rays", "light build", 0.6)]
-    files, text = floored(monkeypatch, tmp_path, passes)
-    assert "frame_time-stages.csv" in files
+    text, lines = floored(monkeypatch, tmp_path, passes)
     pixels = 64 * 64
     resolve, scatter = pixels * 24 / 1e9 + 0.01, 3000 * 40 / 1e9 + 0.01
-    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     assert lines[0] == ",".join(floor.COLUMNS)
     assert f"camera: resolve,trace,0.4,{resolve:.6g},{0.4 / resolve:.6g}" in lines[1]
     assert f"| {resolve + scatter:.3f} |" in text
@@ -106,17 +94,15 @@ def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
 def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
     """They run beside each other: times, bytes and tests are summed, and one kernel's start is counted."""
     name = "light 0: queued rows, share {} of 2"
-    floored(monkeypatch, tmp_path, [(name.format(k), "shadow", ms) for k, ms in ((1, 0.7), (2, 0.2))])
-    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    _, lines = floored(monkeypatch, tmp_path, [(name.format(k), "shadow", ms) for k, ms in ((1, 0.7), (2, 0.2))])
     queued = 20 * 128 / 1e9 + 0.01
     assert lines[1].startswith(f"cloth,64,64,light 0: queued rows,shadow,0.9,{queued:.6g},")
     assert len(lines) == 2
 
 
 def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_path):
-    _, text = floored(monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)])
+    text, lines = floored(monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)])
     assert "floor" not in text.lower()
-    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     assert lines[2].startswith("cloth,64,64,a new stage,trace,0.1,,")
 
 
@@ -149,8 +135,7 @@ def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
 def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
     wrong = record_of("frame_time", Entry("warp_bvh", {}, "mesh rebuilt"), ms=3.0)
     wrong["frames"][0]["score"] = {**wrong["frames"][0]["score"], "true_errors": 4}
-    write_records(tmp_path, [record_of("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
-    show("frame_time", tmp_path, quiet=True)
+    report_of("frame_time", tmp_path, [record_of("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
     text = (tmp_path / "frame_time.svg").read_text()
     assert "✗ 4" in text
     assert "n wrong pixels and shadow bits" in text
@@ -161,7 +146,7 @@ def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
 def test_two_sizes_in_one_folder_have_rows_panels_and_sentences_of_their_own(tmp_path):
     times = ((64, OURS, 1.0), (64, MESH, 3.0), (128, OURS, 2.0), (128, MESH, 10.0))
     made = [record_of("frame_time", entry, ms=ms, size=size) for size, entry, ms in times]
-    text, _ = drawn(tmp_path, made)
+    text = report_of("frame_time", tmp_path, made)
     for size, ours, ratio in (("64x64", "1.01", "3.00"), ("128x128", "2.02", "5.00")):
         assert f"## Cloth (stand-in), {size}, fastest first" in text
         assert f"Cloth (stand-in), {size}: the fastest exact method is ray grids with {ours} ms a frame" in text

@@ -72,9 +72,3 @@ def test_key_bits_takes_no_scene_and_no_method(tmp_path):
         options = plan_run("key_bits", preset="quick", device="cpu", out=tmp_path / "out", **asked)
         with pytest.raises(UserError, match="takes no --scene and no --method"):
             EXPERIMENT.measure(options, Silent())
-
-
-def test_the_paper_preset_sorts_as_many_pairs_as_the_paper_has_shadow_rays_and_four_times_as_many():
-    parts = EXPERIMENT.presets["paper"].parts()
-    assert [p.width * p.height for p in parts] == [2**20, 2**22]
-    assert 18 in BITS

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from helpers.experiment_records import record_of, write_records
+from helpers.experiment_records import record_of, report_of, write_records
 from shadowbench.experiments import claims, reflection
-from shadowbench.harness.commands.show import show
 from shadowbench.harness.report.claims import FAILS, HOLDS, collect
 from shadowbench.harness.runner.planning.experiment import Entry
 
@@ -43,9 +42,8 @@ def test_added_time_and_the_time_of_a_mirrored_ray(tmp_path):
     assert bounced.loc[GRID.label, "loss"] == pytest.approx(4.0)
     assert bounced.loc[TREE.label, "added_ms"] == pytest.approx(2.548)
     assert reflection.best_ratio(bounced.reset_index())["ratio"].tolist() == pytest.approx([4.0])
-    files = {file.name for file in show("reflection", tmp_path, quiet=True)}
-    assert files == {"reflection.csv", "reflection.svg", "reflection.md"}
-    text = (tmp_path / "reflection.md").read_text()
+    text = report_of("reflection", tmp_path)
+    assert (tmp_path / "reflection.svg").exists()
     assert "the fastest grid takes 4.00 times as long for a mirrored ray as the fastest tree" in text
     assert "| Cloth (stand-in) | 4 bounces |" in text
     assert "(x4.00)" in text
@@ -67,6 +65,5 @@ def test_the_fastest_tree_stands_for_the_trees(tmp_path):
 
 
 def test_no_mirrors_measured_is_said(tmp_path):
-    write_records(tmp_path, [point(GRID, reflection.LIGHTINGS[0])])
-    show("reflection", tmp_path, quiet=True)
-    assert "No grid and tree were measured with mirrors." in (tmp_path / "reflection.md").read_text()
+    text = report_of("reflection", tmp_path, [point(GRID, reflection.LIGHTINGS[0])])
+    assert "No grid and tree were measured with mirrors." in text

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.experiment_records import record_of, write_records
+from helpers.experiment_records import record_of, report_of
 from shadowbench.experiments import scaling
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
@@ -55,16 +55,6 @@ def test_a_ball_is_closed_but_for_its_seam():
 
 
 # --- the sweeps ---------------------------------------------------------------------------------------------
-
-
-def test_the_paper_preset_asks_what_the_issue_asks():
-    paper = find_experiment("scaling").presets["paper"]
-    counts = sorted(balls.count_of(name) for name in paper.scenes)
-    assert (counts[0], counts[-1]) == (10_000, 10_000_000)
-    sides = sorted(part.width for part in paper.parts())
-    assert (sides[0], sides[-1]) == (256, 4096)
-    assert sorted(x.count for part in paper.parts() for x in part.lightings)[-1] == 16
-    assert all(part.scenes == ("balls-300k",) for part in paper.also)
 
 
 def test_named_scenes_or_a_size_leave_the_other_sweeps_out(tmp_path):
@@ -132,9 +122,7 @@ def records():
 
 
 def test_text_and_picture(tmp_path):
-    write_records(tmp_path, records())
-    show("scaling", tmp_path, quiet=True)
-    text = (tmp_path / "scaling.md").read_text()
+    text = report_of("scaling", tmp_path, records())
     ours = "0.791 ms at 1k to 7.91 ms at 100k, exponent 0.50 ± 0.00"
     assert f"| ray grids | {ours} |" in text
     assert "exponent 1.00 ± 0.00 |" in text
@@ -150,14 +138,12 @@ def test_text_and_picture(tmp_path):
 
 
 def test_a_sweep_that_was_not_measured_is_told(tmp_path):
-    write_records(tmp_path, [r for r in records() if len(r["scene"]["lights"]) == 1])
-    show("scaling", tmp_path, quiet=True)
-    assert "Not measured: time against lights." in (tmp_path / "scaling.md").read_text()
+    text = report_of("scaling", tmp_path, [r for r in records() if len(r["scene"]["lights"]) == 1])
+    assert "Not measured: time against lights." in text
     assert "Not measured: time against lights." in (tmp_path / "scaling.svg").read_text()
 
 
 def test_nothing_measured_is_said(tmp_path):
-    write_records(tmp_path, [record_of("scaling", Entry("warp_bvh"), status="rejected")])
-    files = show("scaling", tmp_path, quiet=True)
-    assert {file.name for file in files} == {"scaling.csv", "scaling.md"}
-    assert "Not measured" in (tmp_path / "scaling.md").read_text()
+    text = report_of("scaling", tmp_path, [record_of("scaling", Entry("warp_bvh"), status="rejected")])
+    assert "Not measured" in text
+    assert not list(tmp_path.glob("*.svg"))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
+from shadowbench.harness.commands.show import show
 from shadowbench.harness.scene.overrides import Lighting
 
 
@@ -45,3 +47,15 @@ def write_records(folder, records):
     for r in records:
         (place / f"{r['key']}.json").write_text(json.dumps(r))
     return folder
+
+
+def report_of(name, folder, records=()):
+    """What the report of an experiment says, drawn from the records of a folder and these."""
+    show(name, write_records(folder, records), quiet=True)
+    return (folder / f"{name}.md").read_text()
+
+
+def csv_of(name, folder):
+    """The rows of the CSV that an experiment has written."""
+    with open(folder / f"{name}.csv", newline="") as file:
+        return list(csv.DictReader(file))

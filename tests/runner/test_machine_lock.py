@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -75,6 +77,18 @@ def noted(log: Path, text: str) -> bool:
 MEASURE = "with lock.exclusive():\n    note('measuring')\n    time.sleep(600)"
 
 
+@contextlib.contextmanager
+def measuring(folder: Path) -> Iterator[subprocess.Popen]:
+    """Another process that measures; it is killed at the end."""
+    process = other(folder, folder / "log", MEASURE)
+    try:
+        until(lambda: noted(folder / "log", "measuring"))
+        yield process
+    finally:
+        process.kill()
+        process.wait(PATIENCE_S)
+
+
 def test_nobody_works_while_another_process_measures(tmp_path: Path) -> None:
     logs = [tmp_path / f"{i}.log" for i in range(3)]
     body = f"""
@@ -117,11 +131,8 @@ def test_who_waits_to_measure_is_let_in_before_those_who_go_on_working(tmp_path:
 
 
 def test_the_lock_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    process = other(tmp_path, log, MEASURE)
-    until(lambda: noted(log, "measuring"))
-    process.kill()
-    process.wait(PATIENCE_S)
+    with measuring(tmp_path):
+        pass
     lock, said = lock_on(tmp_path)
     with lock.exclusive():
         pass
@@ -129,10 +140,8 @@ def test_the_lock_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
 
 
 def test_whoever_waits_reads_for_which_process_and_what_to_do(tmp_path: Path) -> None:
-    log, waiting = tmp_path / "log", tmp_path / "waiting"
-    process = other(tmp_path, log, MEASURE)
-    try:
-        until(lambda: noted(log, "measuring"))
+    waiting = tmp_path / "waiting"
+    with measuring(tmp_path) as process:
         others = [other(tmp_path, waiting, "with lock.shared():\n    note('in')")]
         until(lambda: noted(waiting, f"waiting until process {process.pid} ("))
         assert noted(waiting, SAMPLES_TAKEN)
@@ -140,26 +149,16 @@ def test_whoever_waits_reads_for_which_process_and_what_to_do(tmp_path: Path) ->
         process.send_signal(signal.SIGSTOP)
         others.append(other(tmp_path, waiting, "with lock.shared():\n    note('in')"))
         until(lambda: noted(waiting, f"it is suspended: kill -CONT {process.pid} continues it"))
-    finally:
-        process.kill()
-        process.wait(PATIENCE_S)
     assert [one.wait(PATIENCE_S) for one in others] == [0, 0]
 
 
 def test_who_will_not_wait_is_refused(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    process = other(tmp_path, log, MEASURE)
     lock, said = lock_on(tmp_path)
     lock.wait = False
-    try:
-        until(lambda: noted(log, "measuring"))
-        with pytest.raises(
-            UserError, match=rf"^the machine is in use by process {process.pid} \(.*leave out --no-wait$"
-        ):
+    with measuring(tmp_path) as process:
+        refused = rf"^the machine is in use by process {process.pid} \(.*leave out --no-wait$"
+        with pytest.raises(UserError, match=refused):
             lock.share()
-    finally:
-        process.kill()
-        process.wait(PATIENCE_S)
     lock.share()
     assert (lock.held, said) == (SHARED, [])
     lock.release()
@@ -167,12 +166,10 @@ def test_who_will_not_wait_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_times_nothing_waits_for_nobody_on_a_cpu(tmp_path: Path, monkeypatch) -> None:
-    log, waiting, nicer = tmp_path / "log", tmp_path / "waiting", []
+    waiting, nicer = tmp_path / "waiting", []
     monkeypatch.setattr(os, "nice", nicer.append)
-    others = [other(tmp_path, log, MEASURE)]
     lock, said = lock_on(tmp_path)
-    try:
-        until(lambda: noted(log, "measuring"))
+    with measuring(tmp_path) as process:
         lock.share_beside("cpu")
         lock.give_way()
         assert (lock.held, said, nicer) == (FREE, [], [19])
@@ -180,12 +177,9 @@ def test_what_times_nothing_waits_for_nobody_on_a_cpu(tmp_path: Path, monkeypatc
         lock.wait = False
         with pytest.raises(UserError, match="is in use"):
             lock.share_beside("cpu")
-        others.append(other(tmp_path, waiting, "lock.share_beside('cuda:0')"))
-        until(lambda: noted(waiting, f"waiting until process {others[0].pid} ("))
-    finally:
-        for process in others:
-            process.kill()
-            process.wait(PATIENCE_S)
+        waits = other(tmp_path, waiting, "lock.share_beside('cuda:0')")
+        until(lambda: noted(waiting, f"waiting until process {process.pid} ("))
+    assert waits.wait(PATIENCE_S) == 0
     lock.wait = True
     lock.share_beside("cpu")
     assert (lock.held, nicer) == (SHARED, [19]), "alone it holds the lock, so that who measures next waits for its step"
@@ -266,22 +260,13 @@ def test_another_measures_while_this_process_only_waits_for_its_workers(tmp_path
 
 
 def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    lock, started = MachineLock(tmp_path), []
-
-    def grading() -> None:
-        with lock.shared(), lock.released():
-            started.append(other(tmp_path, log, MEASURE))
-            until(lambda: noted(log, "measuring"))
+    lock = MachineLock(tmp_path)
+    with contextlib.ExitStack() as still:
+        with pytest.raises(KeyboardInterrupt), lock.shared(), lock.released():  # noqa: PT012
+            process = still.enter_context(measuring(tmp_path))
             raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        grading()
-    (process,) = started
-    assert process.poll() is None, "it measures still"
-    assert lock.held == FREE
-    process.kill()
-    process.wait(PATIENCE_S)
+        assert process.poll() is None, "it measures still"
+        assert lock.held == FREE
 
 
 def test_measuring_within_measuring_gives_nothing_up(tmp_path: Path) -> None:

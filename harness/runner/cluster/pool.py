@@ -53,9 +53,9 @@ class Pool:
         Raises :class:`SchedulerLostError` if the scheduler does not answer.
         """
         return {
-            address: str(one["id"])
+            address: str(one.get("id", ""))
             for address, one in self.info().items()
-            if one["nthreads"] == 1 and one["resources"].get(RESOURCES[self.kind]) == 1
+            if one["nthreads"] == 1 and (one.get("resources") or {}).get(RESOURCES[self.kind]) == 1
         }
 
     def info(self) -> dict[str, Any]:
@@ -64,15 +64,12 @@ class Pool:
             raise SchedulerLostError
         try:
             # Not `scheduler_info`: it returns what the client keeps, which its own updates replace by one without workers.
-            workers = self.client.sync(self.client.scheduler.identity, n_workers=-1)["workers"]
+            workers: dict[str, Any] = self.client.sync(self.client.scheduler.identity, n_workers=-1)["workers"]
         except (OSError, TimeoutError, KeyError, ValueError) as error:
             raise SchedulerLostError from error
         if self.client.status != "running":
             raise SchedulerLostError
-        return {
-            address: {**one, "id": one.get("id", ""), "resources": one.get("resources") or {}}
-            for address, one in workers.items()
-        }
+        return workers
 
 
 def kind_of(device: str | None) -> str | None:

@@ -98,8 +98,6 @@ class Experiment:
     after_s: Callable[[Any], float] | None = None
     extras: Mapping[str, str] = field(default_factory=dict)
     measure: Callable[[Any, Any], list[Record]] | None = None
-    cpu: str = "quick"
-    gpu: str = "paper"
 
 
 def experiment_names() -> list[str]:
@@ -126,12 +124,12 @@ def find_experiment(name: str) -> Experiment:
 
 
 def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[str, Preset]:
-    """A preset by name; by default the one declared for the kind of device."""
+    """A preset by name; by default "paper" for a GPU, "quick" for a CPU."""
     if not experiment.presets:
         raise UserError(
             f"{experiment.name} measures nothing; run other experiments, then `shadowbench show {experiment.name} DIR`"
         )
-    default = experiment.gpu if device.startswith("cuda") else experiment.cpu
+    default = "paper" if device.startswith("cuda") else "quick"
     chosen = default if name is None else name
     if chosen not in experiment.presets:
         raise UserError(f"{experiment.name} has no preset {chosen!r}{did_you_mean(chosen, experiment.presets)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -145,10 +146,14 @@ def make_point(
         **{name: of_preset[name] for name in OF_SOME_PRESETS if of_preset[name]},
     }
     words = [scene["name"], (scene.get("lighting") or {}).get("label", ""), entry.method, entry.label]
-    stem = "-".join(word for word in words if word)
+    return Point(key_of(words, preset, configuration), entry, scene, method, configuration, preset)
+
+
+def key_of(words: Iterable[str], preset: Preset, configuration: dict[str, Any]) -> str:
+    """The key of a point: words to read, the size, and a hash of all that it depends on."""
+    stem = "-".join(filter(None, words))
     readable = re.sub(r"[^a-z0-9_.-]+", "-", stem.lower()).strip("-.")[:60]
-    key = f"{readable}-{preset.width}x{preset.height}-{digest(configuration)[:16]}"
-    return Point(key, entry, scene, method, configuration, preset)
+    return f"{readable}-{preset.width}x{preset.height}-{digest(configuration)[:16]}"
 
 
 def seed_of(text: str) -> int:

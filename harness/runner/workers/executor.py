@@ -172,7 +172,7 @@ class Worker:
         score: bool,
         picture: str,
         shows: str,
-        wrong_maps: bool = False,
+        wrong_maps: bool,
     ) -> dict[str, Any]:
         """Score answers that a method's worker handed over (a command for the scoring processes)."""
         lit = self.last

@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypedDict
 
 from ...files import digest, require_storable
 from ...results.events import Finished, Prepared, Sampled
-from ...results.folder import ResultsFolder
+from ...results.folder import ResultsFolder, image_name
 from ...results.record import SceneFacts
 from ...scene.facts import contents
 from ...scene.overrides import Lighting
@@ -69,6 +69,7 @@ def grade_command(options: Options, folder: ResultsFolder, job: Job) -> dict[str
         "device": options.device,
         "save_answers": options.save_answers,
         "score": options.score,
+        "wrong_maps": options.preset.wrong_maps,
         "picture": str(picture_of(folder, job).absolute()),
         # Another scene of the same name (an original instead of its stand-in) is drawn again.
         "shows": digest(contents(job.point.scene)),
@@ -78,7 +79,8 @@ def grade_command(options: Options, folder: ResultsFolder, job: Job) -> dict[str
 def picture_of(folder: ResultsFolder, job: Job) -> Path:
     """The file of the picture of a job's scene with its lights, at its size."""
     preset = job.point.preset
-    return folder.image(job.point.scene["name"], job.lighting.label, preset.width, preset.height)
+    name = image_name(job.point.scene["name"], job.lighting.label, preset.width, preset.height)
+    return folder.path / "images" / name
 
 
 class _Loaded(TypedDict):
