@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import atexit
+import functools
 import hashlib
 import re
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +13,7 @@ from typing import Any
 
 import warp as wp
 from shadowbench.harness.frame.warp_init import start_warp
-from warp._src import codegen, context
+from warp._src.context import ModuleBuilder  # the one name that is not public: it writes the C++ of a module
 
 from .assembly import with_shared_memory, without_assembly
 
@@ -29,7 +28,13 @@ BLOCK = 256
 MULTIPROCESSORS = 2
 """Few: kernels with threads for all of them then take several rounds. A block takes as long as its threads one by one."""
 
-_BLOCK_INDEX = """    blockIdx.x = (uint)(payload->block_first / WP_TILE_BLOCK_DIM);
+_HEADER_ENDS = "#define builtin_block_dim() wp::block_dim()\n"
+"""In the C++ of a module: all that is Warp's own comes before."""
+
+_THREAD = re.compile(r"    const size_t task_index = payload.*\n    \w+_cpu_kernel_forward<false>\(.*\n")
+"""Where a thread of a block is run."""
+
+_BEGIN = """    blockIdx.x = (uint)(payload->block_first / WP_TILE_BLOCK_DIM);
     gridDim.x = (uint)((dim->size + WP_TILE_BLOCK_DIM - 1) / WP_TILE_BLOCK_DIM);
     emulated_begin(lane, dim->size - payload->block_first);
 """
@@ -46,21 +51,18 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     ``replaced``: texts of snippets and what stands in their place. Returns those that no snippet has held yet.
     """
     unseen = {old for old, _ in replaced}
-    _compile_with_header(replaced, unseen)
     wp.config.enable_cpu_blocks = True
+    wp.config.optimization_level = 0  # compiling takes longer than all that is run
     start_warp()
-    _keep_kernels_apart(replaced)
-    resolve = context._resolve_launch_block_dim
-
-    def block_dim(device: context.Device, wanted: int | None) -> int:
-        return resolve(device, BLOCK if wanted is None or wanted <= 0 else wanted)
-
-    context._resolve_launch_block_dim = block_dim
+    _keep_kernels_apart()
+    _compile_with_header()
+    _translate_snippets(replaced, unseen)
+    _launch_in_blocks()
     stream = SimpleNamespace(is_capturing=False)
-    streams = context.Device.stream
-    context.Device.is_cuda = property(lambda device: device.ordinal >= 0 or not _asked_by_warp())
-    context.Device.is_cpu = property(lambda device: device.ordinal < 0 and _asked_by_warp())
-    context.Device.stream = streams.getter(lambda device: streams.fget(device) if device.ordinal >= 0 else stream)
+    streams = wp.Device.stream
+    wp.Device.is_cuda = property(lambda device: device.ordinal >= 0 or not _asked_by_warp())
+    wp.Device.is_cpu = property(lambda device: device.ordinal < 0 and _asked_by_warp())
+    wp.Device.stream = streams.getter(lambda device: streams.fget(device) if device.ordinal >= 0 else stream)
     wp.get_device("cpu").sm_count = MULTIPROCESSORS
     from shadowbench.harness.frame.method import BaseMethod
     from shadowbench.harness.frame.schedule.runner import PassRunner
@@ -82,52 +84,55 @@ def _take_methods_for_gpus(method: Any) -> None:
     method.applies = anywhere
 
 
-def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) -> None:
-    generate = codegen.codegen_snippet
+def _translate_snippets(replaced: Sequence[tuple[str, str]], unseen: set[str]) -> None:
+    """Of the functions that are defined from here on."""
+    define = wp.Function.__init__
 
-    def codegen_snippet(adj: Any, name: str, snippet: str, *more: Any, **named: Any) -> str:
+    def translated(snippet: str) -> str:
         for old, new in replaced:
             if old in snippet:
                 unseen.discard(old)
             snippet = snippet.replace(old, new)
-        told = f"#if 0\n{snippet}\n#endif\n"  # by which kernels with a replaced text are found
-        return generate(adj, name, told + with_shared_memory(without_assembly(snippet)), *more, **named)
+        return with_shared_memory(without_assembly(snippet))
 
-    codegen.codegen_snippet = codegen_snippet
-    codegen.cpu_module_header += f'#include "{HEADER}"\n'
-    template = codegen.cpu_block_module_template_forward
-    begin = "    const size_t task_index ="
-    call = "    {name}_cpu_kernel_forward<false>(*dim, task_index, payload->args);\n"
-    if template.count(begin) != 1 or template.count(call) != 1:
-        raise RuntimeError(f"Warp {wp.__version__} compiles blocks in another way than this emulation expects")
-    template = template.replace(begin, _BLOCK_INDEX + begin).replace(call, call + _END)
-    codegen.cpu_block_module_template_forward = template
-    write = context.ModuleBuilder.codegen
+    def define_translated(function: Any, *given: Any, native_snippet: str | None = None, **named: Any) -> None:
+        define(function, *given, native_snippet=native_snippet and translated(native_snippet), **named)
 
-    def codegen_module(builder: Any, device: str) -> str:
+    wp.Function.__init__ = define_translated
+
+
+def _launch_in_blocks() -> None:
+    """Of :data:`BLOCK` threads, where a launch does not say."""
+    launch = wp.launch
+
+    @functools.wraps(launch)
+    def launch_in_blocks(*given: Any, block_dim: int | None = None, **named: Any) -> Any:
+        return launch(*given, block_dim=block_dim if block_dim and block_dim > 0 else BLOCK, **named)
+
+    wp.launch = launch_in_blocks
+
+
+def _compile_with_header() -> None:
+    write = ModuleBuilder.codegen
+
+    def codegen(builder: Any, device: str) -> str:
         source: str = write(builder, device)
-        return "#define EMULATED_IN_ORDER\n" + source if _TILES.search(source) else source
+        in_order = "#define EMULATED_IN_ORDER\n" if _TILES.search(source) else ""
+        threads = len(_THREAD.findall(source))
+        if source.count(_HEADER_ENDS) != 1 or threads != source.count("_cpu_block_thunk_forward(\n"):
+            raise RuntimeError(f"Warp {wp.__version__} compiles blocks in another way than this emulation expects")
+        source = source.replace(_HEADER_ENDS, f'{_HEADER_ENDS}{in_order}#include "{HEADER}"\n')
+        return _THREAD.sub(rf"{_BEGIN}\g<0>{_END}", source)
 
-    context.ModuleBuilder.codegen = codegen_module
+    ModuleBuilder.codegen = codegen
 
 
-def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
-    """A folder of compiled kernels for this version of the emulation, since Warp does not know that they differ.
-
-    With replaced texts it is another one, which is removed at the end, and has links to the kernels without these texts.
-    """
-    files = sorted(path for path in HEADER.parent.iterdir() if path.suffix in (".h", ".py"))
+def _keep_kernels_apart() -> None:
+    """A folder of compiled kernels for this version of the emulation: Warp knows of the snippets, not of what is around."""
+    files = sorted(path for path in HEADER.parent.iterdir() if path.suffix == ".h" or path == Path(__file__))
     version = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
     place = Path(wp.config.kernel_cache_dir) / f"emulated-{version}"
     place.mkdir(exist_ok=True)
-    if replaced:
-        own = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
-        atexit.register(own.cleanup)
-        for module in place.iterdir():
-            sources = [path.read_text() for path in module.glob("*.cpp")]
-            if sources and not any(old in text for old, _ in replaced for text in sources):
-                (Path(own.name) / module.name).symlink_to(module)
-        place = Path(own.name)
     wp.config.kernel_cache_dir = str(place)
 
 
