@@ -26,6 +26,17 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes the longest, or compiles the most, stands first in each half of the tests: of two processes each begins
+    with one half, and takes from the end of the other's when it is done."""
+    emulated, hard, others = [], [], []
+    for item in items:
+        folder = item.path.parent.name
+        (emulated if folder == "emulated" else hard if folder in ("hardcases", "properties") else others).append(item)
+    rest = max(0, len(items) // 2 - len(emulated))
+    items[:] = [*emulated, *others[:rest], *hard, *others[rest:]]
+
+
 def pytest_collection_finish() -> None:
     """What was imported stays to the end: a search for garbage, which every judged answer begins with, need not visit it."""
     import hypothesis  # noqa: F401  (it looks at who refers to generators as it is imported: frozen ones are not found)

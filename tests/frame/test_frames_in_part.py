@@ -41,25 +41,6 @@ def test_nothing_moved_launches_nothing(label, monkeypatch):
     assert not launches(session, monkeypatch)
 
 
-@pytest.mark.parametrize("label", LAMPS)
-def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label):
-    prepared = scene((SPOT,), facing=True)
-    session = session_of(label, prepared)
-    session.answers(prepared.moment(0, *SIZE))
-    moved = (replace(SPOT, position=(-1.5, 3.0, 0.5), spot=Spot((1.5, -3.0, -0.5), 40.0)),)
-    away = Camera(EYE.eye, (0.0, 0.6, 9.0))
-    assert session.advance(prepared.moment(0, *SIZE, camera=away, lights=moved)) == {"camera", "light/0"}
-    assert not session.frame.reached.numpy().any()
-    back = prepared.moment(0, *SIZE, lights=moved)
-    assert session.advance(back) == {"camera"}
-    whole = session_of(label, prepared).answers(back)
-    assert whole["shadowed"].any()
-    for name, values in session.frame.answers.to_host().items():
-        np.testing.assert_array_equal(values, whole[name], err_msg=name)
-    kept = stale(session.all_passes, {"camera"})
-    assert session._outdated_inputs(kept) == set()  # and only once
-
-
 @pytest.mark.parametrize("makers", [("camera",), ("camera", "light 0: late")])
 def test_a_pass_that_reads_what_the_frame_makes_cannot_run_early(makers):
     """Refused by its name before anything is captured or launched, wherever in the frame that is made."""

@@ -41,11 +41,11 @@ from shadowbench.harness.scene.archives import unpack
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.chosen_view import ChosenView
 from shadowbench.harness.scene.prepared import prepare
-from shadowbench.harness.scene.readers import usd
 
 from . import mesh_files
 from .experiment_records import record_of, write_records
 from .fuzzed_bytes import VALUES, changed, damaged
+from .reader_seeds import seeds
 
 READ, REFUSED, STOPPED = "read", "refused", "reader stopped"
 """What may come of a case. A reader that its limits or a signal have stopped is a fault of its own, not of the program."""
@@ -64,29 +64,6 @@ def refusal(error: UserError) -> str:
 
 
 # --- files of scenes ------------------------------------------------------------------------------------------
-
-
-def _npz() -> bytes:
-    stream = io.BytesIO()
-    points = np.stack([mesh_files.QUAD, mesh_files.QUAD + 1])
-    np.savez(stream, V=points, F=np.array(mesh_files.FACES))
-    return stream.getvalue()
-
-
-def _usd() -> Iterator[tuple[str, bytes]]:
-    """The same stage in each form; none without the package that reads it."""
-    yield "a.usda", mesh_files.USDA.encode()
-    if not usd.available():
-        return
-    from tempfile import TemporaryDirectory
-
-    from pxr import Usd, UsdUtils
-
-    with TemporaryDirectory() as place:
-        (Path(place) / "a.usda").write_text(mesh_files.USDA)
-        Usd.Stage.Open(f"{place}/a.usda").Export(f"{place}/a.usdc")
-        UsdUtils.CreateNewUsdzPackage(f"{place}/a.usda", f"{place}/a.usdz")
-        yield from ((name, (Path(place) / name).read_bytes()) for name in ("a.usdc", "a.usdz"))
 
 
 DECLARATION = b"""mesh = "beside.obj"
@@ -113,21 +90,13 @@ bounces = 1
 
 def scene_files(folder: Path | None = None) -> dict[str, list[bytes]]:
     """Whole files by their ending, and those of a folder."""
-    polygons = [(0, 1, 2, 3), (0, 1, 4), (0, 1, 2, 3, 4)]
-    made = [
-        ("a.ply", mesh_files.ply_binary()), ("a.ply", mesh_files.ply_binary(polygons=polygons, big=True)),
-        ("a.ply", mesh_files.ply_ascii(polygons=polygons)), ("a.obj", mesh_files.obj(polygons=polygons)),
-        ("a.stl", mesh_files.stl_binary()), ("a.stl", mesh_files.stl_ascii()), ("a.off", mesh_files.off()),
-        ("a.glb", mesh_files.glb()), ("a.npz", _npz()), ("a.toml", DECLARATION), *_usd(),
-    ]  # fmt: skip
+    made = {**seeds(), ".toml": [DECLARATION]}
     if folder is not None:
-        kinds = {*(Path(name).suffix for name, _ in made), ".gltf", ".3mf"}
-        found = (path for path in sorted(folder.rglob("*")) if path.suffix in kinds and path.is_file())
-        made += [(path.name, path.read_bytes()) for path in found if path.stat().st_size < 200_000]
-    seeds: dict[str, list[bytes]] = {}
-    for name, content in made:
-        seeds.setdefault(Path(name).suffix, []).append(content)
-    return seeds
+        found = (path for path in sorted(folder.rglob("*")) if path.suffix in made and path.is_file())
+        for path in found:
+            if path.stat().st_size < 200_000:
+                made[path.suffix].append(path.read_bytes())
+    return made
 
 
 def nasty(rng: Random) -> tuple[str, bytes]:
@@ -327,27 +296,16 @@ def packages(rng: Random, folder: Path) -> str:
 
 def archives(rng: Random, folder: Path) -> str:
     """Damaged archives, and whole ones with odd names."""
-    names = [
-        "a/b.obj",
-        "../b.obj",
-        "/b.obj",
-        "b.obj",
-        "a\\..\\b.obj",
-        "C:b.obj",
-        "\x1b.obj",
-        "a" * 300 + ".obj",
-        ".",
-        "",
-    ]
+    odd = ("a/b.obj", "../b.obj", "/b.obj", "b.obj", "a\\..\\b.obj", "C:b.obj", "\x1b.obj", "a" * 300 + ".obj", ".", "")
     stream = io.BytesIO()
     if rng.random() < 0.5:
         with warnings.catch_warnings(), zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
             warnings.simplefilter("ignore")
-            for name in rng.sample(names, 3):
+            for name in rng.sample(odd, 3):
                 packed.writestr(name or "x", mesh_files.obj())
     else:
         with tarfile.open(fileobj=stream, mode=rng.choice(("w", "w:gz", "w:xz", "w:bz2"))) as tape:
-            for name in rng.sample(names, 3):
+            for name in rng.sample(odd, 3):
                 member = tarfile.TarInfo(name)
                 member.type = rng.choice((tarfile.REGTYPE,) * 5 + (tarfile.SYMTYPE, tarfile.FIFOTYPE, tarfile.DIRTYPE))
                 member.size = len(mesh_files.obj()) if member.type == tarfile.REGTYPE else 0
@@ -369,15 +327,8 @@ def archives(rng: Random, folder: Path) -> str:
 
 def messages(rng: Random, folder: Path) -> str:
     """What a page may send to the viewer."""
-    wish = {
-        "method": "embree",
-        "frame": 0,
-        "size": [8, 8],
-        "camera": [[0, 0, 1], [0, 0, 0]],
-        "light": [0, 0, 1],
-        "show": "shaded",
-        "judge": False,
-    }
+    places = {"camera": [[0, 0, 1], [0, 0, 0]], "light": [0, 0, 1]}
+    wish = {"method": "embree", "frame": 0, "size": [8, 8], "show": "shaded", "judge": False, **places}
     text = json.dumps(changed(rng, wish) if rng.random() < 0.8 else rng.choice(VALUES))
     try:
         found = Wish.read(json.loads(text))
@@ -405,10 +356,10 @@ def made_records(rng: Random, folder: Path) -> str:
 Family = Callable[[Random, Path], str]
 
 
-def families(seeds: Path | None = None) -> dict[str, tuple[Family, int]]:
+def families(folder: Path | None = None) -> dict[str, tuple[Family, int]]:
     """Every family of cases by its name, and how many of a hundred cases are its own."""
     return {
-        "files": (Files(scene_files(seeds)), 72), "records": (records, 8), "facts": (facts_beside, 4),
+        "files": (Files(scene_files(folder)), 72), "records": (records, 8), "facts": (facts_beside, 4),
         "made records": (made_records, 4), "packages": (packages, 2), "archives": (archives, 5),
         "messages": (messages, 5),
     }  # fmt: skip

@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from helpers.drawn_examples import EXAMPLES, some
 from helpers.lattice_examples import LENGTH, METHODS, Example, answers_of, decode
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import given
 from shadowbench.harness.scene.scene import Camera
 
-EXAMPLES = st.binary(min_size=40, max_size=LENGTH).map(decode)
-CHECKS = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example]
 SIDE = 16
 
 
@@ -49,7 +47,7 @@ def pictures(drawn: Example) -> tuple[Example, Example, int]:
     return one, other, first
 
 
-@settings(max_examples=40, derandomize=True, deadline=None, database=None, suppress_health_check=CHECKS)
+@some(60)
 @given(EXAMPLES)
 def test_shadowed_if_and_only_if_something_is_hit_before_the_light(drawn: Example) -> None:
     from_light, from_beyond, first = pictures(drawn)

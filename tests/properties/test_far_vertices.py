@@ -32,7 +32,7 @@ def far_vertices(distance: float, directional: bool) -> Story:
 
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("directional", [True, False], ids=["sun", "point"])
-@pytest.mark.parametrize("exponent", [20, 26, 34, 40])
+@pytest.mark.parametrize("exponent", [26, 40])
 def test_far_vertices_cost_no_shadow(name: str, directional: bool, exponent: int, device: str) -> None:
     story = far_vertices(2.0**exponent, directional)
     answers = fresh(

@@ -23,18 +23,24 @@ from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 CUDA = pytest.param("cuda:0", marks=pytest.mark.gpu)
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+unsigned long long now, began;
+asm volatile("mov.u64 %0, %globaltimer;" : "=l"(began));
+do asm volatile("mov.u64 %0, %globaltimer;" : "=l"(now)); while (now - began < nanoseconds);
+#endif
+""")
+def _until(nanoseconds: wp.uint64): ...
+
+
 @wp.kernel(enable_backward=False)
-def _spin(count: wp.int32, result: wp.array[wp.float32]):
-    i = wp.tid()
-    total = wp.float32(0.0)
-    for k in range(count):
-        total += wp.sin(float(k + i))
-    result[i] = total
+def _wait(nanoseconds: wp.uint64):
+    _until(nanoseconds)
 
 
 @dataclass(frozen=True)
 class Work:
-    """Length of build, trace and shadow pass: turns of a loop on a GPU, units of 2.5 microseconds on a CPU."""
+    """Length of build, trace and shadow pass, in units of 2.5 microseconds."""
 
     build: int = 200
     trace: int = 600
@@ -48,16 +54,16 @@ class Spinner(SimpleMethod):
     Trace = Work
 
     def prepare(self, frame):
-        self.out = wp.zeros(2048, dtype=wp.float32, device=frame.device)
         self.launches = []
 
     def _turn(self, what, frame):
+        """A wait: a core or a GPU that has other work makes it no longer."""
         self.launches.append(what)
+        units = getattr(self.trace, what)
         if frame.device == "cpu":
-            # A core may have other work; a sleep takes as long on a busy machine.
-            time.sleep(getattr(self.trace, what) / 4e5)
-            return
-        wp.launch(_spin, dim=2048, inputs=[getattr(self.trace, what), self.out], device=frame.device)
+            time.sleep(units / 4e5)
+        else:
+            wp.launch(_wait, dim=1, inputs=[2500 * units], device=frame.device)
 
     def build_structure(self, frame):
         self._turn("build", frame)

@@ -47,7 +47,8 @@ def test_a_stand_in_says_that_it_is_one(name):
     scene = catalogue.resolve(name)
     assert scene.name == name
     assert scene.title == f"{catalogue.TITLES[name]} (stand-in)"
-    assert scene.stand_in
+    assert "stand-in for the " in scene.stand_in
+    assert "\n" not in scene.stand_in
     assert scene.source.kind == "procedural"
     assert scene.lights
 

@@ -1,7 +1,5 @@
 """Scene files: right ones are read as they are, broken ones are one line."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 import trimesh
@@ -189,39 +187,6 @@ def test_one_triangle_and_nan_vertices(tmp_path):
 def test_the_hash_of_a_source_is_that_of_its_bytes(tmp_path):
     path = written(tmp_path, "a.obj", b"abc")
     assert source((path,)).sha256 == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-
-
-@pytest.mark.parametrize(
-    "kind", ["ply", "ascii.ply", "mixed.ply", "mixed.ascii.ply", "obj", "off", "stl", "ascii.stl", "glb"]
-)
-def test_memory_stays_within_ten_times_the_file(tmp_path, kind):
-    n = 40
-    rng = np.random.default_rng(0)
-    points = rng.random((n * n, 3)).astype(np.float32)
-    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    quads = np.stack([i, i + 1, i + n + 1, i + n], axis=1).tolist()
-    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
-    mixed = [*triangles[: len(quads)], *quads]
-    content = {
-        "ply": lambda: files.ply_binary(points, triangles),
-        "ascii.ply": lambda: files.ply_ascii(points, triangles),
-        "mixed.ply": lambda: files.ply_binary(points, mixed),
-        "mixed.ascii.ply": lambda: files.ply_ascii(points, mixed),
-        "obj": lambda: files.obj(points, mixed),
-        "off": lambda: files.off(points, mixed),
-        "stl": lambda: files.stl_binary(points, triangles),
-        "ascii.stl": lambda: files.stl_ascii(points, triangles),
-        "glb": lambda: files.glb(points, triangles),
-    }[kind]()
-    path = written(tmp_path, f"a.{kind}", content)
-    load(path)  # whatever is imported on the first call is not the file's
-    tracemalloc.start()
-    try:
-        load(path)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert peak <= 10 * len(content) + (1 << 19), f"{peak / len(content):.1f} times the file"
 
 
 @needs_real

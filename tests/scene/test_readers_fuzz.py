@@ -1,6 +1,6 @@
 """Damaged scene files: whatever the bytes, a valid mesh or one line, in time and within ten times the file's memory.
 
-``tests/tools/fuzz_readers.py`` does the same with thousands of files of each format, cut at every position.
+``tests/tools/fuzz_inputs.py --only files`` does the same with thousands of files.
 """
 
 import struct

@@ -32,17 +32,6 @@ def digest(geometry: Geometry, frames: list[int]) -> str:
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_entry_says_what_it_is(name):
-    scene = MODULES[name].scene()
-    assert scene.name == name
-    assert scene.title.endswith("(stand-in)")
-    assert "stand-in for the U" in scene.stand_in
-    assert scene.source.kind == "procedural"
-    assert len(scene.lights) == 1
-    assert scene.lights[0].shadows
-
-
-@pytest.mark.parametrize("name", MODULES)
 def test_triangle_count_is_the_papers_within_one_percent(built, name):
     assert abs(len(built[name].faces) / TRIANGLES[name] - 1) < 0.01
 

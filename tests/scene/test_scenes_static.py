@@ -10,7 +10,6 @@ import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from helpers.mesh_checks import areas, edge_faults
-from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.standins import buddha, conference, implicit, shapes, sibenik
 
@@ -39,16 +38,6 @@ def digest(name: str) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_triangle_count_is_within_one_percent_of_the_papers(name: str) -> None:
     assert abs(prepared(name).triangle_count / TRIANGLES[name] - 1) < 0.01
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_scene_is_labelled_as_a_stand_in(name: str) -> None:
-    scene = MODULES[name].scene()
-    assert scene.name == name
-    assert scene.title.endswith("(stand-in)")
-    assert scene.stand_in.startswith("procedural stand-in for the ")
-    assert "\n" not in scene.stand_in
-    assert scene.source.kind == "procedural"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -199,9 +188,3 @@ def test_surface_stays_closed_where_sheets_touch() -> None:
     mesh = implicit.polygonise(sponge, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), 0.02, slack=3.0)
     assert len(mesh.faces) > 20_000
     assert edge_faults(mesh.faces) == 0
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_catalogue_finds_the_stand_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("SHADOWBENCH_SCENES", raising=False)
-    assert resolve(name).title == MODULES[name].scene().title
