@@ -52,7 +52,10 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     """
     unseen = {old for old, _ in replaced}
     wp.config.enable_cpu_blocks = True
-    wp.config.optimization_level = 0  # compiling takes longer than all that is run
+    wp.config.optimization_level, wp.config.cpu_compiler_flags = (
+        1,
+        "-march=native",
+    )  # compiling takes longer than running
     start_warp()
     _keep_kernels_apart()
     _compile_with_header()
