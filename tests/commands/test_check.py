@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from helpers.exact_method import ExactMethod
+from helpers.right_and_wrong_methods import Point
 from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.harness.commands.check import check
 from shadowbench.harness.errors import UserError
@@ -66,16 +66,6 @@ class Behind(ExactMethod):
 
     def spoil(self, answers):
         answers["triangle"][answers["triangle"] >= 0] += 2
-
-
-@dataclass
-class Point:
-    """Stands in for an installed package's entry point."""
-
-    cls: type
-
-    def load(self):
-        return self.cls
 
 
 OWN = (ExactMethod, NoShadows, Declared, LosesPixels, NoBits, Misspelt)

@@ -6,22 +6,13 @@ import json
 
 import pytest
 from helpers import misbehaving_methods
+from helpers.right_and_wrong_methods import Point
 from helpers.tiny_runs import write_scene
 from shadowbench.harness.commands.verify import verify
 from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.warp_init import start_warp
 
 start_warp()
-
-
-class Point:
-    """Stands in for an installed package's entry point."""
-
-    def __init__(self, cls):
-        self.cls = cls
-
-    def load(self):
-        return self.cls
 
 
 CHANGED = "repeat {} of the same frame gave different answers: {}"

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from helpers.right_and_wrong_methods import Point
 from shadowbench.harness.errors import UserError, did_you_mean
 from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.method import SimpleMethod
@@ -51,15 +52,6 @@ def sample(monkeypatch):
     monkeypatch.setattr(registry, "built_in_names", list)
     monkeypatch.setattr(registry, "_entry_points", lambda: {"sample": Point(Sample)})
     return "sample"
-
-
-@dataclass
-class Point:
-    cls: type
-    value: str = "elsewhere:Sample"
-
-    def load(self):
-        return self.cls
 
 
 @pytest.mark.parametrize("name", ["../a", "a.1", "a b", "", "a\n", "a" * 101])

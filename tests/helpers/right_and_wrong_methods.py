@@ -45,18 +45,6 @@ class Lazy(Right):
         pass
 
 
-class Once(Right):
-    """Traces only when it is called for the first time."""
-
-    name = title = "once"
-    traced = False
-
-    def trace_primary(self, frame):
-        if not self.traced:
-            super().trace_primary(frame)
-        self.traced = True
-
-
 class Crashing(Right):
     name = title = "crashing"
 
@@ -83,12 +71,13 @@ class Point:
     """Stands in for an installed package's entry point."""
 
     cls: type
+    value: str = "elsewhere:Sample"
 
     def load(self):
         return self.cls
 
 
-INSTALLED = {cls.name: Point(cls) for cls in (Right, Wrong, Honest, Lazy, Once, Crashing, Greedy, Choosy)}
+INSTALLED = {cls.name: Point(cls) for cls in (Right, Wrong, Honest, Lazy, Crashing, Greedy, Choosy)}
 """What the registry finds in place of installed packages."""
 
 
