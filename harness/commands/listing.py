@@ -108,7 +108,7 @@ def scenes() -> list[Row]:
 
 def contents(name: str, seen: ChosenView, scene_dir: Path | None) -> Row:
     """A scene or file: its triangles and frames, and the cameras and lights that it offers."""
-    from ..scene.facts import triangles
+    from ..scene.facts import light_facts, triangles
 
     found = seen.resolved(name, scene_dir)
     geometry = found.geometry()
@@ -123,7 +123,7 @@ def contents(name: str, seen: ChosenView, scene_dir: Path | None) -> Row:
         "frames": frames,
         "rate": found.rate,
         "cameras": {key: plain(dataclasses.asdict(one)) for key, one in found.cameras.items()},
-        "lights": {key: plain(dataclasses.asdict(one)) for key, one in found.lamps.items()},
+        "lights": {key: light_facts(one) for key, one in found.lamps.items()},
     }
 
 
@@ -137,7 +137,16 @@ def camera_text(camera: Row) -> str:
 def light_text(light: Row) -> str:
     """A light in words."""
     kind = "directional, from" if light["directional"] else "spot at" if light["spot"] else "at"
-    return f"{kind} {place_text(light['position'])}"
+    return f"{kind} {place_text(light['position'])}{area_text(light)}"
+
+
+def area_text(light: Row) -> str:
+    """Its area and its targets in words; "" for a point."""
+    if not light.get("shape"):
+        return ""
+    size = light["size"]
+    across = f"{size:g}" if isinstance(size, int | float) else " x ".join(f"{side:g}" for side in size)
+    return f", {light['shape']} of {across} with {light['samples']} target{'s' * (light['samples'] != 1)}"
 
 
 def place_text(place: Sequence[float], exact: bool = False) -> str:

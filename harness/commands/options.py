@@ -101,6 +101,22 @@ Lights = Annotated[
 ]
 
 
+LightSize = Annotated[
+    float | None,
+    option("--light-size", "SIZE", "Give every light an area of this size, in the scene's units: shadows become soft."),
+]
+LightSamples = Annotated[
+    int | None,
+    option(
+        "--light-samples",
+        "N",
+        "Points of each light's area that shadow rays are traced to. Default: the scene's, or 16.",
+    ),
+]
+LightShape = Annotated[
+    str | None,
+    option("--light-shape", "SHAPE", "Shape of that area: sphere, disc or rectangle. Default: the scene's, or sphere."),
+]
 CameraOf = Annotated[
     str | None,
     option(
@@ -135,7 +151,8 @@ AllowMissing = Annotated[
 
 VIEW = {
     "camera": CameraPlace, "fov": Fov, "light": Lights, "camera_of": CameraOf, "light_of": LightsOf, "frames": FileFrames,
-    "rate": FrameRate, "allow_missing": AllowMissing,
+    "rate": FrameRate, "allow_missing": AllowMissing, "light_size": LightSize, "light_samples": LightSamples,
+    "light_shape": LightShape,
 }  # fmt: skip
 """The options that choose what is seen of a scene: the parameters of :func:`view_of`."""
 
@@ -179,12 +196,15 @@ def view_of(
     allow_missing: bool = False,
     camera_of: str | None = None,
     light_of: list[str] | None = None,
+    light_size: float | None = None,
+    light_samples: int | None = None,
+    light_shape: str | None = None,
 ) -> ChosenView:
-    """What ``--camera``, ``--fov``, ``--light``, ``--frames``, ``--rate``, ``--allow-missing``, ``--camera-of`` and
-    ``--light-of`` ask of a scene. Raises :class:`UserError` for a malformed value.
-    """
+    """What the options :data:`VIEW` ask of a scene. Raises :class:`UserError` for a malformed value."""
     from ..scene.chosen_view import ChosenView
     from ..scene.readers.checks import Wanted, frames_of
+    from ..scene.scene import Light
+    from ..scene.targets import SHAPE, with_area
 
     if camera is not None and camera_of is not None:
         raise UserError("--camera and --camera-of: give one of them")
@@ -193,7 +213,10 @@ def view_of(
         raise UserError(f"--rate {rate:g}: must lie between 0 and {FASTEST:g} frames a second")
     wanted = Wanted(frames_of(frames), allow_missing, rate)
     places = tuple(_place("--light", text) for text in light or ())
-    return ChosenView(ends, fov, places, wanted, camera_of, tuple(light_of or ()))
+    area = light_size, light_samples, light_shape
+    any_light = Light((0.0, 0.0, 0.0), shape=SHAPE)
+    with_area(any_light, light_shape, light_size, light_samples)  # refuses wrong values before a scene is made
+    return ChosenView(ends, fov, places, wanted, camera_of, tuple(light_of or ()), *area)
 
 
 def number_or_frames(text: str | None, view: ChosenView) -> tuple[int | None, ChosenView]:

@@ -11,18 +11,22 @@ import typer
 
 from ..errors import CapacityRejected, UserError
 from ..frame.devices import find_device, placed_method
-from ..frame.registry import method_names
+from ..frame.registry import make_method, method_names
+from ..frame.room import fewer_that_fit
 from ..frame.schedule.needed import Step, steps, wanted_of
 from ..frame.schedule.passes import Pass
 from ..frame.session import Session
+from ..runner.measuring.measured_point import frame_bytes
+from ..runner.measuring.memory import Memory
 from ..runner.planning.experiment import Entry, parse_size
 from ..runner.planning.planned_point import parse_settings
 from ..scene.chosen_view import AS_IT_IS, ChosenView
 from ..scene.effects import Effects
-from ..scene.facts import triangles
+from ..scene.facts import light_facts, triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
-from .listing import place_text
+from ..scene.targets import numbers_of
+from .listing import area_text, place_text
 from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, takes_view
 from .tables import table_blocks
 
@@ -83,7 +87,7 @@ def frame_plan(
         "declared": declared(described, prepared),
         "calls_for": [*effects.names(), *(("color",) if effects.color else ())],
         "wanted": list(wanted_of(effects)),
-        "changes": {label: sorted(changed) for label, changed in change_sets(len(described.lights)).items()},
+        "changes": {label: sorted(changed) for label, changed in change_sets(described).items()},
         "methods": [method_plan(entry, prepared, width, height, place) for entry in entries],
     }
 
@@ -99,11 +103,14 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
             part = f"vertices {motion.vertices[0]} to {motion.vertices[1] - 1}"
         moves = f"{kind} over {prepared.frame_count} frames, {part}"
     lights = []
-    for light in scene.lights:
-        words = ["directional" if light.directional else "spot" if light.spot else "point"]
+    areas = any(light.shape for light in scene.lights)
+    for light, own in zip(scene.lights, numbers_of(scene.lights), strict=True):
+        words = ["directional" if light.directional else "spot" if light.spot else "area" if light.shape else "point"]
         words.append("with shadows" if light.shadows else "without shadows")
         words.append("moving" if scene.light_path is not None else "fixed")
-        words.append(f"at {place_text(light.position)}")
+        words.append(f"at {place_text(light.position)}{area_text(light_facts(light))}")
+        if areas:
+            words.append(f"passes of light {own.start}" + f" to {own[-1]}" * (len(own) > 1))
         lights.append(", ".join(words))
     return {
         "geometry": f"{triangles(prepared.triangle_count)}, {moves}",
@@ -129,9 +136,10 @@ def shadow_rays(scene: Scene) -> str:
     return where
 
 
-def change_sets(light_count: int) -> dict[str, frozenset[str]]:
-    """The kinds of frame that are listed: for each, the names of the inputs that changed since the last frame."""
-    lights = {f"light {i}": frozenset({f"light/{i}"}) for i in range(light_count)}
+def change_sets(scene: Scene) -> dict[str, frozenset[str]]:
+    """The kinds of frame that are listed: for each, the names of the inputs that changed since the last frame. With a light
+    all of its targets change."""
+    lights = {f"light {i}": frozenset(f"light/{k}" for k in own) for i, own in enumerate(numbers_of(scene.lights))}
     return {"camera": frozenset({"camera"}), **lights, "geometry": frozenset({"points"}), "nothing": frozenset()}
 
 
@@ -143,18 +151,26 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
         method, place, facts["cannot"] = placed_method(entry.method, settings, prepared.scene, device)
         if facts["cannot"]:
             return facts
+        tracker = Memory()
+        tracker.start()
         session = Session(method, prepared, width, height, place)
+        tracker.pause()
+        frame = frame_bytes(session)
+        facts["memory"] = {"method": max(0, tracker.peak() - frame), "frame": frame}
     except UserError:
         raise
     except CapacityRejected as error:
-        facts["cannot"] = f"rejected: {error}"
+
+        def planned(fewer: Prepared) -> None:
+            Session(make_method(entry.method, settings), fewer, width, height, place)
+
+        fit = fewer_that_fit(prepared, planned)
+        facts["cannot"] = f"rejected: {error}{fit}"
         return facts
     except Exception as error:  # a method may fail in any way; the others are still listed
         facts["cannot"] = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return facts
-    after = {
-        label: steps(session.all_passes, changed) for label, changed in change_sets(len(prepared.scene.lights)).items()
-    }
+    after = {label: steps(session.all_passes, changed) for label, changed in change_sets(prepared.scene).items()}
     wanted = wanted_of(session.effects)
     facts["device"] = place
     facts["passes"] = [
@@ -217,7 +233,8 @@ def show(found: dict[str, Any]) -> None:
         if method["cannot"]:
             console.print(f"{_called(method)}: cannot: {method['cannot']}")
             continue
-        console.print(f"{_called(method)} on {method['device']}")
+        held = ", ".join(f"{name} {count / 1e6:,.1f} MB" for name, count in method["memory"].items())
+        console.print(f"{_called(method)} on {method['device']}; memory as planned: {held}")
         for k, table in enumerate(_tables(method, list(found["changes"]), console.width)):
             if k:
                 console.print()

@@ -87,7 +87,11 @@ def opened(
         raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
     MACHINE.share_beside(place)
     prepared = with_turning_light(described, turning) if turning else prepare(described)
-    return Renderer(scene, method, prepared, Session(chosen, prepared, *size, place), size)
+    try:
+        session = Session(chosen, prepared, *size, place)
+    except CapacityRejected as error:
+        raise UserError(f"{method} on {scene}: rejected: {error}; choose a smaller --size") from error
+    return Renderer(scene, method, prepared, session, size)
 
 
 def with_turning_light(described: Scene, places: int) -> Prepared:

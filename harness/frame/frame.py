@@ -19,6 +19,7 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
 from ..scene.spotlight import SPOT
+from ..scene.targets import per_target
 from .alpha import device_alpha
 from .geometry import Camera, Hits, Mesh, Rays, bounce_arrays, filled
 from .materials import LAMP, lamp_rows, reflectances
@@ -168,7 +169,7 @@ class Frame:
             if self.triangle_count:
                 self.tint.assign(reflectances(prepared))
             if light_count:
-                lights = (*prepared.scene.lights, *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
+                lights = (*per_target(prepared.scene.lights), *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
                 self.lamps.assign(lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count)))
 
     def rays(self, bounce: int) -> Any:

@@ -22,6 +22,7 @@ from .effects.shading import shading_passes
 from .frame import Frame
 from .limited_allocator import LimitedAllocator
 from .method import Method
+from .room import check_bits
 from .schedule.needed import arranged, inputs_of, live, stale, wanted_of
 from .schedule.passes import Pass
 from .schedule.runner import PassRunner
@@ -53,11 +54,11 @@ class Session(PassRunner):
         limits: Limits | None = None,
     ):
         super().__init__(device, [])
-        scene = prepared.scene
         self.method = method
-        self.effects = effects or Effects.of(scene)
+        self.effects = effects or Effects.of(prepared.scene)
         self.limits = limits or Limits()
-        count = len(scene.lights) if light_count is None else light_count
+        count = len(self.effects.shadows) if light_count is None else light_count
+        check_bits(self.effects, width * height, count, self.limits)
         self.frame = Frame(prepared, width, height, count, device, self.effects)
         self._memory = LimitedAllocator(device, self.limits.memory)
         self.made: Moment | None = None

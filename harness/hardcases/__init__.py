@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ..errors import UserError, did_you_mean
 from . import (
+    areas,
     closed,
     contact,
     extremes,
@@ -31,12 +32,13 @@ __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
 
 
 def all_cases(large: bool = False) -> tuple[HardCase, ...]:
-    """Holes (H), mirrors (M), orthographic cameras (O), shadows (S), eyes and meshes (P), then the variants of scale,
-    offset and distance (V).
+    """Areas (A), holes (H), mirrors (M), orthographic cameras (O), shadows (S), eyes and meshes (P), then the
+    variants of scale, offset and distance (V).
 
     Those that take long (:attr:`.case.HardCase.large`) only with ``large``.
     """
     single = (
+        *areas.CASES,
         *closed.CASES,
         *contact.CASES,
         *light_angles.CASES,

@@ -159,6 +159,8 @@ def view(
         if light.directional:  # a direction has no place
             x, y, z = turned(light.position)
             position = (x * scale, y * scale, z * scale)
+        if light.shape:
+            light = replace(light.resized(scale), towards=light.towards and turned(light.towards))
         return replace(light, position=position, spot=spot)
 
     points, faces = placed(mesh[0]), np.asarray(mesh[1], dtype=np.int64).reshape(-1, 3)

@@ -75,6 +75,12 @@ class SourceFacts(TypedDict, total=False):
     sha256: str
 
 
+class LightFacts(TypedDict, total=False):
+    """Facts of a light that tables read. Fields beyond them are passed on unchanged."""
+
+    samples: Annotated[int, 1]
+
+
 class SceneOptions(TypedDict, total=False):
     """Facts of a scene that old records, and points whose scene could not be made, may lack."""
 
@@ -83,7 +89,7 @@ class SceneOptions(TypedDict, total=False):
     triangles: Count | None
     vertices: Count | None
     invalid_triangles: Count | None
-    lights: list[Any] | None
+    lights: list[LightFacts] | None
     lighting: LightingFacts | None
     view: str | None
     source: SourceFacts | None

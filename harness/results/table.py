@@ -38,8 +38,8 @@ BACKWARDS = 0.05
 """A part that would take less than minus this share of its frame shows that the times of passes contradict each other."""
 
 COUNTS = (
-    "triangles vertices invalid_triangles frame_count width height pixels lights rounds frames_left_out frame samples "
-    "regrown memory_bytes peak_rss_bytes shadow_rays mirrored_rays pixels_scored true_errors reference_errors "
+    "triangles vertices invalid_triangles frame_count width height pixels lights targets rounds frames_left_out frame "
+    "samples regrown memory_bytes peak_rss_bytes shadow_rays mirrored_rays pixels_scored true_errors reference_errors "
     "pass_count build_count"
 ).split()
 """Columns of whole numbers: ``Int64``, ``<NA>`` where not known."""
@@ -89,6 +89,7 @@ def tidy(folder: Path | str) -> DataFrame:
     view                text      a camera or lights given on the command line; "": the scene's own
     light_label         text      how the experiment placed the lights; "": as the scene has them
     lights              Int64     number of lights
+    targets             Int64     points that shadow rays are traced to: as many as lights, more where one has an area
     light_distance      float     of the lights from the middle of the scene, in its radii; NaN: the scene's own
     light_turns         float     full turns of the lights over the frames
     moved               text      what alone changed since the last frame; "": everything is rebuilt
@@ -275,6 +276,7 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "view": scene.get("view") or "",
         "light_label": lighting.get("label", ""),
         "lights": len(scene.get("lights") or ()),
+        "targets": sum(light.get("samples", 1) for light in scene.get("lights") or ()),
         "light_distance": lighting.get("distance") or None,
         "light_turns": lighting.get("turns") or None,
         "moved": lighting.get("moved"),

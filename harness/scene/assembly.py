@@ -222,4 +222,5 @@ def _moved(one: Any, matrix: MATRIX) -> Any:
     spot = one.spot and replace(
         one.spot, direction=to_vector(turn @ one.spot.direction), up=to_vector(turn @ one.spot.up)
     )
-    return replace(one, position=to_vector(place), spot=spot)
+    towards = one.towards and to_vector(turn @ one.towards)
+    return replace(one.resized(size), position=to_vector(place), spot=spot, towards=towards)

@@ -14,6 +14,7 @@ from .catalogue import resolve
 from .moment import ray_tables
 from .readers.checks import ALL, Wanted
 from .scene import Light, Scene, Vector, offered
+from .targets import with_area
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class ChosenView:
     wanted     what is asked of the scene's file
     camera_of  name of a camera that the scene's file offers
     lights_of  names of lights that it offers
+    light_size, light_samples, light_shape  of an area that every light gets (:func:`.targets.with_area`)
     """
 
     camera: tuple[Vector, Vector] | None = None
@@ -35,6 +37,9 @@ class ChosenView:
     wanted: Wanted = ALL
     camera_of: str | None = None
     lights_of: tuple[str, ...] = ()
+    light_size: float | None = None
+    light_samples: int | None = None
+    light_shape: str | None = None
 
     @property
     def changes(self) -> bool:
@@ -52,6 +57,9 @@ class ChosenView:
         if self.lights or self.lights_of:
             lamps = tuple(offered(scene.title, "light", scene.lamps, name) for name in self.lights_of)
             scene = replace(scene, lights=(*lamps, *map(Light, self.lights)), light_path=None)
+        lights = tuple(with_area(one, self.light_shape, self.light_size, self.light_samples) for one in scene.lights)
+        if lights != scene.lights:
+            scene = replace(scene, lights=lights)
         if self.camera_of is not None:
             chosen = offered(scene.title, "camera", scene.cameras, self.camera_of)
             scene = replace(scene, camera=chosen, camera_moves=False)
@@ -75,8 +83,11 @@ class ChosenView:
             "wanted": self.wanted.facts(),
             "camera_of": self.camera_of,
             "lights_of": list(self.lights_of),
+            "light_size": self.light_size,
+            "light_samples": self.light_samples,
+            "light_shape": self.light_shape,
         }
-        return {name: value for name, value in given.items() if value}
+        return {name: value for name, value in given.items() if value or value == 0.0}
 
     def text(self) -> str:
         """The given camera and lights, as a phrase for tables: "camera 0,1,5 to 0,0,0; light 2,3,4"; "" if nothing is."""
@@ -91,6 +102,9 @@ class ChosenView:
                 *([f"field of view {self.fov:g} degrees"] if self.fov is not None else []),
                 *(f"light {name!r} of the file" for name in self.lights_of),
                 *(f"light {place(one)}" for one in self.lights),
+                *([f"lights as {self.light_shape}s"] if self.light_shape else []),
+                *([f"lights of size {self.light_size:g}"] if self.light_size is not None else []),
+                *([f"{self.light_samples} targets a light"] if self.light_samples else []),
             ]
         )
 
@@ -106,6 +120,9 @@ class ChosenView:
             Wanted.read(known.get("wanted", {})),
             known.get("camera_of"),
             tuple(known.get("lights_of", ())),
+            known.get("light_size"),
+            known.get("light_samples"),
+            known.get("light_shape"),
         )
 
 

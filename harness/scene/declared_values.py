@@ -68,11 +68,13 @@ def made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
             raise UserError(f"{path}: {where}: add its {field.name}")
     values: dict[str, Any] = {}
     for name, value in given.items():
-        if name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis"):
+        if name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards"):
             values[name] = vector(path, f"{where}.{name}", value)
         elif name in ("shadows", "directional"):
             values[name] = typed(path, f"{where}.{name}", value, bool)
-        elif name == "spot" or value is None:
+        elif name == "size" and isinstance(value, list):
+            values[name] = tuple(number(path, f"{where}.size", side) for side in value)
+        elif name in ("spot", "shape", "samples") or value is None:
             values[name] = value
         else:
             values[name] = number(path, f"{where}.{name}", value)

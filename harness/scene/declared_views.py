@@ -93,6 +93,7 @@ def _light(path: Path, where: str, given: dict[str, Any], base: Scene) -> Light:
             raise UserError(f"{path}: {where}.{name} must lie in 0..{BRIGHTEST:g}")
     if not light.directional:
         _near(path, f"{where}.position", light.position)
+        _near(path, f"{where}.size", (*light.extent, 0.0))
     elif not any(light.position):
         raise UserError(f"{path}: {where}.position: the direction of a directional light must not be zero")
     return light

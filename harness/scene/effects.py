@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .scene import Scene
+from .targets import per_target
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
 @dataclass(frozen=True)
 class Effects:
     """The effects that a frame simulates, derived from its scene. Passes of other effects do not run.
+
+    A light with an area stands for as many lights as it has targets (:mod:`.scene.targets`).
 
     shadows      one flag per light: whether shadow rays are traced to it
     limited      one flag per light: whether it is a spot; () for none
@@ -63,10 +66,11 @@ class Effects:
         if scene.bounces < 0:
             raise ValueError(f"{scene.name}: {scene.bounces} bounces; give 0 or more")
         lit = "shadows" in scene.outputs or "color" in scene.outputs
+        lights = per_target(scene.lights)
         return Effects(
-            shadows=tuple(lit and light.shadows for light in scene.lights),
-            limited=tuple(light.spot is not None for light in scene.lights),
-            directional=tuple(light.directional for light in scene.lights),
+            shadows=tuple(lit and light.shadows for light in lights),
+            limited=tuple(light.spot is not None for light in lights),
+            directional=tuple(light.directional for light in lights),
             facing=scene.facing,
             alpha=scene.alpha is not None,
             bounces=scene.bounces if scene.mirror is not None else 0,

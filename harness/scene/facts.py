@@ -11,6 +11,7 @@ from .alpha import arrays_of
 from .effects import Effects
 from .moment import Moment
 from .prepared import Prepared
+from .scene import Light
 
 FEW = 0.01
 """Share of the rays that must hit something for a check to mean much."""
@@ -44,11 +45,17 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
         "centre": [float(x) for x in prepared.centre],
         "radius": prepared.radius,
         "camera": plain(asdict(scene.camera)),
-        "lights": [plain(asdict(light)) for light in scene.lights],
+        "lights": [light_facts(light) for light in scene.lights],
         "effects": plain(asdict(Effects.of(scene))),
         **surface_facts(prepared),
         "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
     }
+
+
+def light_facts(light: Light) -> dict[str, Any]:
+    """A light for a record; without the fields of an area where it is a point."""
+    area = () if light.shape else ("shape", "size", "samples", "towards")
+    return {name: plain(value) for name, value in asdict(light).items() if name not in area}
 
 
 def contents(facts: dict[str, Any]) -> list[str | None]:

@@ -13,6 +13,7 @@ from .light_paths import Orbit, as_directional, as_point, as_spot, at_distance, 
 from .prepared import Prepared, under
 from .scene import Scene, Vector
 from .surface_rules import largest_triangles, perforated
+from .targets import SHAPE
 
 HOLES = 4
 """Holes along a side of a triangle that has some."""
@@ -20,12 +21,12 @@ HOLES = 4
 MOVED: dict[str, frozenset[str]] = {
     "nothing": frozenset(),
     "camera": frozenset({"camera"}),
-    "light": frozenset({"light/0"}),
+    "light": frozenset({"light"}),
     "part": frozenset({"points"}),
-    "all": frozenset({"points", "camera", "light/0"}),
+    "all": frozenset({"points", "camera", "light"}),
 }
-"""Inputs that can have changed since the last frame. For a method that ignores parts, a part of the geometry is all of
-it."""
+"""Inputs that can have changed since the last frame; of the lights the first one. For a method that ignores parts, a part of
+the geometry is all of it."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class Lighting:
     color     the frame is shaded
     alpha     every n-th triangle has holes (:func:`.scene.surface_rules.perforated`); 0: none
     bounces   number of bounces of rays mirrored by the scene's largest triangles; 0: nothing reflects
+    size      diameter of the sphere that every light becomes, in radii of the scene
+    samples   number of targets of each of these spheres; 0: lights are points, as they are
     moved     the only input that has changed since the last frame, of :data:`MOVED`: only the passes that depend on it
               are timed; None: all
     """
@@ -70,6 +73,8 @@ class Lighting:
     alpha: int = 0
     bounces: int = 0
     moved: str | None = None
+    size: float = 0.0
+    samples: int = 0
 
     def __post_init__(self) -> None:
         if not self.label and self.changes:
@@ -88,7 +93,10 @@ class Lighting:
     @property
     def changed(self) -> frozenset[str] | None:
         """The inputs that changed since the last frame, as passes name them; None: all."""
-        return None if self.moved is None else MOVED[self.moved]
+        if self.moved is None:
+            return None
+        targets = {f"light/{i}" for i in range(max(1, self.samples))}
+        return frozenset().union(*(targets if name == "light" else {name} for name in MOVED[self.moved]))
 
     @staticmethod
     def read(facts: dict[str, Any] | None) -> Lighting:
@@ -100,7 +108,8 @@ class Lighting:
 
     def facts(self) -> dict[str, Any]:
         """Plain numbers, for a command, a record and a key; {} for the default."""
-        return asdict(self) if self.label else {}
+        area = () if self.samples else ("size", "samples")
+        return {name: value for name, value in asdict(self).items() if name not in area} if self.label else {}
 
     def longer(self, scene: Scene) -> Scene:
         """The scene with as many frames as the light has places, where its geometry does not move."""
@@ -120,7 +129,7 @@ class Lighting:
         lights = scene.lights
         if self.count and lights:
             lights = spread(lights[0], middle, self.count, scene.camera.up)
-        if self.distance or self.target is not None or self.spot:
+        if self.distance or self.target is not None or self.spot or self.samples:
             lights = tuple(as_point(light, middle, prepared.radius) for light in lights)
         if self.distance:
             lights = tuple(at_distance(light, middle, self.distance * prepared.radius) for light in lights)
@@ -130,6 +139,9 @@ class Lighting:
             )
         if self.spot:
             lights = tuple(as_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
+        if self.samples:
+            size = self.size * prepared.radius
+            lights = tuple(replace(light, shape=SHAPE, size=size, samples=self.samples) for light in lights)
         if self.directional:
             lights = tuple(as_directional(light, middle) for light in lights)
         if not self.shadows:

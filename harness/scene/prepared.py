@@ -20,6 +20,7 @@ from .alpha import alpha_of
 from .corner_order import in_order_of_duplicates
 from .moment import F32, Moment, max_coordinate_of, proxy_positions_of, ray_tables
 from .scene import AlphaMask, Camera, Geometry, Light, Scene
+from .targets import targets_of
 
 INFINITELY_FAR = 2.0**56
 """Distance of a directional light in scene radii: so far that a coordinate of the scene added to it is rounded away in 53
@@ -78,13 +79,14 @@ class Prepared:
     def moment(
         self, frame: int, width: int, height: int, camera: Camera | None = None, lights: tuple[Light, ...] | None = None
     ) -> Moment:
-        """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path."""
+        """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path. Of lights
+        it has the targets."""
         from .spotlight import spot_rows
 
         points, valid = self.points(frame)
         chosen = camera or self.scene.camera
-        if lights is None:
-            lights = self.lights(frame)
+        given = self.lights(frame) if lights is None else lights
+        lights = targets_of(given, self.middle + self.centre, self.scene.camera.up)
         eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
         starts = eye if chosen.height is None else np.abs(column).max(axis=0) + np.abs(row).max(axis=0)
         scale, extent = self.scale(points)

@@ -57,15 +57,26 @@ class Spot:
     falloff: float = 0.0
 
 
+SHAPES = ("rectangle", "disc", "sphere")
+"""Shapes of a light with an area."""
+
+MOST_SAMPLES = 1024
+"""Largest number of samples of a light: a frame has passes and shadow bits for each one."""
+
+
 @dataclass(frozen=True)
 class Light:
-    """A point light, or a directional one.
+    """A point light, one with an area, or a directional one.
 
-    position     its position; of a directional light the direction from the scene to it, any length
+    position     its position, of an area its middle; of a directional light the direction from the scene to it, any length
     shadows      whether it has shadow rays; otherwise no structure is built and no ray is sorted for it
     color, intensity  for pictures only
     spot         the directions it is limited to; None: all directions
     directional  the limit of a light infinitely far away: all its rays are parallel (:func:`.scene.prepared.light_point`)
+    shape        of its area, of :data:`SHAPES`; "": a point
+    size         side of a square, width and height of a rectangle, diameter of a disc or a sphere
+    samples      number of targets, the points of its area that shadow rays are traced to (:mod:`.scene.targets`)
+    towards      direction that a rectangle or a disc is perpendicular to; None: towards the scene's middle
     """
 
     position: Vector
@@ -74,14 +85,40 @@ class Light:
     intensity: float = 1.0
     spot: Spot | None = None
     directional: bool = False
+    shape: str = ""
+    size: float | tuple[float, float] = 0.0
+    samples: int = 1
+    towards: Vector | None = None
 
     def __post_init__(self) -> None:
-        if self.directional and self.spot is not None:
-            raise ValueError("a directional light cannot be a spot: it stands nowhere")
+        if self.directional and (self.spot is not None or self.shape):
+            what = "have an area" if self.shape else "be a spot"
+            raise ValueError(f"a directional light cannot {what}: it stands nowhere")
+        if self.shape not in ("", *SHAPES):
+            raise ValueError(f"shape {self.shape!r}: it is one of {', '.join(SHAPES)}")
+        pair = isinstance(self.size, tuple)
+        if pair and (self.shape != "rectangle" or len(self.size) != 2):  # type: ignore[arg-type]
+            raise ValueError(f"size {self.size}: give one number, or width and height of a rectangle")
+        if not all(0.0 <= side < np.inf for side in self.extent):
+            raise ValueError(f"size {self.size}: it must be finite and not negative")
+        if type(self.samples) is not int or not 1 <= self.samples <= MOST_SAMPLES:
+            raise ValueError(f"samples {self.samples}: give 1 to {MOST_SAMPLES}")
+        if not self.shape and (any(self.extent) or self.samples > 1):
+            raise ValueError(f"an area needs a shape: {', '.join(SHAPES)}")
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Width and height of its area."""
+        return self.size if isinstance(self.size, tuple) else (self.size, self.size)
 
     def moved(self, position: Vector) -> Light:
         """The same light at another position."""
         return replace(self, position=position)
+
+    def resized(self, scale: float) -> Light:
+        """The same light with ``scale`` times its size."""
+        size = self.size
+        return replace(self, size=(scale * size[0], scale * size[1]) if isinstance(size, tuple) else scale * size)
 
 
 class LightPath(Protocol):

@@ -33,9 +33,9 @@ from .parameters import Build, Trace
 STREAM, TREE = 0, 1
 """Branches of the graph."""
 
-SHARES = 1
-"""Parts of the pixels whose shadow rays a GPU traces at once: every second block of pixels is a worse neighbour in the
-cache."""
+ONE_SHARE = 1
+"""Parts of the pixels whose shadow rays to a single light a GPU traces at once: every second block of pixels is a worse
+neighbour in the cache. With several lights, the rays of one fill up what those of another leave idle at their end."""
 
 
 class Hybrid(BaseMethod):
@@ -73,8 +73,9 @@ class Hybrid(BaseMethod):
         refuse_static(self.name, self.build.update, frame.prepared)
         tree = tree_of(frame, self.build.update, self.build.builder)
         first, grows = tree.passes()
+        shares = ONE_SHARE if sum(effects.shadows) == 1 else constants.SHARES
         self._rays = rays = TreeRays(
-            frame, tree.tree, effects, "exact", False, self.trace.threads, SHARES, self._capacity, starts
+            frame, tree.tree, effects, "exact", False, self.trace.threads, shares, self._capacity, starts
         )
         after = [*rays.record_passes(), *(rays.clear_passes() if shadows else ())]
         effect = "shadows" if shadows else "mirror"

@@ -19,8 +19,8 @@ class Build:
     builder  of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al. 2024)
     shadows  "tree": the tree, which all lights share; "grid": a grid of each light, as in ray_grids; the tree is then built
              for mirrored rays only; "auto": the grid where the mesh has more than one triangle for every 600 pixels (if a
-             ray of a light crosses more than 1.05 triangles of the first frame on average: for every 64) and nothing is
-             mirrored, otherwise the tree
+             ray of a light crosses more than 1.05 triangles of the first frame on average: for every 64 with one light,
+             for every 48 / L with L lights) and nothing is mirrored, otherwise the tree
     """
 
     update: str = "rebuild"

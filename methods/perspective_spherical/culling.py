@@ -18,8 +18,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.geometry import Corners
-from ...harness.scene.prepared import recentre
+from ...harness.scene.prepared import finite_bounds, recentre
 from ...harness.scene.scene import Scene, Vector
+from ...harness.scene.targets import targets_of
 from ..exact.triangle import U64, largest, to_float64, total
 
 NEAR = 1e-6
@@ -71,23 +72,24 @@ def refusal(scene: Scene, lights_too: bool) -> str | None:
             points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
             if frame == 0:
                 centre = recentre(points)
+                middle = np.add(*finite_bounds(points)) / 2
             surface = as_traced(points, centre)
             if not np.isfinite(surface[faces]).all():
                 return "culling needs finite vertices: where a triangle is left out, there is a hole"
             if inside(surface, faces, as_traced(scene.camera.eye, centre)):
                 return "culling needs the eye outside the closed surface"
         if lights_too and (moved or scene.light_path is not None):
-            for position in lights_at(scene, frame / max(1, geometry.frame_count - 1)):
+            for position in lights_at(scene, frame / max(1, geometry.frame_count - 1), middle):
                 if inside(surface, faces, as_traced(position, centre)):
                     return "culling for lights needs every light outside the closed surface"
     return None
 
 
-def lights_at(scene: Scene, share: float) -> Iterator[Vector]:
-    """The positions of lights with shadows at a share of the animation. Directional lights are left out: they cannot be
-    inside."""
+def lights_at(scene: Scene, share: float, middle: NDArray[np.float64]) -> Iterator[Vector]:
+    """The positions of lights with shadows, of an area those of its targets, at a share of the animation. Directional lights
+    are left out: they cannot be inside. ``middle``: of the first frame."""
     path: Any = scene.light_path
-    for light in scene.lights if path is None else path.at(scene.lights, share):
+    for light in targets_of(scene.lights if path is None else path.at(scene.lights, share), middle, scene.camera.up):
         if light.shadows and not light.directional:
             yield light.position
 

@@ -20,6 +20,7 @@ from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
+from ...harness.scene.targets import numbers_of
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import all_needs, grown
@@ -28,7 +29,7 @@ from ..streams.camera.passes import Camera
 from ..streams.method import refuse_too_large
 from ..streams.queues import COUNTERS, Capacity, Queues, more_room
 from ..streams.settings import chosen
-from .lookup import Lookup, lookup_kernel
+from .lookup import Lookup, lookup_kernel, middle_kernel
 from .parameters import BIASES, SHAPES, Build, Trace
 from .projection import FACES, LightMap, fit_kernel
 from .raster import EMPTY, DepthMap, raster_kernel, strip_kernel
@@ -72,7 +73,10 @@ class ShadowMap(BaseMethod):
             self._strip_capacity = self.build.strip_capacity or max(262144, frame.triangle_count)
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         self._effects = effects
-        self._allocate(frame, len(effects.shadows), wanted)
+        soft = self.trace.filter == "soft"
+        self._areas = {own.start: own for own in numbers_of(frame.prepared.scene.lights)} if soft else {}
+        self._drawn = {i: own.start for own in self._areas.values() for i in own}
+        self._allocate(frame, len(effects.shadows), [i for i in wanted if self._drawn.get(i, i) == i])
         queues = Queues(frame, self._queued, self._capacity, 1)
         settings = chosen(frame.triangle_count, frame.pixels, cuda=self._queued)
         camera = Camera(frame, settings, queues, effects)
@@ -80,7 +84,9 @@ class ShadowMap(BaseMethod):
         self._hit = camera.hit
         wide, bias = self.trace.filter == "pcf", self.trace.bias
         amount = self.trace.bias_amount * (3.0 if wide and bias in ("slope", "normal") else 1.0)
-        self._lookup = filled(Lookup, bias=BIASES.index(bias), amount=amount, radius=1 if wide else 0)
+        self._lookup = filled(
+            Lookup, bias=BIASES.index(bias), amount=amount, radius=int(wide), spread=self.trace.spread * soft
+        )
         passes = camera.passes()
         if wanted:
             passes.append(
@@ -109,20 +115,25 @@ class ShadowMap(BaseMethod):
                 )
                 for i in wanted
             }  # fmt: skip
+            self._origins = wp.zeros_like(frame.lights) if self._areas else frame.lights
             self._counts = wp.zeros(1, dtype=wp.int32)
             self._strips = wp.zeros(self._strip_capacity if self._queued else 1, dtype=wp.vec4i)
 
     def _light_passes(self, i: int) -> list[Pass]:
-        light, effect, depth = f"light/{i}", f"shadows/{i}", f"depth map/{i}"
-        scene = ("points", "triangles", light, "box", *self._effects.surface_reads())
+        light, effect, drawn = f"light/{i}", f"shadows/{i}", self._drawn.get(i, i)
+        depth, own = f"depth map/{drawn}", tuple(f"light/{k}" for k in self._areas.get(drawn, (i,)))
+        scene = ("points", "triangles", *own, "box", *self._effects.surface_reads())
+        look_up = Pass(
+            f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.receiver_reads(i)),
+            (f"shadowed/{i}",), lambda: self._look_up(i), effect,
+        )  # fmt: skip
+        if drawn != i:
+            return [look_up]
         return [
-            Pass(f"light {i}: clear map", "light build", ("box", light), (depth,), lambda: self._clear(i), effect),
+            Pass(f"light {i}: clear map", "light build", ("box", *own), (depth,), lambda: self._clear(i), effect),
             Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
-            Pass(
-                f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.receiver_reads(i)),
-                (f"shadowed/{i}",), lambda: self._look_up(i), effect,
-            ),
-        ]  # fmt: skip
+            look_up,
+        ]
 
     def needs(self) -> wp.array | None:
         return None if self._needs is None else all_needs(self._queues.counts, self._needs)
@@ -162,7 +173,9 @@ class ShadowMap(BaseMethod):
     def _clear(self, light: int) -> None:
         frame, depths = self._frame, self._maps[light]
         shape, slot = SHAPES.index(self.build.shape), PER_LIGHT * light + 1
-        inputs = [light, shape, self.build.size, slot, frame.lights, self._box]
+        if light in self._areas:
+            frame.launch(middle_kernel, 1, [light, len(self._areas[light]), frame.lights], [self._origins])
+        inputs = [light, shape, self.build.size, slot, self._origins, self._box]
         outputs = [depths.light, self._needs]
         frame.launch(fit_kernel, 1, inputs, outputs)
         depths.texels.fill_(EMPTY)
@@ -181,9 +194,9 @@ class ShadowMap(BaseMethod):
             frame.launch(specialised(strip_kernel, self._effects.switches(light)), threads, inputs, outputs, 128)
 
     def _look_up(self, light: int) -> None:
-        frame = self._frame
+        frame, drawn = self._frame, self._drawn.get(light, light)
         hits = [frame.hits(0), self._hit, frame.receivers]
-        inputs = [light, self._lookup, frame.mesh, frame.lights, self._maps[light], *hits]
+        inputs = [light, drawn, self._lookup, frame.mesh, frame.lights, self._origins, self._maps[drawn], *hits]
         outputs = [frame.answers.shadowed]
         frame.launch(specialised(lookup_kernel, self._effects.switches(light)), frame.pixels, inputs, outputs)
 

@@ -11,6 +11,9 @@ from .projection import face_axes, face_of, map_point
 from .raster import DepthMap
 
 NONE, CONSTANT, SLOPE, NORMAL = 0, 1, 2, 3
+CURVED = wp.constant(0.3)
+"""Share of the way aside by which a filtered lookup is nearer to the light: surfaces bend away from the receiver's plane."""
+
 STEEPEST = wp.constant(10.0)
 """Texels that a slope-scaled bias amounts to at most: along the light it would be infinite."""
 
@@ -24,11 +27,26 @@ class Lookup:
 
     bias    0 none, 1 constant, 2 slope, 3 normal (:data:`.parameters.BIASES`)    amount  of the bias
     radius  0: the nearest texel; 1: the 3 x 3 around it, of which more than half decide
+    spread  share of the target's way from the middle of its area that the lookup moves aside (:func:`filtered`); 0: none
     """
 
     bias: wp.int32
     amount: wp.float32
     radius: wp.int32
+    spread: wp.float32
+
+
+@wp.func
+def filtered(p: wp.vec3f, n: wp.vec3f, way: wp.vec3f, offset: wp.vec3f) -> wp.vec3f:
+    """Where to look instead of at ``p``: ``offset`` aside, in the receiver's plane (Isidoro 2006).
+
+    n  normal of the plane      way  to the middle of the light
+    """
+    w = wp.normalize(way)
+    aside = offset - w * wp.dot(w, offset)
+    steep = STEEPEST * wp.length(aside)
+    along = wp.max(wp.dot(n, w), 1.0e-6)
+    return p + aside + w * (CURVED * wp.length(aside) - wp.clamp(wp.dot(n, aside) / along, -steep, steep))
 
 
 @wp.func
@@ -48,18 +66,32 @@ def texel_at(s: wp.float32, size: wp.int32) -> wp.int32:
 
 
 @wp.kernel(enable_backward=False)
+def middle_kernel(
+    first: wp.int32, count: wp.int32, lights: wp.array(dtype=wp.vec3f), origins: wp.array(dtype=wp.vec3f)
+):
+    """The middle of ``count`` targets from ``first`` on (one thread)."""
+    total = wp.vec3d()
+    for i in range(first, first + count):
+        total += to_float64(lights[i])
+    origins[first] = to_float32(total / wp.float64(count))
+
+
+@wp.kernel(enable_backward=False)
 def lookup_kernel(
     light: wp.int32,
+    drawn: wp.int32,
     lookup: Lookup,
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
+    origins: wp.array(dtype=wp.vec3f),
     depths: DepthMap,
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     shadowed: wp.array2d(dtype=wp.uint8),
 ):
-    """The shadow bit of each pixel's hit point; one pixel per thread."""
+    """The shadow bit of each pixel's hit point; one pixel per thread. The map is that of light ``drawn``, looked from
+    ``origins[drawn]``."""
     pixel = wp.tid()
     best = hits.triangle[pixel]
     if best < 0:
@@ -75,14 +107,16 @@ def lookup_kernel(
         return
     size = depths.size
     p = to_float32(hit_points[pixel])
+    way = to_float32(to_float64(origins[drawn]) - hit_points[pixel])
+    n = normal_to_light(corners_of(mesh, best), way)
+    if lookup.spread > 0.0:
+        p = filtered(p, n, way, lookup.spread * (lights[light] - origins[drawn]))
     face = face_of(m, p)
     depth_range = m.far - m.near
     back = wp.float32(0.0)
     if lookup.bias == CONSTANT:
         back = lookup.amount * depth_range
     if lookup.bias >= SLOPE:
-        way = to_float32(to_float64(lights[light]) - hit_points[pixel])
-        n = normal_to_light(corners_of(mesh, best), way)
         local = face_axes(m, face, p - m.middle)
         z = wp.abs(m.distance + local[0])
         texel = 2.0 * wp.max(m.half[0], m.half[1]) * z / wp.float32(size)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 SHAPES = ("auto", "aimed", "cube")
 BIASES = ("none", "constant", "slope", "normal")
-FILTERS = ("nearest", "pcf")
+FILTERS = ("nearest", "pcf", "soft")
 DEFAULT_AMOUNT = {"none": 0.0, "constant": 0.002, "slope": 1.0, "normal": 1.5}
 """Amounts that engines start from: share of the depth range, texels of slope, texels along the normal."""
 
@@ -50,12 +50,16 @@ class Trace:
             engines start from: 0.002, 1, 1.5
     filter  "nearest": one texel; "pcf": percentage-closer filtering (Reeves et al. 1987), a shadow where more than half
             of 3 x 3 texels are nearer; slope and normal amounts are tripled for it, because it looks up texels farther
-            away
+            away; "soft": a light with an area has one map, drawn from the middle of its targets, and each target looks up
+            another texel of it, so that their mean is percentage-closer filtering of one width everywhere
+    spread  that width in sizes of the light: the penumbra of an occluder that is so many times as far from the receiver as
+            from the light; for "soft" only
     """
 
     bias: str = "slope"
     amount: float = -1.0
     filter: str = "nearest"
+    spread: float = 1.0
 
     def __post_init__(self) -> None:
         if self.bias not in BIASES:
@@ -64,6 +68,8 @@ class Trace:
             raise ValueError(f"filter must be one of {', '.join(FILTERS)}")
         if not math.isfinite(self.amount):
             raise ValueError("amount must be finite")
+        if not 0.0 < self.spread < math.inf:
+            raise ValueError("spread must be finite and greater than 0")
 
     @property
     def bias_amount(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import io
+import itertools
 import json
 import re
 import socket
@@ -52,7 +53,11 @@ def view_like(facts):
     """The options that the page gives of a frame, as a command reads them."""
     words = facts["options"].split()
     lights = [words[i + 1] for i, word in enumerate(words) if word == "--light"]
-    return view_of((words[1], words[2]), None, lights)
+    area = dict(itertools.pairwise(words))
+    size, samples = area.get("--light-size"), area.get("--light-samples")
+    return view_of(
+        (words[1], words[2]), None, lights, light_size=size and float(size), light_samples=samples and int(samples)
+    )
 
 
 def made_by_render(scene, facts):
@@ -89,6 +94,18 @@ def test_partial_frames_have_the_bits_of_render(scene):
     assert hashes[2][0] == hashes[3][0], "two exact methods"
     assert facts["tests"]["most"] >= 1
     assert facts["wrong"] == {"classes": {}, "unjudged": 0, "pixels": SIZE[0] * SIZE[1]}
+    soft, _ = frames.show(Wish(OTHER, SIZE, light=light, camera=camera, area=(0.5, 4), judge=True))
+    assert (soft["answers"], soft["wrong"]) == (rendered(scene, soft), facts["wrong"])
+    assert sum(stage["name"].startswith("targets") for stage in soft["stages"]) == 1
+    wider, _ = frames.show(Wish(OTHER, SIZE, light=light, camera=camera, area=(0.75, 4)))
+    assert wider["changed"] == [f"light/{i}" for i in range(4)], "a light that changes its size"
+
+
+def test_what_has_not_changed_is_kept(scene):
+    frames = Frames(prepare(resolve(scene)), "cpu")
+    light, camera = (-1.5, 1.25, -2.0), ((1.5, 1.0, 2.5), (0.0, 0.25, 0.0))
+    frames.show(Wish(METHOD, SIZE))
+    facts, _ = frames.show(Wish(OTHER, SIZE, light=light, camera=camera, show="tests", beside=METHOD))
     again, _ = frames.show(Wish(OTHER, SIZE, light=light, camera=camera, beside=METHOD))
     assert (again["changed"], any(stage["ran"] for stage in again["stages"])) == ([], False)
     assert [s["ms"] for s in again["stages"]] == [s["ms"] for s in facts["stages"]], "times are kept"
@@ -142,7 +159,8 @@ def test_wrong_pixels_are_found(scene, monkeypatch):
         json.dumps({"method": METHOD, "size": SIZE, **wrong})
         for wrong in (
             {"camera": [0, 0]}, {"light": [0, 0, 1e99]}, {"show": "all"}, {"camera": [[1e999, 0, 1], [0, 0, 0]]},
-            {"frame": None}, {"size": [9999, 9999]}, {"size": [0, 4]}, {"camera": [[1, 1, 1], [1, 1, 1]]},
+            {"frame": None}, {"area": [-1, 4]}, {"area": [1, 0]}, {"area": [1e999, 2]},
+            {"size": [9999, 9999]}, {"size": [0, 4]}, {"camera": [[1, 1, 1], [1, 1, 1]]},
         )
     )],
 )  # fmt: skip

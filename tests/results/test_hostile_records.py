@@ -128,7 +128,7 @@ def with_(record, **changes):
         (lambda r: with_(r, environment="/etc/passwd"), "environment is '/etc/passwd', not the name of a file"),
         (lambda r: with_(r, scene={**r["scene"], "name": "a/b"}), "scene.name is 'a/b', not the name of a file"),
         (lambda r: with_(r, scene={**r["scene"], "lights": [{"x": float("nan")}]}),
-         "scene.lights[0][x] is nan, not a number"),
+         "scene.lights[0].x is nan, not a number"),
         (lambda r: with_(r, method={**r["method"], "more": [1e999]}), "method.more[0] is inf, not a number"),
         (lambda r: with_(r, method={**r["method"], "settings": {"k": float("nan")}}),
          "method.settings[k] is nan, not a number"),

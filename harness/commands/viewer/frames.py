@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -24,8 +25,9 @@ from ...runner.machine.lock import MACHINE
 from ...scene.chosen_view import ChosenView
 from ...scene.declared_views import FARTHEST
 from ...scene.moment import Moment
-from ...scene.prepared import Prepared, finite_bounds
+from ...scene.prepared import Prepared, finite_bounds, under
 from ...scene.scene import Camera, Light, Vector
+from ...scene.targets import with_area
 from ..listing import place_text
 
 JUDGED = 2000
@@ -45,6 +47,7 @@ class Wish:
     frame   of an animation           size    pixels, width and height
     camera  eye and target, or None: the scene's
     light   place of the first light (of a directional one the way to it), or None: the scene's, which may move
+    area    size of every light and number of its targets, or None: as the scene has them
     show    "shaded", or "tests": tests of each primary ray as a heat map
     judge   whether the answers are compared with the exact reference
     again   whether every pass runs, although nothing has changed
@@ -56,6 +59,7 @@ class Wish:
     frame: int = 0
     camera: tuple[Vector, Vector] | None = None
     light: Vector | None = None
+    area: tuple[float, int] | None = None
     show: str = "shaded"
     judge: bool = False
     again: bool = False
@@ -65,7 +69,7 @@ class Wish:
         """From JSON. Raises ValueError for an invalid request."""
         if not isinstance(facts, dict):
             raise ValueError("not an object")
-        camera, light = facts.get("camera"), facts.get("light")
+        camera, light, area = facts.get("camera"), facts.get("light"), facts.get("area")
         width, height = map(int, facts["size"])
         wish = Wish(
             str(facts["method"]),
@@ -74,6 +78,7 @@ class Wish:
             int(facts.get("frame", 0)),
             None if camera is None else (_place(camera[0]), _place(camera[1])),
             None if light is None else _place(light),
+            None if area is None else (float(area[0]), int(area[1])),
             str(facts.get("show", "shaded")),
             facts.get("judge") is True,
             facts.get("again") is True,
@@ -119,14 +124,18 @@ class TimedSession(Session):
 
     def stages(self) -> list[dict[str, Any]]:
         """Every pass of a complete frame: its name, its column, the time of its last run, whether it ran in this frame,
-        and whether that time is of its first run."""
-        return [
-            {
-                "name": work.name, "part": work.part, "ms": self.took.get(work.name), "ran": work.name in self.ran,
-                "first": self.runs[work.name] < 2,
-            }
-            for work in self.all_passes
-        ]  # fmt: skip
+        and whether that time is of its first run. Passes of the targets of areas are taken together."""
+        areas = any(light.shape for light in self.frame.prepared.scene.lights)
+        rows: dict[str, dict[str, Any]] = {}
+        for work in self.all_passes:
+            name = re.sub(r"^light \d+", "targets", work.name) if areas else work.name
+            took, first = self.took.get(work.name), self.runs[work.name] < 2
+            row = rows.setdefault(name, {"name": name, "part": work.part, "ms": None, "ran": False, "first": False})
+            if took is not None:
+                row["ms"] = (row["ms"] or 0.0) + took
+            row["ran"] |= work.name in self.ran
+            row["first"] |= first
+        return list(rows.values())
 
 
 class Frames:
@@ -140,6 +149,7 @@ class Frames:
         self.device = device
         self.settings = settings or {}
         self._sessions: dict[str, TimedSession] = {}
+        self._lit: dict[int, Prepared] = {}
 
     def box(self) -> tuple[list[float], list[float]]:
         """The lowest and the highest corner of the first frame, in scene coordinates."""
@@ -162,19 +172,19 @@ class Frames:
 
     def session(self, wish: Wish) -> TimedSession:
         """The session of a method at a size. Raises :class:`UserError` if it cannot trace the scene."""
-        shown = (wish.method, wish.beside)
+        shown, prepared = (wish.method, wish.beside), self.lit(wish)
         # The memory of what is not shown any more is free before more is taken.
         self._sessions = {
             name: one
             for name, one in self._sessions.items()
-            if name in shown and (one.frame.width, one.frame.height) == wish.size
+            if name in shown and (one.frame.width, one.frame.height) == wish.size and one.frame.prepared is prepared
         }
         if wish.method not in self._sessions:
             settings = self.settings.get(wish.method)
             made, place, reason = placed_method(wish.method, settings, self.prepared.scene, self.device)
             if reason:
                 raise UserError(f"{wish.method}: {reason}")
-            self._sessions[wish.method] = TimedSession(made, self.prepared, *wish.size, place)
+            self._sessions[wish.method] = TimedSession(made, prepared, *wish.size, place)
         return self._sessions[wish.method]
 
     def camera(self, wish: Wish) -> Camera:
@@ -182,9 +192,20 @@ class Frames:
         return ChosenView(camera=wish.camera).applied(self.prepared.scene).camera
 
     def lights(self, wish: Wish, frame: int) -> tuple[Light, ...]:
-        """The lights of a frame, the first one at the wished place."""
+        """The lights of a frame, the first one at the wished place, with the wished area."""
         lights = self.prepared.lights(frame)
-        return (lights[0].moved(wish.light), *lights[1:]) if lights and wish.light else lights
+        if lights and wish.light:
+            lights = (lights[0].moved(wish.light), *lights[1:])
+        return tuple(with_area(light, None, *(wish.area or (None, None))) for light in lights)
+
+    def lit(self, wish: Wish) -> Prepared:
+        """The scene with as many targets as are wished: one for each number, as what is cached for it belongs to it."""
+        if wish.area is None:
+            return self.prepared
+        if wish.area[1] not in self._lit:
+            scene = replace(self.prepared.scene, lights=self.lights(wish, 0), light_path=None)
+            self._lit[wish.area[1]] = under(self.prepared, scene)
+        return self._lit[wish.area[1]]
 
     def show(self, wish: Wish) -> tuple[dict[str, Any], bytes]:
         """The facts of a frame and its picture as lossless WebP. Raises :class:`UserError` if the method cannot make it."""
@@ -195,7 +216,8 @@ class Frames:
             session = self.session(wish)
             frame = wish.frame % self.prepared.frame_count
             camera, lights = self.camera(wish), self.lights(wish, frame)
-            moment = self.prepared.moment(frame, *wish.size, camera, lights)
+            prepared = self.lit(wish)
+            moment = prepared.moment(frame, *wish.size, camera, lights)
             if wish.again:
                 session.made = None
             session.ran.clear()
@@ -212,30 +234,33 @@ class Frames:
                 "directional": bool(lights) and lights[0].directional, "options": options(wish, camera, lights),
                 "missed": int((answers["triangle"] < 0).sum()), "counts": hasattr(session.method, "tests_per_pixel"),
             }  # fmt: skip
-            picture = shade(self.prepared, moment, answers, lights)
+            picture = shade(prepared, moment, answers, lights)
             if wish.show == "tests" and facts["counts"]:
                 picture, facts["tests"] = heat(session.method, moment)
             if wish.judge:
-                facts["wrong"] = self._mark_wrong(moment, answers, picture)
+                facts["wrong"] = mark_wrong(prepared, moment, answers, picture)
         finally:
             MACHINE.release()
         return facts, webp(picture)
 
-    def _mark_wrong(self, moment: Moment, answers: dict[str, NDArray], picture: NDArray[np.uint8]) -> dict[str, Any]:
-        """Mark the wrong pixels of the picture in red, and count them by class."""
-        from ...judge.context import Judge
-        from ...judge.score import gravest_classes, judge_frame
-        from ...judge.verdict import ERRORS, Verdict
 
-        judge = replace(Judge.of(self.prepared, moment), limit=JUDGED)
-        classes = gravest_classes(judge_frame(judge, answers)).reshape(moment.height, moment.width)
-        picture[np.isin(classes, ERRORS)] = (235, 0, 40)
-        counts = {kind.label: int((classes == kind).sum()) for kind in Verdict if kind in ERRORS}
-        return {
-            "classes": {name: count for name, count in counts.items() if count},
-            "unjudged": int((classes == -1).sum()),
-            "pixels": int(classes.size),
-        }
+def mark_wrong(
+    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], picture: NDArray[np.uint8]
+) -> dict[str, Any]:
+    """Mark the wrong pixels of the picture in red, and count them by class."""
+    from ...judge.context import Judge
+    from ...judge.score import gravest_classes, judge_frame
+    from ...judge.verdict import ERRORS, Verdict
+
+    judge = replace(Judge.of(prepared, moment), limit=JUDGED)
+    classes = gravest_classes(judge_frame(judge, answers)).reshape(moment.height, moment.width)
+    picture[np.isin(classes, ERRORS)] = (235, 0, 40)
+    counts = {kind.label: int((classes == kind).sum()) for kind in Verdict if kind in ERRORS}
+    return {
+        "classes": {name: count for name, count in counts.items() if count},
+        "unjudged": int((classes == -1).sum()),
+        "pixels": int(classes.size),
+    }
 
 
 def options(wish: Wish, camera: Camera, lights: tuple[Light, ...]) -> str:
@@ -243,9 +268,12 @@ def options(wish: Wish, camera: Camera, lights: tuple[Light, ...]) -> str:
     moved. ``--light`` gives point lights: a directional light or a spotlight has no such option.
     """
     words = [f"--camera {place_text(camera.eye, exact=True)} {place_text(camera.target, exact=True)}"]
-    same = all(light == Light(light.position) for light in lights)
+    points = tuple(replace(light, shape="", size=0.0, samples=1) for light in lights) if wish.area else lights
+    same = all(light == Light(light.position) for light in points)
     if same or (wish.light and not any(light.directional or light.spot for light in lights)):
         words += [f"--light {place_text(light.position, exact=True)}" for light in lights]
+    if wish.area:
+        words.append(f"--light-size {wish.area[0]!r} --light-samples {wish.area[1]}")
     return " ".join(words)
 
 

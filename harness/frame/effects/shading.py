@@ -3,9 +3,10 @@
 Surfaces are diffuse and two-sided: the geometric normal is turned towards the origin of the ray. A light adds colour
 times intensity times the cosine, times the spot's factor (0 outside, cos^falloff inside); there is no attenuation with
 distance, so that a scene looks the same at any scale. A light behind the visible side and a light whose shadow bit is
-set add nothing. Because the geometric normal is used, there is no terminator problem: the cosine is zero or less exactly
-where the triangle's own plane would shadow it. A mirror adds :data:`REFLECTANCE` of the colour that its ray sees to the
-rest of its own colour.
+set add nothing. A light with an area adds the mean of what its targets add, each as a light of its own.
+Because the geometric normal is used, there is no terminator problem: the cosine is zero or less exactly where the
+triangle's own plane would shadow it. A mirror adds :data:`REFLECTANCE` of the colour that its ray sees to the rest of its
+own colour.
 
 The picture shows the answers of a method: the triangle gives the normal, t the position. Wrong answers are visible.
 """
@@ -23,6 +24,7 @@ from ...scene.moment import Moment
 from ...scene.prepared import Prepared
 from ...scene.scene import Light
 from ...scene.spotlight import SPOT
+from ...scene.targets import per_target
 from ..frame import Frame
 from ..geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, parallel_ray, ray_of
 from ..materials import lamp_rows, reflectances
@@ -206,8 +208,8 @@ def shaded(
     """A function (first pixel, number of pixels) to their linear colours, float32 [n, 3].
 
     It colours answers on the host (:meth:`..frame.Answers.to_host`). On a CPU, several threads may call it at once.
-    The bits of lights without shadows do not count. ``lights`` gives colours and flags; positions and spots come from
-    the moment. Runs on the CPU; if Warp cannot compile for it, on the first GPU.
+    The bits of lights without shadows do not count. ``lights`` gives colours, flags and numbers of targets; positions and
+    spots come from the moment. Runs on the CPU; if Warp cannot compile for it, on the first GPU.
     """
     device = "cpu" if wp.is_cpu_available() else "cuda:0"
 
@@ -217,6 +219,7 @@ def shaded(
 
     pixels = moment.width * moment.height
     bits = np.asarray(answers["shadowed"]).reshape(-1, pixels)
+    lights = per_target(lights)
     lamps = lamp_rows(lights, [light.shadows and i < len(bits) for i, light in enumerate(lights)])
     spots = np.zeros((max(1, len(lights)), SPOT))
     given = min(len(spots), len(moment.spots))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...errors import CapacityRejected, UserError
 from ...frame.method import Method
+from ...frame.room import fewer_that_fit
 from ...frame.session import Session
 from ...scene.effects import Effects, Limits
 from ...scene.moment import Moment
@@ -70,8 +71,16 @@ class MeasuredPoint:
         self.moments, self.device, self.changed = moments, spec["device"], changed
         self.limits = Limits(**({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {}))
         self._own = own_bytes(prepared, *size)
-        with bounded(self.limits.memory, self._own):
-            self._prepare(make, prepared, size, spec, answered)
+
+        def planned(scene: Prepared) -> None:
+            with bounded(self.limits.memory, own_bytes(scene, *size)):
+                Session(make(), scene, *size, self.device, limits=self.limits)
+
+        try:
+            with bounded(self.limits.memory, self._own):
+                self._prepare(make, prepared, size, spec, answered)
+        except CapacityRejected as error:
+            raise CapacityRejected(f"{error}{fewer_that_fit(prepared, planned)}") from error
 
     def _prepare(
         self,
@@ -210,8 +219,9 @@ def frame_bytes(session: Session) -> int:
 
 def own_bytes(prepared: Prepared, width: int, height: int) -> int:
     """Most bytes that the harness takes for a frame: arrays of pixels and triangles, their copies on the host, hashes."""
-    pixel = 128 + 4 * len(prepared.scene.lights)
-    return pixel * width * height * (1 + Effects.of(prepared.scene).bounces) + 128 * prepared.triangle_count
+    effects = Effects.of(prepared.scene)
+    pixel = 128 + 4 * len(effects.shadows)
+    return pixel * width * height * (1 + effects.bounces) + 128 * prepared.triangle_count
 
 
 def within(limits: Limits, tracker: Memory, session: Session, peak: int = 0) -> int:

@@ -110,6 +110,14 @@ def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light_from_64_pixels_a_tria
     assert taken(prepared, 64, height) == wanted
 
 
+@pytest.mark.parametrize(
+    ("lights", "height", "wanted"), [(2, 5, "grid"), (2, 6, "tree"), (4, 2, "grid"), (4, 3, "tree")]
+)
+def test_lights_share_a_tree_from_48_pixels_a_triangle_over_their_number_on(lights, height, wanted):
+    """Shells around 2 or 4 lights: a tree is built once, and each light has a grid."""
+    assert taken(shells(2, [(0.01 * i, 0.02, 0.03) for i in range(lights)]), 64, height) == wanted
+
+
 def test_layers_from_afar_are_those_of_parallel_rays():
     # Parallel rays cross an octahedron twice in its shadow, of area sqrt(3) along a diagonal; the sphere around its box
     # has 3 pi.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
@@ -11,6 +13,8 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
+from shadowbench.harness.scene.prepared import under
+from shadowbench.harness.scene.scene import Light
 
 NAME = "shadow_map"
 
@@ -100,6 +104,18 @@ def test_pcf_is_a_majority_of_nine():
     assert 0 < changed < 0.1 * nearest.sum()
 
 
+def test_a_soft_filter_draws_one_map_for_an_area():
+    """Half-way to the light, the filter is as wide as the penumbra: the share of light is right within a texel or two."""
+    prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)], (0.1, -4.0, 4.0))
+    area = Light((0.0, 0.0, 5.0), shape="disc", size=1.0, samples=16)
+    prepared = under(prepared, replace(prepared.scene, lights=(area,)))
+    exact = trace("bvh2", {}, prepared, 64, 64)[2]["shadowed"].mean(axis=0)
+    session, _, answers = trace(NAME, {"size": "1024", "filter": "soft", "spread": "0.25"}, prepared, 64, 64)
+    assert sum("draw map" in work.name for work in session.all_passes) == 1
+    assert ((exact > 0.1) & (exact < 0.9)).any()
+    assert np.abs(answers["shadowed"].mean(axis=0) - exact).mean() < 0.01
+
+
 @pytest.mark.parametrize("trial", TRIALS)
 def test_survives_hard_scenes(trial):
     prepared, width, height = TRIALS[trial]
@@ -153,7 +169,7 @@ def test_a_map_beyond_the_memory_is_rejected():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("size", "32"), ("size", "many"), ("shape", "round"), ("bias", "big"), ("filter", "soft"), ("amount", "nan")],
+    [("size", "32"), ("size", "many"), ("shape", "round"), ("bias", "big"), ("filter", "blurred"), ("amount", "nan")],
 )
 def test_wrong_parameters_are_one_line(key, value):
     with pytest.raises(UserError, match=key) as caught:

@@ -2,7 +2,7 @@
 (() => {
   const $ = (id) => document.getElementById(id);
   const facts = JSON.parse($("facts").textContent);
-  const state = { ...facts.state, beside: "", camera: null, light: null, show: "shaded" };
+  const state = { ...facts.state, beside: "", camera: null, light: null, area: null, show: "shaded" };
   const socket = new WebSocket(`ws://${location.host}/frames?token=${encodeURIComponent(facts.token)}`);
   const sides = [{ canvas: $("picture") }, { canvas: $("beside") }].map((side) => {
     const box = $("side").content.cloneNode(true).firstElementChild;
@@ -229,7 +229,16 @@
   };
   $("tests").onchange = () => { state.show = $("tests").checked ? "tests" : "shaded"; ask(); };
   $("judge").onclick = () => { judge = true; say("comparing with exact arithmetic"); ask(); };
-  $("reset").onclick = () => { state.camera = state.light = null; ask(); };
+  $("reset").onclick = () => {
+    state.camera = state.light = state.area = null;
+    $("light-size").value = 0;
+    ask();
+  };
+  $("light-size").oninput = $("targets").onchange = () => {
+    const share = Number($("light-size").value);
+    state.area = share ? [...short([0.005 * share * wide]), Number($("targets").value)] : null;
+    ask();
+  };
   $("split").oninput = divide;
   $("copy").onclick = async () => {
     try {

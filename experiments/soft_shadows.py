@@ -1,0 +1,324 @@
+"""Soft shadows: time and error of the picture against the number of shadow rays that a pixel has.
+
+The scene's first light is a sphere. The picture of 256 targets is the reference; the error is that of the share of the
+light that each pixel sees, where the surface faces the light. Exact methods make the same picture, so for them it depends
+on the number of targets alone. A shadow map with percentage-closer filtering is a rival whose picture is smooth and wrong:
+its filter is as wide everywhere.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..harness.frame.devices import placed_method
+from ..harness.frame.registry import make_method
+from ..harness.frame.session import Session
+from ..harness.judge.receivers import facing
+from ..harness.report import compare, document, numbers, panels, pareto, ranking, sentences
+from ..harness.report.flip import flip
+from ..harness.report.picture import captioned, save_png, shade
+from ..harness.runner.machine.lock import MACHINE
+from ..harness.runner.measuring.measured_point import spread_frames
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.run_options import Options
+from ..harness.runner.progress import Silent
+from ..harness.scene.overrides import Lighting
+from ..harness.scene.prepared import Prepared, prepare
+from ._rivals import HYBRID, OURS, RASTERISED, REBUILT
+
+SIZE = 0.08
+"""Diameter of the light in radii of the scene: half a metre in a room six metres across."""
+
+REFERENCE = 256
+EXACT = "every exact method"
+JUDGE = Entry("bvh2")
+"""What the pictures of the exact methods and of the reference are made with; records say whether a method answers as it."""
+
+TREES, GRIDS = (REBUILT[0].label, HYBRID.label), (OURS.label,)
+FILTERED = tuple(
+    Entry("shadow_map", {"size": "2048", "filter": "soft", "spread": spread}, f"filtered map, {name}")
+    for name, spread in (("narrow", "0.25"), ("wide", "1"))
+)
+METHODS = (OURS, *REBUILT[:2], HYBRID, RASTERISED, *FILTERED)
+SCENES = ("sibenik", "conference", "fairy", "buddha", "cloth")
+"""Two rooms, two open scenes, and one that moves."""
+
+ERRORS = "soft_shadows_errors.csv"
+ERROR = ["rmse", "largest", "flip_error"]
+COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]
+
+
+def targets(*counts: int) -> tuple[Lighting, ...]:
+    """The first light as a sphere with the given numbers of targets."""
+    return tuple(Lighting(f"{n} target{'s' * (n != 1)}", count=1, size=SIZE, samples=n) for n in counts)
+
+
+class Pictures:
+    """Answers and pictures of one scene with a number of targets."""
+
+    def __init__(self, prepared: Prepared, options: Options):
+        self.prepared, self.device = prepared, options.device
+        self.size = options.preset.width, options.preset.height
+        self.frame = spread_frames(prepared.frame_count, 1)[0]
+
+    def made(self, entry: Entry, lighting: Lighting) -> tuple[dict[str, NDArray], NDArray[np.uint8]] | None:
+        """The answers and the picture; None where the method cannot trace the scene."""
+        MACHINE.give_way()
+        lit = lighting.applied(self.prepared)
+        method, place, cannot = placed_method(entry.method, dict(entry.settings), lit.scene, self.device)
+        if cannot:
+            return None
+        moment = lit.moment(self.frame, *self.size)
+        answers = Session(method, lit, *self.size, place).answers(moment)
+        return answers, shade(lit, moment, answers, lit.lights(self.frame))
+
+    def facing(self, triangle: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Which pixels hit a surface that faces the middle of the light: the others get no light, whatever their bits."""
+        moment = targets(1)[0].applied(self.prepared).moment(self.frame, *self.size)
+        corners = moment.points[self.prepared.faces[np.maximum(triangle, 0)]]
+        return (triangle >= 0) & facing(moment, corners, 0)
+
+
+def share_of_light(answers: dict[str, NDArray]) -> NDArray[np.float64]:
+    """The share of a light's targets that each pixel sees, float64 [pixels]."""
+    lit: NDArray[np.float64] = 1.0 - answers["shadowed"].mean(axis=0)
+    return lit
+
+
+def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]]]) -> Iterator[dict[str, Any]]:
+    """A row for each number of targets and each picture: of the exact methods, and of each other method of its own.
+
+    found  receives pictures to show side by side, with captions
+    """
+    pictures = Pictures(prepare(options.described(name)), options)
+    reference = pictures.made(JUDGE, targets(REFERENCE)[0])
+    assert reference is not None
+    right, counted = share_of_light(reference[0]), pictures.facing(reference[0]["triangle"])
+    counts = [lighting.samples for lighting in options.preset.lightings]
+    shown = {counts[0], counts[len(counts) // 2], counts[-1]}
+    settings = {entry.label: make_method(entry.method, dict(entry.settings)) for entry in options.preset.methods}
+    inexact = [entry for entry in options.preset.methods if getattr(settings[entry.label], "known_inexact", None)]
+    for entry, lighting in itertools.product((replace(JUDGE, label=EXACT), *inexact), options.preset.lightings):
+        made = pictures.made(entry, lighting)
+        if made is None:
+            continue
+        off = np.abs(share_of_light(made[0]) - right)[counted]
+        yield {
+            "scene": pictures.prepared.scene.name, "picture": entry.label, "targets": lighting.samples,
+            "rmse": float(np.sqrt(np.mean(off**2))) if len(off) else 0.0, "largest": float(off.max(initial=0.0)),
+            "flip_error": flip(reference[1], made[1])["flip"],
+        }  # fmt: skip
+        if lighting.samples in shown and (entry.label == EXACT or lighting.samples == max(shown)):
+            found.append((f"{entry.label}, {lighting.label}", made[1]))
+    found.append((f"reference, {REFERENCE} targets", reference[1]))
+
+
+def after(options: Options, report: Silent) -> None:
+    """Untimed: the errors of every picture as CSV, and pictures of each scene side by side. Not made again while there."""
+    import pandas as pd
+
+    path = options.out / ERRORS
+    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["scene"])
+    for name in options.preset.scenes:
+        if name in set(known["scene"]):
+            continue
+        report.doing(f"{name}: errors of its pictures")
+        found: list[tuple[str, NDArray[np.uint8]]] = []
+        known = pd.concat([own for own in (known, pd.DataFrame(errors(options, name, found))) if len(own)])
+        save_png(side_by_side(found), options.out / f"soft_shadows-{name}.png")
+        known.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def after_s(options: Options) -> float:
+    """Seconds of :func:`after`, roughly: as many frames as points, and the reference."""
+    return 0.0 if (options.out / ERRORS).exists() else 8.0 * len(options.preset.scenes)
+
+
+def side_by_side(found: list[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
+    """Pictures with captions in one sheet, three across; large ones are shown at half their size, small ones enlarged."""
+    side = found[0][1].shape[0]
+    step, times = 1 + (side > 512), max(1, 256 // side)
+    tiles = [
+        captioned(picture[::step, ::step].repeat(times, axis=0).repeat(times, axis=1), "", text)
+        for text, picture in found
+    ]
+    high = max(len(tile) for tile in tiles)
+    tiles = [np.pad(tile, ((0, high - len(tile)), (0, 4), (0, 0)), constant_values=250) for tile in tiles]
+    tiles += [np.full_like(tiles[0], 250)] * (-len(tiles) % 3)
+    return np.vstack([np.hstack(tiles[i : i + 3]) for i in range(0, len(tiles), 3)])
+
+
+def read(folder: Path) -> document.DataFrame:
+    """The points with the error of their picture, and whether they lie on the front of error over time.
+
+    front_exact, front  of the exact methods, and of all, of each scene
+    """
+    import pandas as pd
+
+    table = document.named(document.frames(folder))
+    table = table.assign(exact=ranking.exact(table))
+    path = folder / ERRORS
+    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["scene", "picture", "targets", *ERROR])
+    table["picture"] = table["label"].where(table["known_inexact"] != "", EXACT)
+    made = table.merge(known.astype({"targets": "Int64"}), on=["scene", "picture", "targets"], how="left").set_index(
+        table.index
+    )
+    done = document.measured(made)
+    for column, own in (("front_exact", done[done["exact"]]), ("front", done)):
+        best = [pareto.front(one, y="rmse") for _, one in own[own["rmse"].notna()].groupby("title")]
+        made[column] = pd.concat(best).reindex(made.index, fill_value=False).astype(bool) if best else False
+    return document.arranged(made, "targets", sorted(made["targets"].unique()))
+
+
+def overtaking(done: document.DataFrame) -> tuple[float, float, str]:
+    """From how many targets on the fastest exact tree is faster than the fastest exact grid, its spread, and in words.
+
+    ``done``: points of one scene. Between two numbers of targets times are taken to lie on a line.
+    """
+    own = done[done["exact"]]
+    best = []
+    for labels in (TREES, GRIDS):
+        rows = own[own["label"].isin(labels)].sort_values("total_ms").drop_duplicates("targets").set_index("targets")
+        best.append(rows.sort_index())
+    counts = best[0].index.intersection(best[1].index)
+    tree, grid = (one.loc[counts] for one in best)
+    if not len(counts):
+        return np.nan, np.nan, "was not measured"
+    gap, around = tree["total_ms"] - grid["total_ms"], np.hypot(tree["spread"], grid["spread"])
+    if gap.iloc[0] <= 0.0:
+        return float(counts[0]), 0.0, f"is faster with {counts[0]} already"
+    after = np.nonzero((gap <= 0.0).to_numpy())[0]
+    if not len(after):
+        return np.inf, np.nan, f"is not faster with up to {counts[-1]}"
+    k = int(after[0])
+    (low, high), (one, other) = counts[k - 1 : k + 1], gap.iloc[k - 1 : k + 1]
+    share = one / (one - other)
+    at = low + share * (high - low)
+    spread = float(np.hypot((1 - share) * around.iloc[k - 1], share * around.iloc[k]) * (high - low) / (one - other))
+    return at, spread, f"is faster from {numbers.carried(at, spread)} on"
+
+
+def finding(done: document.DataFrame) -> str:
+    """Where trees overtake grids, and what error so many targets leave."""
+    if done.empty:
+        return "Nothing was measured."
+    words: dict[str, list[str]] = {}
+    for title, own in done.groupby("title", sort=False):
+        words.setdefault(overtaking(own)[2], []).append(str(title))
+    told = "; ".join(f"{how} on {sentences.listed(titles)}" for how, titles in words.items())
+    text = f"By number of targets, a tree (the fastest exact one) over the fastest exact grid {told}."
+    known = done[done["rmse"].notna()]
+    exact = known[known["picture"] == EXACT]
+    if exact.empty:
+        return text
+    most = exact["targets"].max()
+    means = exact[exact["targets"] == most].drop_duplicates("title")["rmse"].mean()
+    text += f" With {most} targets the share of light is off by {100 * means:.2g} % (root mean square)"
+    mapped = known[known["label"].isin([entry.label for entry in FILTERED]) & (known["targets"] == most)]
+    if len(mapped):
+        least = mapped.groupby("label")["rmse"].mean()
+        text += f", that of the better {least.idxmin()} by {100 * least.min():.2g} %"
+    return text + "."
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """Time against the number of targets, error over time with its front, where trees overtake grids; CSV."""
+    table = read(folder)
+    done = document.measured(table)
+    if done.empty:
+        return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), {}, [], quiet)
+    across = min(3, done["title"].nunique())
+    files = [panels.lines(
+        folder / "soft_shadows.svg", table, "targets", "total_ms", facet="title", across=across, whisker="spread", log_x=2,
+        ticks=str, below="targets of the light", left="ms per frame", legend=3, wide=2, high=2.0,
+    )]  # fmt: skip
+    known = done[done["rmse"].gt(0.0)]
+    tables = {
+        "Milliseconds, by number of targets": document.cross_table(
+            done, {"title": "scene", "label": "method"}, "targets", "ms"
+        ),
+        "From how many targets on a tree is faster than a grid": overtakings(done),
+    }
+    notes = [*compare.in_sequence(document.frames(folder)), ABOUT]
+    if len(known):
+        files.append(panels.lines(
+            folder / "soft_shadows-error.svg", known.sort_values("targets"), "total_ms", "rmse", facet="title",
+            across=across, log_x=10, below="ms per frame; along each line the number of targets grows",
+            left="error of the share of light (root mean square)", legend=3, wide=2, high=2.0,
+        ))  # fmt: skip
+        shown = known.assign(
+            text=(100 * known["rmse"]).map("{:.2g}".format) + " (" + known["largest"].map("{:.2f}".format) + ")"
+        )
+        names = {"title": "scene", "picture": "picture of"}
+        tables["Error of the share of light, % (root mean square; the largest)"] = document.cross_table(
+            shown, names, "targets", "text"
+        )
+        for column, title in (("front_exact", "exact methods"), ("front", "all methods, exact or not")):
+            tables[f"Front of error over time, {title}"] = front_table(known[known[column]])
+    pictures = [
+        place for name in dict.fromkeys(done["scene"]) if (place := folder / f"soft_shadows-{name}.png").exists()
+    ]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, [*files, *pictures], quiet, notes)
+
+
+ABOUT = (
+    f"The light is a sphere with a diameter of {SIZE:g} radii of the scene. Errors are against {REFERENCE} targets, of "
+    "which fewer are the first ones; the spread of a number of targets follows from those of the times beside it."
+)
+
+
+def overtakings(done: document.DataFrame) -> document.DataFrame:
+    """Texts of :func:`overtaking` by scene."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        [
+            {"scene": title, "a tree": words, "spread": "-" if not spread < np.inf else f"{spread:.2g}"}
+            for title, own in done.groupby("title", sort=False)
+            for _, spread, words in [overtaking(own)]
+        ]
+    )
+
+
+def front_table(best: document.DataFrame) -> document.DataFrame:
+    """The points of a front, fastest first: method, number of targets, time and error."""
+    import pandas as pd
+
+    best = best.sort_values(["title", "total_ms"], kind="stable")
+    return pd.DataFrame(
+        {
+            "scene": best["title"], "method": best["label"], "targets": best["targets"], "ms": best["ms"],
+            "error, %": (100 * best["rmse"]).map("{:.2g}".format), "largest": best["largest"].map("{:.2f}".format),
+            "FLIP": best["flip_error"].map("{:.4f}".format, na_action="ignore"),
+        }
+    )  # fmt: skip
+
+
+EXPERIMENT = Experiment(
+    name="soft_shadows",
+    title="Soft shadows: what the number of shadow rays costs, and what error it leaves",
+    presets={
+        "quick": Preset(
+            96, 96, ("sibenik", "cloth"), (OURS, *REBUILT[:2], FILTERED[0]), frames=1, samples=2, most=2, stage_samples=1,
+            rounds=1, budget_s=2.0, lightings=targets(1, 4, 16),
+        ),
+        "short": Preset(
+            1024, 1024, SCENES, METHODS[:-1], frames=1, samples=3, most=5, stage_samples=1, rounds=2, budget_s=0.2,
+            timeout_s=300.0, lightings=targets(1, 4, 16, 64),
+        ),
+        "paper": Preset(
+            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=1, rounds=9,
+            budget_s=5.0, timeout_s=600.0, lightings=targets(1, 2, 4, 8, 16, 32, 64),
+        ),
+    },
+    draw=draw,
+    after=after,
+    after_s=after_s,
+)  # fmt: skip
