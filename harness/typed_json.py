@@ -8,7 +8,7 @@ import types
 from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints, is_typeddict
+from typing import Annotated, Any, Required, Union, get_args, get_origin, get_type_hints, is_typeddict
 
 OMITTED = {"omitted": True}
 """Metadata of a dataclass field that is left out of the JSON while it has its default."""
@@ -182,7 +182,9 @@ def _declared(kind: Any) -> tuple[dict[str, Any], frozenset[str]]:
     """The types of a class's fields by name, and the names of those that must be there."""
     hints = get_type_hints(kind, include_extras=True)
     if is_typeddict(kind):
-        return hints, kind.__required_keys__
+        marked = {name for name, hint in hints.items() if get_origin(hint) is Required}
+        plain = {name: get_args(hint)[0] if name in marked else hint for name, hint in hints.items()}
+        return plain, kind.__required_keys__ | marked
     needed = [one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING]
     return hints, frozenset(needed)
 

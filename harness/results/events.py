@@ -6,7 +6,7 @@ its values; a journal is checked when it is opened.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any, Required, TypedDict
 
 from ..judge.counts import Count, Score
 from .record import Ms, PassTimes
@@ -79,16 +79,13 @@ class Round(Sampled):
     round: Count
 
 
-class _GradedOptions(TypedDict, total=False):
+class _Graded(TypedDict, total=False):
+    frame: Required[Count]
+    score: Required[Score | None]
+    unscored: Required[str | None]
     shadow_rays: Count
     flip: Annotated[float, 0.0] | None
     flip_missing: str | None
-
-
-class _Graded(_GradedOptions):
-    frame: Count
-    score: Score | None
-    unscored: str | None
 
 
 class Finished(TypedDict):

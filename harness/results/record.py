@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any, Required, TypedDict
 
 from ..files import require_storable
 from ..judge.counts import Count, Score
@@ -46,16 +46,11 @@ Side = Annotated[int, 1, 99_999]
 class Point(TypedDict, total=False):
     """The requested measurement, with all other fields of the configuration. All of it goes into the record's key."""
 
+    width: Required[Side]
+    height: Required[Side]
     preset: str | None
     rounds: Annotated[int, 1]
     budget_s: Annotated[float, 0.0]
-
-
-class SizedPoint(Point):
-    """The part of :class:`Point` that every record has."""
-
-    width: Side
-    height: Side
 
 
 class LightingFacts(TypedDict, total=False):
@@ -81,9 +76,12 @@ class LightFacts(TypedDict, total=False):
     samples: Annotated[int, 1]
 
 
-class SceneOptions(TypedDict, total=False):
-    """Facts of a scene that old records, and points whose scene could not be made, may lack."""
+class SceneFacts(TypedDict, total=False):
+    """Facts of a scene. Old records, and points whose scene could not be made, may lack those that are not required;
+    further ones are passed on unchanged.
+    """
 
+    name: Required[FileName]
     title: str | None
     stand_in: str | None
     triangles: Count | None
@@ -97,15 +95,13 @@ class SceneOptions(TypedDict, total=False):
     arrays_sha256: str | None
 
 
-class SceneFacts(SceneOptions):
-    """Facts of a scene. Fields beyond those of :class:`SceneOptions` are passed on unchanged."""
+class MethodFacts(TypedDict, total=False):
+    """Facts of a method as it ran. Old records, and methods that could not be made, may lack those that are not required;
+    further ones are passed on unchanged.
+    """
 
-    name: FileName
-
-
-class MethodOptions(TypedDict, total=False):
-    """Facts of a method that old records, and methods that could not be made, may lack."""
-
+    name: Required[str]
+    device: Required[str]
     title: str | None
     label: str | None
     device_name: str | None
@@ -114,13 +110,6 @@ class MethodOptions(TypedDict, total=False):
     built: dict[str, Any] | None
     known_inexact: str | None
     source_sha256: str | None
-
-
-class MethodFacts(MethodOptions):
-    """Facts of a method as it ran. Fields beyond those of :class:`MethodOptions` are passed on unchanged."""
-
-    name: str
-    device: str
 
 
 class Clock(TypedDict, total=False):
@@ -213,7 +202,7 @@ class Record:
     experiment: str
     status: str
     reason: str
-    point: SizedPoint
+    point: Point
     scene: SceneFacts
     method: MethodFacts
     environment: Environment
@@ -284,14 +273,14 @@ def make_record(
             setattr(frame, name, Score.from_json(value) if name == "score" and value else value)
     last = rounds[-1].get("method", {}) if rounds else {}
     facts: Any = {**method, **prepared.get("method", {}), **last}
-    sized: Any = point
+    asked: Any = point
     described: Any = scene
     return Record(
         key=key,
         experiment=point.get("experiment", ""),
         status=status,
         reason=reason,
-        point=sized,
+        point=asked,
         scene=described,
         method=facts,
         environment=environment,

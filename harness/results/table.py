@@ -11,7 +11,7 @@ pandas is imported when a table is made, not when this module is: most commands 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -135,7 +135,7 @@ def tidy(folder: Path | str) -> DataFrame:
     for place in places[:1] if places[0] == folder else places:
         name = place_name(place, folder)
         before = "" if place == folder else f"{name}/"
-        found, more = newest_as(place, partial(_all_rows, folder=name))
+        found, more = newest_as(place, partial(_rows, folder=name))
         rows += ({**row, "key": before + row["key"]} for own in found for row in own)
         older += more
     table = _typed(rows)
@@ -223,16 +223,9 @@ def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
     return found.where(table["build_ms"].notna())
 
 
-def _all_rows(record: Record, folder: str) -> list[dict[str, Any]]:
-    return list(_rows(record, folder))
-
-
-def _rows(record: Record, folder: str) -> Iterator[dict[str, Any]]:
+def _rows(record: Record, folder: str) -> list[dict[str, Any]]:
     point = _point(record, folder)
-    for frame in record.measured:
-        yield {**point, **_times(frame), **_score(frame)}
-    if not record.measured:
-        yield point
+    return [{**point, **_times(frame), **_score(frame)} for frame in record.measured] or [point]
 
 
 def _point(record: Record, folder: str) -> dict[str, Any]:

@@ -8,23 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from helpers import misbehaving_methods
+from shadowbench.harness.results.record import Record
 from shadowbench.harness.runner.planning.experiment import Entry, Experiment, Preset
-from shadowbench.harness.runner.run import Options
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.run import Options, Run
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
 
 PRESET = Preset(
-    width=8,
-    height=8,
-    scenes=(),
-    methods=(),
-    frames=2,
-    samples=3,
-    most=3,
-    stage_samples=2,
-    rounds=2,
-    budget_s=5.0,
-    timeout_s=120.0,
+    8, 8, scenes=(), methods=(), frames=2, samples=3, most=3, stage_samples=2, rounds=2, budget_s=5.0, timeout_s=120.0
 )
 
 
@@ -54,3 +46,18 @@ def options(out: Path, scenes: list[str], methods: list[str | Entry], **changes)
     preset = replace(PRESET, scenes=tuple(scenes), methods=entries, **changes)
     experiment = Experiment("trial", "A trial", {"quick": preset})
     return Options(experiment, "quick", preset, "cpu", out, **{"score": False, **own})
+
+
+def go(chosen: Options) -> dict[str, Record]:
+    """Run, and return the records by the label of their method."""
+    return {record.method["label"]: record for record in Run(chosen, Silent()).go()}
+
+
+class Heard(Silent):
+    """Keeps the messages of a run."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from helpers.experiment_records import record_of
 from helpers.table1_records import write_records
-from helpers.tiny_runs import options, write_scene
+from helpers.tiny_runs import options
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.commands.verify import explain, verify
@@ -24,11 +24,6 @@ from shadowbench.harness.scene.overrides import Lighting
 VIEW = ChosenView(((3.0, 2.0, 1.0), (0.0, 0.5, 0.0)), 30.0, ((0.0, 9.0, 0.0), (4.0, 1.0, 0.0)))
 AWAY = ("9,9,9", "20,20,20")
 """A camera that looks away from the tetrahedron."""
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return write_scene(tmp_path_factory.mktemp("scene") / "tetra.obj")
 
 
 def test_what_is_given_goes_through_json():

@@ -13,11 +13,9 @@ from pathlib import Path
 import psutil
 import pytest
 from helpers.left_processes import MARK, alive, gone, marked_environment
-from helpers.tiny_runs import options
+from helpers.tiny_runs import go, options
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner.planning.experiment import Entry
-from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.run import Run
 
 PROMPT_S = 60.0
 """Far more than the end of a run takes, and far less than what it would wait for (``timeout_s``)."""
@@ -35,7 +33,7 @@ def test_a_worker_that_ends_or_hangs_takes_what_it_started_along(
     entries = [entry(how, then) for how in ("copy", "orphan", "program") for then in ("ends", "on")]
     began = time.monotonic()
     chosen = options(tmp_path, [scene], [*entries, Entry("steady", {}, "steady")], timeout_s=10 * PROMPT_S)
-    records = {one.method["label"]: one for one in Run(chosen, Silent()).go()}
+    records = go(chosen)
     assert time.monotonic() - began < 10 * PROMPT_S, "nothing was waited for"
     for one in entries:
         wanted = ("ok", "") if one.settings["then"] == "on" else ("failed", "the worker exited with code 3: started")

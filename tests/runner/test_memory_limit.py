@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 import warp as wp
-from helpers.tiny_runs import options
+from helpers.tiny_runs import Heard, go, options
 from shadowbench.harness.commands.answering import answer
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.limited_allocator import LimitedAllocator
 from shadowbench.harness.runner import run as runner
 from shadowbench.harness.runner.measuring import memory
 from shadowbench.harness.runner.planning.experiment import Entry
-from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
@@ -38,7 +37,7 @@ def test_an_allocation_beyond_the_limit_is_not_made(package: Path, scene: str, t
     entries = [entry(*place) for place in GULPS]
     less = [entry("warp", "prepare", gib="0.0005"), Entry("steady", {}, "steady")]
     chosen = options(tmp_path, [scene], [*entries, *less], memory=LIMIT, rounds=3, frames=1)
-    records = {one.method["label"]: one for one in Run(chosen, Silent()).go()}
+    records = go(chosen)
     for one, place in zip(entries, GULPS, strict=True):
         record = records[one.label]
         assert record.status == "rejected", record.reason
@@ -61,13 +60,6 @@ def test_so_it_is_where_answers_are_verified(package: Path, scene: str, how: str
 def test_where_nothing_is_stopped_the_run_says_so(
     package: Path, scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Heard(Silent):
-        def __init__(self) -> None:
-            self.notes: list[str] = []
-
-        def note(self, text: str) -> None:
-            self.notes.append(text)
-
     monkeypatch.setattr(runner, "stops_allocations", lambda: False)
     for number, limit in enumerate((None, LIMIT)):
         heard = Heard()

@@ -6,14 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from helpers.tiny_runs import options
+from helpers.tiny_runs import go, options
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.planning.planned_point import describe_method
-from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.run import Run
 
 UNHELD = "no record can hold what the worker replied: "
 
@@ -44,8 +42,7 @@ def odd(package: Path, scene: str, tmp_path_factory: pytest.TempPathFactory) -> 
     entries += [Entry("odd", {"what": what, "later": "true"}, f"later {what}") for what in ("built nan", "built text")]
     entries += [Entry("odd_title"), Entry("odd_parameter"), Entry("steady", {}, "steady")]
     out = tmp_path_factory.mktemp("odd")
-    records = Run(options(out, [scene], entries, frames=1), Silent()).go()
-    return out, {record.method["label"]: record for record in records}
+    return out, go(options(out, [scene], entries, frames=1))
 
 
 @pytest.mark.parametrize("what", REASONS)

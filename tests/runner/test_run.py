@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.tiny_runs import options, write_scene
+from helpers.tiny_runs import go, options, write_scene
 from shadowbench.harness.commands.render import render
 from shadowbench.harness.commands.run import shown
 from shadowbench.harness.results.schema import read_records
@@ -18,10 +18,6 @@ from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
 from shadowbench.harness.runner.workers.pool import GRADER, Workers, grades
-
-
-def go(chosen):
-    return {r.method["label"]: r for r in Run(chosen, Silent()).go()}
 
 
 @pytest.fixture(scope="module")

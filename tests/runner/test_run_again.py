@@ -6,21 +6,10 @@ from pathlib import Path
 
 import pytest
 from helpers.experiment_records import record_of
-from helpers.tiny_runs import options, write_scene
+from helpers.tiny_runs import go, options, write_scene
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner.planning.experiment import Entry
-from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.run import Run
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return write_scene(tmp_path_factory.mktemp("scenes") / "tetra.obj")
-
-
-def go(chosen):
-    return {r.method["label"]: r for r in Run(chosen, Silent()).go()}
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,12 @@ import subprocess
 import sys
 
 import pytest
-from helpers.tiny_runs import options, write_scene
+from helpers.tiny_runs import go, options, write_scene
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.journal import Journal
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
-
-
-def go(chosen):
-    return {r.method["label"]: r for r in Run(chosen, Silent()).go()}
 
 
 def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_path, monkeypatch):

@@ -6,7 +6,7 @@ import json
 from functools import partial
 
 import pytest
-from helpers.tiny_runs import options, write_scene
+from helpers.tiny_runs import Heard, options, write_scene
 from shadowbench.harness.commands.run import dry, plan_run
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.runner.planning import survey
@@ -14,14 +14,6 @@ from shadowbench.harness.runner.planning.experiment import Entry, find_experimen
 from shadowbench.harness.runner.planning.time_estimate import expected_work, guess
 from shadowbench.harness.runner.progress import Bar, Silent
 from shadowbench.harness.runner.run import Run
-
-
-class Noted(Silent):
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def note(self, text: str) -> None:
-        self.lines.append(text)
 
 
 def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
@@ -44,10 +36,10 @@ def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
     assert "compile" not in lines[2]
     assert sorted(out.rglob("*")) == before
 
-    report = Noted()
+    report = Heard()
     Run(one, report).go()
-    assert "nothing to measure, 1 of 1 points" in report.lines[0]
-    assert "ompile" not in report.lines[0]
+    assert "nothing to measure, 1 of 1 points" in report.notes[0]
+    assert "ompile" not in report.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -74,23 +74,17 @@ class MachineLock:
         self._beside = False
         self._files: tuple[int, int] | None = None
 
-    @contextlib.contextmanager
-    def shared(self) -> Iterator[None]:
+    def shared(self) -> contextlib.AbstractContextManager[None]:
         """Hold the lock in shared mode: no other process measures meanwhile. Inside :meth:`exclusive` it does nothing."""
-        with self._holding(self.held or SHARED):
-            yield
+        return self._holding(self.held or SHARED)
 
-    @contextlib.contextmanager
-    def exclusive(self) -> Iterator[None]:
+    def exclusive(self) -> contextlib.AbstractContextManager[None]:
         """Hold the lock exclusively, to measure: all other processes have finished their step and wait."""
-        with self._holding(EXCLUSIVE):
-            yield
+        return self._holding(EXCLUSIVE)
 
-    @contextlib.contextmanager
-    def released(self) -> Iterator[None]:
+    def released(self) -> contextlib.AbstractContextManager[None]:
         """Release the lock while waiting for other processes that take it themselves."""
-        with self._holding(FREE):
-            yield
+        return self._holding(FREE)
 
     @contextlib.contextmanager
     def restored(self) -> Iterator[None]:
