@@ -280,7 +280,7 @@ class Imagined:
         if work is introduce and card == "broken":
             return Future(None, error=ModuleNotFoundError("No module named 'shadowbench'"))
         if work is introduce:
-            about = {"host": "h", "device": "cuda:0", "device_name": "Imaginary GPU", "warp": "1", "python": "3"}
+            about = {"host": "h", "device_name": "Imaginary GPU", "warp": "1", "python": "3"}
             return Future(Worker(card, calibration=self.given[card][0], code=self.code, held=(), **about))
         if work is not measure:
             return Future(None)

@@ -93,45 +93,35 @@ def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
     assert stale == {module: {name for name in METHODS if module in holds[name]} for module in modules()}
 
 
-@pytest.mark.parametrize(
-    "module",
-    (
-        "harness.frame.alpha harness.frame.effects.mirrors harness.frame.effects.shading "
-        "harness.frame.effects.receivers harness.frame.frame harness.frame.session "
-        "harness.frame.schedule.passes harness.frame.schedule.needed "
-        "harness.frame.effects.specialise harness.frame.vectors harness.scene.prepared "
-        "harness.scene.moment harness.runner.measuring.measured_point "
-        "harness.runner.measuring.timing harness.runner.measuring.memory methods.exact.hit_point"
-    ).split(),
-)  # fmt: skip
-def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> None:
-    assert stale[module] == set(METHODS)
+MEASURES = (
+    "harness.frame.alpha harness.frame.effects.mirrors harness.frame.effects.shading harness.frame.effects.receivers "
+    "harness.frame.frame harness.frame.session harness.frame.schedule.passes harness.frame.schedule.needed "
+    "harness.frame.effects.specialise harness.frame.vectors harness.scene.prepared harness.scene.moment "
+    "harness.runner.measuring.measured_point harness.runner.measuring.timing harness.runner.measuring.memory "
+    "methods.exact.hit_point"
+).split()
+SHARED = {
+    "methods.warp_bvh.method": {"warp_bvh"},
+    "methods.common.box_tree": {"warp_bvh", "accuracy_ladder"},
+    "methods.streams.camera.pixels": {"ray_grids", "shadow_map"},
+    "methods.grids.cells": {"uniform_grid", "coherent_grid"},
+    "methods.grids.walk": {"uniform_grid", "two_level_grid"},
+}
+APART = (
+    "harness.judge harness.report harness.commands harness.hardcases harness.cli harness.results harness.scene.readers "
+    "harness.scene.standins harness.scene.catalogue harness.frame.registry harness.runner.run "
+    "harness.runner.workers.executor experiments"
+).split()
 
 
-@pytest.mark.parametrize(
-    ("module", "methods"),
-    [
-        ("methods.warp_bvh.method", {"warp_bvh"}),
-        ("methods.common.box_tree", {"warp_bvh", "accuracy_ladder"}),
-        ("methods.streams.camera.pixels", {"ray_grids", "shadow_map"}),
-        ("methods.grids.cells", {"uniform_grid", "coherent_grid"}),
-        ("methods.grids.walk", {"uniform_grid", "two_level_grid"}),
-    ],
-)
-def test_a_method_that_another_imports_makes_both_stale(stale, module, methods) -> None:
-    assert methods <= stale[module] < set(METHODS)
-
-
-@pytest.mark.parametrize(
-    "package", ["harness.judge", "harness.report", "harness.commands", "harness.hardcases", "harness.cli",
-                "harness.results", "harness.scene.readers", "harness.scene.standins", "harness.scene.catalogue",
-                "harness.frame.registry", "harness.runner.run", "harness.runner.workers.executor",
-"experiments"],
-)  # fmt: skip
-def test_what_no_measurement_runs_makes_none_stale(stale, package) -> None:
-    within = [module for module in stale if module == package or module.startswith(f"{package}.")]
-    assert within
-    assert {module for module in within if stale[module]} == set()
+def test_what_every_measurement_runs_makes_all_methods_stale_and_what_none_runs_makes_none(stale) -> None:
+    assert {module for module in MEASURES if stale[module] != set(METHODS)} == set()
+    for module, methods in SHARED.items():
+        assert methods <= stale[module] < set(METHODS), module
+    for package in APART:
+        within = [module for module in stale if f"{module}.".startswith(f"{package}.")]
+        assert within
+        assert {module for module in within if stale[module]} == set()
 
 
 def test_the_folder_has_no_part_in_the_hash(tmp_path) -> None:

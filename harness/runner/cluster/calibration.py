@@ -22,6 +22,9 @@ WARM_S = 0.3
 
 SAMPLES = Sampling(samples=15, most=15, stage_samples=0)
 
+LIMIT = 0.02
+"""Cards whose calibration differs by more than this share are not merged."""
+
 
 @dataclass(frozen=True)
 class Size:

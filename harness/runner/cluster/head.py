@@ -25,7 +25,8 @@ from ..planning.time_estimate import expected_work, points_of
 from ..progress import Silent
 from ..workers import scratch
 from . import delivery, spool
-from .ledger import LIMIT, Ledger, reference_of
+from .calibration import LIMIT
+from .ledger import Ledger, reference_of
 from .pool import Pool, SchedulerLostError
 from .shard import TOPIC, Outcome, Shard, Worker, code_hash, introduce, measure
 
@@ -221,7 +222,6 @@ class ClusterRun:
             shard,
             known=delivery.known_files(self.folder, shard.options),
             reference=self.ledger.reference(worker.device_name),
-            limit=LIMIT,
             beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
         seat.task, seat.shard = self._submit(measure, sent, address), shard

@@ -13,13 +13,10 @@ from statistics import median
 from typing import Any
 
 from ...results.journal import Journal
-from .calibration import Calibration
+from .calibration import LIMIT, Calibration
 from .shard import Worker
 
 NAME = "cluster.jsonl"
-
-LIMIT = 0.02
-"""Cards whose calibration differs by more than this share are not merged."""
 
 
 class Ledger:

@@ -26,7 +26,7 @@ from ..progress import Silent
 from ..run import GRADERS, Run
 from ..source.closure import project
 from . import spool
-from .calibration import Calibration, calibrate
+from .calibration import LIMIT, Calibration, calibrate
 
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -44,7 +44,6 @@ class Worker:
 
     card: str
     host: str
-    device: str
     device_name: str
     code: str
     warp: str
@@ -58,7 +57,7 @@ class Shard:
     """The points to be measured. ``options``: of one scene; ``known``: files of the results folder that concern it.
 
     run        the name of the run, common to all its shards; attempt: which one this is, from 1
-    reference  card and calibration that this card must be within ``limit`` of; None: there is none yet
+    reference  card and calibration that this card must be within :data:`.calibration.LIMIT` of; None: there is none yet
     beside     workers on its machine, which share the cores for scoring
     """
 
@@ -68,7 +67,6 @@ class Shard:
     attempt: int = 1
     known: spool.Files = field(default_factory=dict)
     reference: tuple[str, Calibration] | None = None
-    limit: float = 0.02
     beside: int = 1
     wait: bool = True
 
@@ -139,7 +137,6 @@ def introduce(device: str) -> Worker:
     return Worker(
         card=card,
         host=host_id(),
-        device=device,
         device_name=device_title(device),
         code=code_hash(),
         warp=wp.__version__,
@@ -160,7 +157,7 @@ class Relay(Silent):
     """Sends the messages of a run to the client, and prints nothing."""
 
     def __init__(self, shard: Shard, card: str):
-        self.about = {"run": shard.run, "shard": shard.number, "card": card}
+        self.about = {"run": shard.run, "card": card}
 
     def _send(self, text: str) -> None:
         from distributed import get_worker
@@ -197,7 +194,7 @@ def measure(shard: Shard) -> Outcome:
             before = _calibrated(device)
             if shard.reference is not None and shard.reference[0] != card:
                 apart = before.apart(shard.reference[1])
-                if apart > shard.limit:
+                if apart > LIMIT:
                     return Outcome(card, title, name, before, apart=apart)
         records = Run(options, relay, name=shard.run, card=card, graders=graders).go()
         if before is not None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...files import write_arrays
 from ...scene.effects import Effects
@@ -53,7 +54,7 @@ class Grader:
         The middle frame is drawn as ``picture``, unless there is a picture made from the same data (``shows``).
         ``wrong_maps``: also save a map of the wrong pixels of the last frame, and its FLIP difference.
         """
-        from ...report.picture import shown_in
+        from ...report.picture import scene_picture, shown_in
 
         frames = []
         last = list(self.moments)[-1]
@@ -66,14 +67,16 @@ class Grader:
                 answers = {name: stored[name] for name in stored.files}
             unscored = "not requested; shadowbench score DIR adds it"
             graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": unscored}
-            graded["hits"] = int(np.count_nonzero(answers["triangle"] >= 0))
+            graded["hits"] = hits(answers["triangle"])
             graded["shadow_rays"] = shadow_rays(answers, self.effects)
             if score:
                 graded.update(self._score(key, frame, answers, wrong_maps and frame == last))
             if save_answers or graded["score"] is None:
                 self._save_answers(key, frame, answers)
             if not drawn and frame == there[len(there) // 2]:
-                draw_picture(self.prepared, self.moments[frame], answers, picture, shows)
+                picture.parent.mkdir(parents=True, exist_ok=True)
+                lights = self.prepared.lights(frame)
+                scene_picture(self.prepared, self.moments[frame], answers, lights, picture, shows)
             frames.append(graded)
         # Not before: should this process be killed, another one has all frames to score.
         for frame in there:
@@ -120,17 +123,12 @@ class Grader:
         save_raw(path, self.prepared, self.moments[frame], answers, self.scene_argument, self.effects, extra)
 
 
+def hits(triangles: NDArray) -> int:
+    """Number of rays that hit a triangle."""
+    return int(np.count_nonzero(triangles >= 0))
+
+
 def shadow_rays(answers: Answers, effects: Effects) -> int:
     """Number of shadow rays of a frame: one per light with shadows and per hit of a primary or mirrored ray."""
-    hits = int(np.count_nonzero(answers["triangle"] >= 0))
-    if "bounce_triangle" in answers:
-        hits += int(np.count_nonzero(answers["bounce_triangle"] >= 0))
-    return hits * sum(effects.shadows)
-
-
-def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path, shows: str) -> None:
-    """Draw the frame with its shadows and a caption that says whether the scene is a stand-in."""
-    from ...report.picture import scene_picture
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    scene_picture(prepared, moment, answers, prepared.lights(moment.index), path, shows)
+    found = (hits(answers[name]) for name in ("triangle", "bounce_triangle") if name in answers)
+    return sum(found) * sum(effects.shadows)
