@@ -69,8 +69,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     if widest.empty:
         return document.write(folder, EXPERIMENT, table, COLUMNS, "Nothing was measured.", {}, [], quiet)
     variation = widest[TIMES].std(ddof=0) / widest[TIMES].mean()
-    named = widest["title"] + (", " + widest["label"]) * int(widest["label"].nunique() > 1)
-    rows = widest.assign(name=named, text=widest["ms"])
+    rows = widest.assign(name=widest["title"], text=widest["ms"])
+    if rows["label"].nunique() > 1:
+        rows["name"] += ", " + rows["label"]
     parts = {title: (f"{name}_ms", colour) for name, (title, _, colour) in STAGES.items()}
     picture = panels.bars(folder / "figure10.svg", rows, name="name", parts=parts, room=1.2, legend=2)
     made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T

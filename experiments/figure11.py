@@ -118,7 +118,7 @@ def balanced(frames: document.DataFrame) -> document.DataFrame:
 def drawings(table: document.DataFrame, folder: Path) -> list[Path]:
     """Time against distance, one line per r or number format; and the tiles that hold rays, the same for every r."""
     titles = table["title"].unique()
-    table["where"] = (table["title"] + ", ") * int(len(titles) > 1) + table["rectangle"]
+    table["where"] = table["rectangle"] if len(titles) == 1 else table["title"] + ", " + table["rectangle"]
     table["panel"], table["formats"] = table["where"] + ", " + table["axes"], table["precision"] != PRECISE
     times = table.sort_values("formats", kind="stable")
     tiles = table.drop_duplicates(["where", "axes", "precision", "light_distance"])

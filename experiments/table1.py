@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from ..harness.report import document, numbers, panels, ranking
 from ..harness.report import paper_table1 as paper
@@ -71,13 +72,13 @@ def read(folder: Path) -> document.DataFrame:
     parts = {name: (part, "") for part, name in PART_COLUMNS.items()}
     table = document.with_passes(document.named(frames), folder, parts)
     usual = {entry.label: ["-", *settings_text(dict(entry.settings)).split(", ")] for entry in METHODS}
-    several = int(table["device"].nunique() > 1)
-    table["row"] = [
-        ", ".join(
-            [r.label, *(x for x in r.settings.split(", ") if x not in usual.get(r.label, "-")), *[r.device] * several]
-        )
-        for r in table.itertuples()
-    ]
+    several = table["device"].nunique() > 1
+
+    def called(row: Any) -> str:
+        by_hand = [text for text in row.settings.split(", ") if text not in usual.get(row.label, ["-"])]
+        return ", ".join([row.label, *by_hand, *([row.device] if several else [])])
+
+    table["row"] = list(map(called, table.itertuples()))
     for part, name in PART_COLUMNS.items():
         table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
     table["around"] = table["spread"].map(numbers.carried)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from helpers.experiment_records import write_records  # noqa: F401
 
 SCENES = {
     "fairy": ("Fairy Forest (stand-in)", 174_117, 3),
@@ -102,11 +101,3 @@ def score(size: int, wrong: int = 0) -> dict[str, Any]:
         "check": "ok" if not wrong else "failed",
         "reference_errors": {"primary": {"judged": 300, "ok": 299, "true": 1}, "shadow": [{"light": 0, "leak": 2}]},
     }
-
-
-def write_records(folder: Path, records: list[dict[str, Any]]) -> Path:
-    """Write records where a run would."""
-    (folder / "records").mkdir(parents=True, exist_ok=True)
-    for made in records:
-        (folder / "records" / f"{made['key']}.json").write_text(json.dumps(made))
-    return folder
