@@ -201,9 +201,9 @@ class Killed:
         # One of them has the answers of a frame that others share, and is named by its content.
         found += [f"left behind: {path}" for path in sorted(there - expected) if path.parts[0] not in ("logs",)]
         found += [f"missing: {path}" for path in sorted(expected - there) if path.parts[0] not in ("logs",)]
-        for place, stay in (("tmp", ()), ("shards", ()), ("locks", LOCKS)):
-            paths = [path for path in (self.place / place).iterdir() if not path.name.startswith(stay or ("/",))]
-            found += [f"left behind: {place}/{path.name}" for path in sorted(paths)]
+        for pattern, stay in (("tmp/*", ("/",)), ("shards/*/*", ("/",)), ("locks/*", LOCKS)):
+            paths = [path for path in sorted(self.place.glob(pattern)) if not path.name.startswith(stay)]
+            found += [f"left behind: {path.relative_to(self.place)}" for path in paths]
         return found
 
     def _faults_of(self, record: Record, out: Path) -> list[str]:
