@@ -22,6 +22,7 @@ from ..results.folder import ResultsFolder
 from ..results.record import SCORING_FAILED, Record, as_read
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
+from .known_scenes import forget_unmade, known_scene, learn_scene, unmade_scene
 from .machine.environment import environment, keep
 from .machine.lock import MACHINE
 from .measuring.memory import NOT_STOPPED, stops_allocations
@@ -31,8 +32,6 @@ from .planning.run_options import Job, Options
 from .planning.survey import announcement, survey
 from .planning.time_estimate import Estimate, Unit, expected_work, points_of, steps_of
 from .progress import Silent
-from .scene_cache import known_scene, learn_scene
-from .unmade_scenes import forget_unmade, unmade_scene
 from .workers import scratch
 from .workers.handle import WorkerError, WorkerLostError
 from .workers.pool import GRADER, Workers, grader_name

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from helpers.import_graph import PACKAGES, ROOT, imports, modules
 from shadowbench.harness.frame import registry
-from shadowbench.harness.runner import scene_cache
+from shadowbench.harness.runner import known_scenes
 from shadowbench.harness.runner.source.closure import (
     MEASURING,
     PROJECT,
@@ -251,12 +251,12 @@ def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) 
 def test_the_facts_of_a_scene_follow_from_its_maker(tmp_path, monkeypatch, scene, module, made_again) -> None:
     (tmp_path / "declared.toml").write_text('mesh = "fairy"\n')
     root = copied(tmp_path / "project")
-    monkeypatch.setattr(scene_cache, "closure_hash", lambda roots: closure_hash(roots, places(root)))
+    monkeypatch.setattr(known_scenes, "closure_hash", lambda roots: closure_hash(roots, places(root)))
     name = str(tmp_path / scene) if scene.endswith("toml") else scene
     load = {"scene": name, "scene_dir": None, "frames": 1, "width": 8, "height": 8, "lighting": {}}
-    before = scene_cache._scene_id(load)
+    before = known_scenes._scene_id(load)
     edit(modules(root)[module])
-    assert (scene_cache._scene_id(load) != before) == made_again
+    assert (known_scenes._scene_id(load) != before) == made_again
 
 
 def places(root: Path) -> dict[str, Path]:

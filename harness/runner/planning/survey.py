@@ -15,7 +15,7 @@ from ...frame.devices import device_title
 from ...results.folder import ResultsFolder
 from ...results.throttled import CROWDED
 from ...texts import numbered
-from ..scene_cache import known_scene
+from ..known_scenes import known_scene
 from ..workers.protocol import load_command
 from .planned_point import describe_method
 from .run_options import Options

@@ -1,20 +1,31 @@
-"""A cache of scene facts in a results folder."""
+"""What a results folder knows of scenes: the facts of those that were made, and the failures to make others.
+
+The facts of a scene, which are part of a point's key, come from the worker that makes it. Where that fails, the points get
+records all the same, with other keys: these must go when the scene is there, or tables would show it twice.
+"""
 
 from __future__ import annotations
 
+import glob
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..errors import UserError
 from ..files import write_atomic
 from ..results.folder import ResultsFolder, read_json
-from ..results.record import SceneFacts
+from ..results.record import FAILURES, Record, SceneFacts
+from ..results.schema import whole_record
+from ..scene.catalogue import TITLES, name_in
 from ..scene.chosen_view import ChosenView
 from ..scene.declaration import SUFFIX
 from ..scene.names import NAMES
+from ..scene.overrides import Lighting
 from ..typed_json import WrongFieldError, checked
+from .planning.run_options import Options
 from .source.closure import HARNESS, closure_hash
 
 MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "overrides", "prepared"))
@@ -47,3 +58,33 @@ def _scene_id(load: dict[str, Any]) -> str:
     source = ChosenView.read(load.get("view")).resolved(name, folder).source
     text = f"{what} {source} {code} {np.__version__}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, Any]:
+    """The facts of a scene, given as ``name``, that are known though it could not be made."""
+    try:
+        scene = options.described(name)
+        called = {"name": scene.name, "title": scene.title}
+    except UserError:
+        called = {"name": name_in(Path(name)), "title": TITLES.get(name, Path(name).name)}
+    return {**called, "source": {"kind": "", "file": name}, "lighting": lighting.facts()}
+
+
+def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str | None]]) -> None:
+    """Remove the failures to make the scene of points whose scene has been made.
+
+    ``made``: the keys of these points, and the labels of their methods.
+    """
+    with folder.writing():
+        for key, label in made:
+            # All but the hash of the configuration, which says whether there was a scene.
+            alike = f"{glob.escape(key.rpartition('-')[0])}-*.json"
+            for path in (folder.path / "records").glob(alike):
+                record = whole_record(path)
+                if record is not None and record.method.get("label") == label and is_unmade(record):
+                    path.unlink(missing_ok=True)
+
+
+def is_unmade(record: Record) -> bool:
+    """Whether a record says that its scene could not be made."""
+    return record.status in FAILURES and not record.scene.get("arrays_sha256")
