@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Required, TypedDict
+from typing import Annotated, Any, Required, TypedDict, cast
 
 from ..files import require_storable
 from ..judge.counts import Count, Score
@@ -272,17 +272,14 @@ def make_record(
         for name, value in extra.items():
             setattr(frame, name, Score.from_json(value) if name == "score" and value else value)
     last = rounds[-1].get("method", {}) if rounds else {}
-    facts: Any = {**method, **prepared.get("method", {}), **last}
-    asked: Any = point
-    described: Any = scene
     return Record(
         key=key,
         experiment=point.get("experiment", ""),
         status=status,
         reason=reason,
-        point=asked,
-        scene=described,
-        method=facts,
+        point=cast(Point, point),
+        scene=cast(SceneFacts, scene),
+        method=cast(MethodFacts, {**method, **prepared.get("method", {}), **last}),
         environment=environment,
         compile_s=prepared.get("compile_s"),
         load_s=scene.get("load_s"),

@@ -16,6 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -137,9 +138,7 @@ class Worker:
         The reply has ``room``, see :func:`room`.
         """
         lit = self.lit[light]
-
-        def make() -> Method:
-            return make_method(point["method"], point["settings"])
+        make = partial(make_method, point["method"], point["settings"])
 
         def answered(method: Method, frame: int, given: Answers) -> None:
             if not answers:
