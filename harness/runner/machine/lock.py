@@ -119,15 +119,12 @@ class MachineLock:
 
     def _share(self) -> None:
         """Take the lock in shared mode; beside a process that measures, go on without it."""
-        wait, self.wait = self.wait, self.wait and not self._beside
         try:
-            self._change(SHARED)
+            self._change(SHARED, wait=self.wait and not self._beside)
         except InUse:
             if not self._beside:
                 raise
             os.nice(LOWEST)
-        finally:
-            self.wait = wait
 
     @contextlib.contextmanager
     def _holding(self, kind: int) -> Iterator[None]:
@@ -141,9 +138,10 @@ class MachineLock:
         finally:
             self._change(before)
 
-    def _change(self, kind: int) -> None:
+    def _change(self, kind: int, wait: bool | None = None) -> None:
         if kind == self.held:
             return
+        wait = self.wait if wait is None else wait
         files = self._open()
         if files is not None:
             gate, turn = files
@@ -151,20 +149,20 @@ class MachineLock:
             self.held = FREE
             if kind:
                 try:
-                    self._lock(gate, kind)
-                    self._lock(turn, kind)
+                    self._lock(gate, kind, wait)
+                    self._lock(turn, kind, wait)
                 finally:
                     _unlock(gate)
         self.held = kind
 
-    def _lock(self, file: int, kind: int) -> None:
+    def _lock(self, file: int, kind: int, wait: bool) -> None:
         end = time.monotonic() + PASSING_S
         while not _locked(file, kind):
             if time.monotonic() < end:
                 time.sleep(PASSING_S / 5)
                 continue
             who, advice = in_the_way(file)
-            if not self.wait:
+            if not wait:
                 raise InUse(f"the machine is in use by {who}{advice}; wait for its end, or leave out --no-wait")
             self.say(f"waiting until {who} {WHAT_FOR[kind]}{advice}")
             fcntl.flock(file, kind)
