@@ -6,6 +6,7 @@ lifetime of a frame, so a captured graph may store them. :class:`.frame.Frame` m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar, dataclass_transform
 
 import warp as wp
@@ -17,6 +18,16 @@ T = TypeVar("T")
 def value_struct(kind: type[T]) -> type[T]:
     """``wp.struct`` with type information for its constructor, which kernels call with positional arguments."""
     return wp.struct(kind)
+
+
+def extending(base: Any) -> Callable[[type], Any]:
+    """A decorator as ``wp.struct``, of a struct that has the fields of ``base`` before its own. Both are of one module."""
+
+    def made(kind: type) -> Any:
+        kind.__annotations__ = {**base.cls.__annotations__, **kind.__annotations__}
+        return wp.struct(kind)
+
+    return made
 
 
 @wp.struct

@@ -7,6 +7,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import extending
 from ...gpu.entries import entry, set_entry
 from .faces import FACES
 from .farthest import TILE_CELLS
@@ -47,24 +48,11 @@ class RayCells:
     farthest: wp.array(dtype=wp.int32)
 
 
-@wp.struct
+@extending(RayCells)
 class SpacedCells:
     """:class:`RayCells` that are narrower where more rays are expected: ``spacing`` and ``edges`` of columns and rows
     (:mod:`.spacing`), ``density`` of the rays (:mod:`.density`)."""
 
-    cells: wp.vec3i
-    rectangle: wp.array(dtype=wp.int32)
-    table: wp.array(dtype=wp.vec4f)
-    place: wp.array(dtype=wp.vec4f)
-    point: wp.array(dtype=wp.vec4f)
-    triangle: wp.array(dtype=wp.int32)
-    slot: wp.array(dtype=wp.int32)
-    bits: wp.int32
-    rank: wp.array(dtype=wp.int32)
-    count: wp.array(dtype=wp.int32)
-    offset: wp.array(dtype=wp.int32)
-    rays: wp.array(dtype=wp.vec4f)
-    farthest: wp.array(dtype=wp.int32)
     spacing: wp.array(dtype=wp.vec2f)
     edges: wp.array(dtype=wp.vec2f)
     density: wp.array(dtype=wp.float32)

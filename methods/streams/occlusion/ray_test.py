@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.geometry import extending
 from ...gpu.entries import entry, entry_if, set_entry
 from ..queues import Queue, queue_undecided
 from ..rays.sort import span_of
@@ -30,13 +31,10 @@ class ShadowBits:
     shadowed: wp.array2d(dtype=wp.uint8)
 
 
-@wp.struct
+@extending(ShadowBits)
 class RememberedBits:
     """:class:`ShadowBits`, and ``last`` int32 [pixels]: 1 + the triangle that last shadowed each pixel's ray, or 0."""
 
-    light: wp.int32
-    triangle: wp.array(dtype=wp.int32)
-    shadowed: wp.array2d(dtype=wp.uint8)
     last: wp.array(dtype=wp.int32)
 
 
