@@ -6,7 +6,6 @@ lifetime of a frame, so a captured graph may store them. :class:`.frame.Frame` m
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, TypeVar, dataclass_transform
 
 import warp as wp
@@ -20,14 +19,12 @@ def value_struct(kind: type[T]) -> type[T]:
     return wp.struct(kind)
 
 
-def extending(base: Any) -> Callable[[type], Any]:
-    """A decorator as ``wp.struct``, of a struct that has the fields of ``base`` before its own. Both are of one module."""
-
-    def made(kind: type) -> Any:
-        kind.__annotations__ = {**base.cls.__annotations__, **kind.__annotations__}
-        return wp.struct(kind)
-
-    return made
+def struct_with_bases(kind: type[T]) -> type[T]:
+    """``wp.struct`` with the fields of the classes that ``kind`` extends before its own. All are of one module."""
+    kind.__annotations__ = {
+        name: of for one in reversed(kind.__mro__) for name, of in vars(one).get("__annotations__", {}).items()
+    }
+    return wp.struct(kind)
 
 
 @wp.struct

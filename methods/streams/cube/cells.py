@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.frame import Frame
-from ....harness.frame.geometry import extending
+from ....harness.frame.geometry import struct_with_bases
 from ...gpu.entries import entry, set_entry
 from .faces import FACES
 from .farthest import TILE_CELLS
@@ -16,8 +16,7 @@ SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
 
 
-@wp.struct
-class RayCells:
+class CellFields:
     """The shadow rays of one light, sorted into the cells of its cube.
 
     cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
@@ -48,9 +47,14 @@ class RayCells:
     farthest: wp.array(dtype=wp.int32)
 
 
-@extending(RayCells)
-class SpacedCells:
-    """:class:`RayCells` that are narrower where more rays are expected: ``spacing`` and ``edges`` of columns and rows
+@struct_with_bases
+class RayCells(CellFields):
+    """Cells of one size."""
+
+
+@struct_with_bases
+class SpacedCells(CellFields):
+    """Cells that are narrower where more rays are expected: ``spacing`` and ``edges`` of columns and rows
     (:mod:`.spacing`), ``density`` of the rays (:mod:`.density`)."""
 
     spacing: wp.array(dtype=wp.vec2f)
