@@ -19,6 +19,14 @@ def value_struct(kind: type[T]) -> type[T]:
     return wp.struct(kind)
 
 
+def struct_with_bases(kind: type[T]) -> type[T]:
+    """``wp.struct`` with the fields of the classes that ``kind`` extends before its own. All are of one module."""
+    kind.__annotations__ = {
+        name: of for one in reversed(kind.__mro__) for name, of in vars(one).get("__annotations__", {}).items()
+    }
+    return wp.struct(kind)
+
+
 @wp.struct
 class Mesh:
     """The triangles of a frame.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..common import bounds
+from ..common.parameters import check_choices
 
 TESTS = (
     "moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes", "float64", "exact"
@@ -54,8 +55,7 @@ class Build:
     fast_math: bool = False
 
     def __post_init__(self) -> None:
-        if self.padding not in PADDINGS:
-            raise ValueError(f"padding must be one of {', '.join(PADDINGS)}")
+        check_choices(self, padding=PADDINGS)
         if self.leaf_size < 1:
             raise ValueError("leaf_size must be 1 or more")
 
@@ -81,10 +81,7 @@ class Trace:
     origin: str = "hit_point"
 
     def __post_init__(self) -> None:
-        if self.test not in TESTS:
-            raise ValueError(f"test must be one of {', '.join(TESTS)}")
-        if self.origin not in ORIGINS:
-            raise ValueError(f"origin must be one of {', '.join(ORIGINS)}")
+        check_choices(self, test=TESTS, origin=ORIGINS)
 
 
 def known_inexact(build: Build, trace: Trace) -> str | None:

@@ -10,6 +10,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
 from ..exact.triangle import hit_distance
+from ..rays.offset import shear_axes, sheared
 
 MISS3 = wp.constant(wp.vec3d(-1.0, 0.0, 0.0))
 TEXTBOOK_EPSILON = wp.constant(1.0e-7)
@@ -55,41 +56,41 @@ def moller_trumbore_epsilon(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.ve
 
 
 @wp.func
-def sheared(ray: Ray, corners: Corners, decide_in_float64: wp.bool) -> wp.vec3d:
+def cross_product(p: wp.vec3f, q: wp.vec3f) -> wp.float32:
+    """Of x and y, rounded as Woop's test rounds it."""
+    return p[0] * q[1] - p[1] * q[0]
+
+
+@wp.func
+def cross_product64(p: wp.vec3f, q: wp.vec3f) -> wp.float32:
+    """The same in float64, rounded at the end."""
+    return wp.float32(wp.float64(p[0]) * wp.float64(q[1]) - wp.float64(p[1]) * wp.float64(q[0]))
+
+
+@wp.func
+def sheared_test(ray: Ray, corners: Corners, decide_in_float64: wp.bool) -> wp.vec3d:
     """Woop, Benthin & Wald 2013: the ray's largest axis becomes z, its direction (0, 0, 1) by a shear."""
     d = ray.direction
-    kz = wp.int32(0)
-    if wp.abs(d[1]) > wp.abs(d[kz]):
-        kz = wp.int32(1)
-    if wp.abs(d[2]) > wp.abs(d[kz]):
-        kz = wp.int32(2)
-    kx = (kz + 1) % 3
-    ky = (kx + 1) % 3
-    sx = d[kx] / d[kz]
-    sy = d[ky] / d[kz]
-    sz = 1.0 / d[kz]
-    pa = corners.a - ray.origin
-    pb = corners.b - ray.origin
-    pc = corners.c - ray.origin
-    ax = pa[kx] - sx * pa[kz]
-    ay = pa[ky] - sy * pa[kz]
-    bx = pb[kx] - sx * pb[kz]
-    by = pb[ky] - sy * pb[kz]
-    cx = pc[kx] - sx * pc[kz]
-    cy = pc[ky] - sy * pc[kz]
-    u = cx * by - cy * bx
-    v = ax * cy - ay * cx
-    w = bx * ay - by * ax
+    k = shear_axes(d)
+    sx = d[k[0]] / d[k[2]]
+    sy = d[k[1]] / d[k[2]]
+    sz = 1.0 / d[k[2]]
+    a = sheared(corners.a - ray.origin, k, sx, sy)
+    b = sheared(corners.b - ray.origin, k, sx, sy)
+    c = sheared(corners.c - ray.origin, k, sx, sy)
+    u = cross_product(c, b)
+    v = cross_product(a, c)
+    w = cross_product(b, a)
     if decide_in_float64 and (u == 0.0 or v == 0.0 or w == 0.0):
-        u = wp.float32(wp.float64(cx) * wp.float64(by) - wp.float64(cy) * wp.float64(bx))
-        v = wp.float32(wp.float64(ax) * wp.float64(cy) - wp.float64(ay) * wp.float64(cx))
-        w = wp.float32(wp.float64(bx) * wp.float64(ay) - wp.float64(by) * wp.float64(ax))
+        u = cross_product64(c, b)
+        v = cross_product64(a, c)
+        w = cross_product64(b, a)
     if (u < 0.0 or v < 0.0 or w < 0.0) and (u > 0.0 or v > 0.0 or w > 0.0):
         return MISS3
     det = u + v + w
     if det == 0.0:
         return MISS3
-    t = (u * (sz * pa[kz]) + v * (sz * pb[kz]) + w * (sz * pc[kz])) / det
+    t = (u * (sz * a[2]) + v * (sz * b[2]) + w * (sz * c[2])) / det
     if not t > 0.0:
         return MISS3
     return found3(t, v / det, w / det)
@@ -97,12 +98,12 @@ def sheared(ray: Ray, corners: Corners, decide_in_float64: wp.bool) -> wp.vec3d:
 
 @wp.func
 def woop(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
-    return sheared(ray, corners, False)
+    return sheared_test(ray, corners, False)
 
 
 @wp.func
 def woop_float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
-    return sheared(ray, corners, True)
+    return sheared_test(ray, corners, True)
 
 
 @wp.func

@@ -20,7 +20,7 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.updates import refuse_static
+from ..common.parameters import refuse_static
 from ..gpu.reserve import counted
 from ..trees import constants
 from ..trees.builders import built, tree_of

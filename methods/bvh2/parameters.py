@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...harness.frame.schedule.threads import check_threads
-from ..trees.builders import check_build
+from ..common.parameters import check_choices
+from ..trees.builders import BUILDERS, UPDATES
 
 PRECISIONS = ("exact", "float32")
 PRIMARIES = ("packet", "single")
@@ -26,7 +27,7 @@ class Build:
     builder: str = "hploc"
 
     def __post_init__(self) -> None:
-        check_build(self.update, self.builder)
+        check_choices(self, update=UPDATES, builder=BUILDERS)
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,5 @@ class Trace:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        if self.precision not in PRECISIONS:
-            raise ValueError(f"precision must be one of {', '.join(PRECISIONS)}")
-        if self.primary not in PRIMARIES:
-            raise ValueError(f"primary must be one of {', '.join(PRIMARIES)}")
+        check_choices(self, precision=PRECISIONS, primary=PRIMARIES)
         check_threads(self.threads)

@@ -25,7 +25,7 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.frame.schedule.threads import processors, ranges
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
-from ..common.updates import refuse_static
+from ..common.parameters import check_choices, refuse_static
 from ..rays.launches import shadow_ray_passes
 from ..rays.offset import SHADOW_END, launch_shadow_origins
 from .library import QUALITIES, Device, TriangleScene, address
@@ -61,10 +61,7 @@ class Build:
     build_threads: int = 0
 
     def __post_init__(self) -> None:
-        if self.update not in UPDATES:
-            raise ValueError(f"update must be one of {', '.join(UPDATES)}")
-        if self.quality not in QUALITIES:
-            raise ValueError(f"quality must be one of {', '.join(QUALITIES)}")
+        check_choices(self, update=UPDATES, quality=QUALITIES)
         if self.update == "refit" and self.quality != "medium":
             raise ValueError("the tree that update=refit starts from is of quality medium; leave quality out")
         if self.build_threads < 0:
@@ -83,8 +80,7 @@ class Trace:
     rays: str = "packet16"
 
     def __post_init__(self) -> None:
-        if self.rays not in RAYS:
-            raise ValueError(f"rays must be one of {', '.join(RAYS)}")
+        check_choices(self, rays=RAYS)
         if self.threads < 0:
             raise ValueError("threads must be 0 (all cores) or more")
 

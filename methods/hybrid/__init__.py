@@ -20,7 +20,7 @@ from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import all_needs, grown
-from ..common.updates import refuse_static
+from ..common.parameters import refuse_static
 from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as GridBuild

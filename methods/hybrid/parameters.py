@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...harness.frame.schedule.threads import check_threads
-from ..trees.builders import check_build
+from ..common.parameters import check_choices
+from ..trees.builders import BUILDERS, UPDATES
 
 SHADOWS = ("auto", "tree", "grid")
 
@@ -28,9 +29,8 @@ class Build:
     shadows: str = "auto"
 
     def __post_init__(self) -> None:
-        check_build(self.update, self.builder)
-        if self.shadows not in SHADOWS:
-            raise ValueError(f"shadows must be one of {', '.join(SHADOWS)}")
+        check_choices(self, update=UPDATES, builder=BUILDERS)
+        check_choices(self, shadows=SHADOWS)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..common.parameters import check_choices
+
 DEPTH_LISTS = ("spans", "nearest")
 TRIANGLE_TESTS = ("exact", "edge_planes", "moller_trumbore")
 CULLING = ("off", "primary", "primary+light")
@@ -90,8 +92,7 @@ class Build:
                 raise ValueError(f"must lie in {low}..{high}")
         if self.light_tile_count * self.light_slices >= 2**30:
             raise ValueError("tiles * light_slices of a light grid must stay below 2^30 cells")
-        for name, known in ALLOWED.items():
-            _one_of(getattr(self, name), known)
+        check_choices(self, **ALLOWED)
         if self.precision == "float32-centred" and not self.aimed:
             raise ValueError("precision float32-centred needs aimed=true: the middle must lie on the frame's axis")
         if self.light_bounds != "exact" and self.light_map != "azimuth-elevation":
@@ -131,13 +132,7 @@ class Trace:
         for name, low, high in (("k", 1, 64), ("r", 1, 65536), ("triangle_chunk", 0, 2**24)):
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"must lie in {low}..{high}")
-        _one_of(self.balancing, BALANCING)
-        _one_of(self.staging, STAGING)
-
-
-def _one_of(value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise ValueError(f"must be one of {', '.join(known)}")
+        check_choices(self, balancing=BALANCING, staging=STAGING)
 
 
 PAPER = {

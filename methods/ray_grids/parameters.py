@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...harness.frame.schedule.threads import check_threads
+from ..common.parameters import check_choices
 from ..streams.settings import Trial
 
 OCCLUDERS = ("none", "last")
@@ -28,5 +29,4 @@ class Build(Trial):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_threads(self.threads)
-        if self.occluders not in OCCLUDERS:
-            raise ValueError(f"must be one of {', '.join(OCCLUDERS)}")
+        check_choices(self, occluders=OCCLUDERS)

@@ -83,14 +83,16 @@ def make_shadow_kernel(
     structure_type: Any,
     walk: Any,
     registers: int = 0,
-    occluder: Any = any_hit,
+    occluder: Any = None,
     starting: Any = None,
     fast_math: bool = False,
 ) -> Any:
     """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to.
 
-    ``occluder``: the test of a triangle; ``starting``: the same segment from where a method that is not exact starts it.
+    ``occluder``: the test of a triangle, exact if there is none; ``starting``: the same segment from where a method that is
+    not exact starts it.
     """
+    occluder = occluder or any_hit
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", **options(registers, fast_math))
     def shadow_kernel(

@@ -10,6 +10,8 @@ same formula, are the larger part of its bound.
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ...harness.frame.effects.mirrors import FINE, GAMMA7, outward, spread
@@ -41,6 +43,33 @@ def edge_error(px: wp.float64, py: wp.float64, qx: wp.float64, qy: wp.float64, p
 
 
 @wp.func
+def shear_axes(way: Any) -> wp.vec3i:
+    """The axes x, y and z of Woop's test: z is the one that a ray follows most."""
+    z = wp.int32(0)
+    if wp.abs(way[1]) > wp.abs(way[z]):
+        z = wp.int32(1)
+    if wp.abs(way[2]) > wp.abs(way[z]):
+        z = wp.int32(2)
+    return wp.vec3i((z + 1) % 3, (z + 2) % 3, z)
+
+
+@wp.func
+def sheared(p: Any, k: wp.vec3i, sx: Any, sy: Any) -> Any:
+    """A corner relative to the ray's origin, along the axes k: x and y sheared, so that the ray goes along z."""
+    return type(p)(p[k[0]] - sx * p[k[2]], p[k[1]] - sy * p[k[2]], p[k[2]])
+
+
+@wp.func
+def rounding_of(p: wp.vec3d, at: wp.vec3d, k: wp.vec3i, sx: wp.float64, sy: wp.float64) -> wp.vec2d:
+    """Bounds on the errors of x and y of a corner p that is sheared to ``at`` in float32: one rounding of the difference,
+    three of shear and product (and of z in the product), one of the sum."""
+    return UNIT * wp.vec2d(
+        wp.abs(p[k[0]]) + wp.float64(4.0) * wp.abs(sx * p[k[2]]) + wp.abs(at[0]),
+        wp.abs(p[k[1]]) + wp.float64(4.0) * wp.abs(sy * p[k[2]]) + wp.abs(at[1]),
+    )
+
+
+@wp.func
 def sheared_error(h: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
     """Bound on the distance of h from the plane at which Woop's float32 test along ``way`` may still report a hit, in
     scene units.
@@ -49,45 +78,23 @@ def sheared_error(h: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.ve
     corner, shear, product and sum is carried through; divided by the sum and projected on the normal, this is the
     numerator's error over twice the triangle's area.
     """
-    kz = wp.int32(0)
-    if wp.abs(way[1]) > wp.abs(way[kz]):
-        kz = wp.int32(1)
-    if wp.abs(way[2]) > wp.abs(way[kz]):
-        kz = wp.int32(2)
-    kx = (kz + 1) % 3
-    ky = (kx + 1) % 3
-    sx = way[kx] / way[kz]
-    sy = way[ky] / way[kz]
-    pa = a - h
-    pb = b - h
-    pc = c - h
-    ax = pa[kx] - sx * pa[kz]
-    ay = pa[ky] - sy * pa[kz]
-    bx = pb[kx] - sx * pb[kz]
-    by = pb[ky] - sy * pb[kz]
-    cx = pc[kx] - sx * pc[kz]
-    cy = pc[ky] - sy * pc[kz]
-    # One rounding of the difference, three of shear and product (and of z in the product), one of the sum.
-    ea = UNIT * wp.vec2d(
-        wp.abs(pa[kx]) + wp.float64(4.0) * wp.abs(sx * pa[kz]) + wp.abs(ax),
-        wp.abs(pa[ky]) + wp.float64(4.0) * wp.abs(sy * pa[kz]) + wp.abs(ay),
-    )
-    eb = UNIT * wp.vec2d(
-        wp.abs(pb[kx]) + wp.float64(4.0) * wp.abs(sx * pb[kz]) + wp.abs(bx),
-        wp.abs(pb[ky]) + wp.float64(4.0) * wp.abs(sy * pb[kz]) + wp.abs(by),
-    )
-    ec = UNIT * wp.vec2d(
-        wp.abs(pc[kx]) + wp.float64(4.0) * wp.abs(sx * pc[kz]) + wp.abs(cx),
-        wp.abs(pc[ky]) + wp.float64(4.0) * wp.abs(sy * pc[kz]) + wp.abs(cy),
-    )
-    u = edge_error(cx, cy, bx, by, ec, eb)
-    v = edge_error(ax, ay, cx, cy, ea, ec)
-    w = edge_error(bx, by, ax, ay, eb, ea)
+    k = shear_axes(way)
+    sx = way[k[0]] / way[k[2]]
+    sy = way[k[1]] / way[k[2]]
+    p = sheared(a - h, k, sx, sy)
+    q = sheared(b - h, k, sx, sy)
+    r = sheared(c - h, k, sx, sy)
+    ep = rounding_of(a - h, p, k, sx, sy)
+    eq = rounding_of(b - h, q, k, sx, sy)
+    er = rounding_of(c - h, r, k, sx, sy)
+    u = edge_error(r[0], r[1], q[0], q[1], er, eq)
+    v = edge_error(p[0], p[1], r[0], r[1], ep, er)
+    w = edge_error(q[0], q[1], p[0], p[1], eq, ep)
     own = wp.float64(7.0) * UNIT  # of z, its product with an edge function and the sum of three
     error = (
-        wp.abs(pa[kz]) * (u + own * wp.abs(cx * by - cy * bx))
-        + wp.abs(pb[kz]) * (v + own * wp.abs(ax * cy - ay * cx))
-        + wp.abs(pc[kz]) * (w + own * wp.abs(bx * ay - by * ax))
+        wp.abs(p[2]) * (u + own * wp.abs(r[0] * q[1] - r[1] * q[0]))
+        + wp.abs(q[2]) * (v + own * wp.abs(p[0] * r[1] - p[1] * r[0]))
+        + wp.abs(r[2]) * (w + own * wp.abs(q[0] * p[1] - q[1] * p[0]))
     )
     area = wp.length(wp.cross(b - a, c - a))
     return error / area

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..common.parameters import check_choices
+
 SHAPES = ("auto", "aimed", "cube")
 BIASES = ("none", "constant", "slope", "normal")
 FILTERS = ("nearest", "pcf", "soft")
@@ -32,8 +34,7 @@ class Build:
     def __post_init__(self) -> None:
         if not SIZES[0] <= self.size <= SIZES[1]:
             raise ValueError(f"size must be {SIZES[0]} to {SIZES[1]} texels")
-        if self.shape not in SHAPES:
-            raise ValueError(f"shape must be one of {', '.join(SHAPES)}")
+        check_choices(self, shape=SHAPES)
         if not 0 <= self.strip_capacity <= 2**28:
             raise ValueError("strip_capacity must be 0..2^28")
 
@@ -62,10 +63,7 @@ class Trace:
     spread: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.bias not in BIASES:
-            raise ValueError(f"bias must be one of {', '.join(BIASES)}")
-        if self.filter not in FILTERS:
-            raise ValueError(f"filter must be one of {', '.join(FILTERS)}")
+        check_choices(self, bias=BIASES, filter=FILTERS)
         if not math.isfinite(self.amount):
             raise ValueError("amount must be finite")
         if not 0.0 < self.spread < math.inf:

@@ -16,22 +16,21 @@ from ..common.reads import corners_at
 from ..gpu.bits import lowest_bit, without_lowest_bit
 from ..gpu.entries import entry, set_entry
 from ..streams.cube.cells import RayCells
-from ..streams.cube.faces import on_face
 from ..streams.cube.farthest import all_rays_end_before, nearest_depth
 from ..streams.cube.footprint import (
     Sides,
     cells_of_row,
-    cube_space,
+    corners_on,
     depth_slack,
     extent_with_rays,
     flat_box,
+    in_cube_space,
     leaves_out,
     on_bins,
-    sides_of_flat,
-    sides_of_planes,
 )
 from ..streams.cube.lights import Light, cube_of_light, position_of
 from ..streams.cube.rectangle import cells_of, faces_of, last_row
+from ..streams.occlusion.groups import sides_on_face
 from ..streams.occlusion.planes import Occluder, bound_of, set_planes
 from ..streams.occlusion.ray_test import ShadowBits
 from ..streams.queues import Queue, Share, triangle_of
@@ -136,9 +135,7 @@ def raster_kernel(
     corners = corners_at(mesh, i)
     cube = cube_of_light(light)
     along = cells_of(row)
-    qa = cube_space(corners.a, cube)
-    qb = cube_space(corners.b, cube)
-    qc = cube_space(corners.c, cube)
+    q = in_cube_space(corners, cube)
     extent = extent_with_rays(cube, corners, row)
     slack = depth_slack(extent, cube)
     occluder = Occluder()
@@ -157,13 +154,11 @@ def raster_kernel(
     while faces != wp.uint32(0):
         face = lowest_bit(faces)
         faces = without_lowest_bit(faces)
-        fa = on_face(qa, face)
-        fb = on_face(qb, face)
-        fc = on_face(qc, face)
-        if not leaves_out(several, fa, fb, fc, slack):
-            flat = on_bins(fa, fb, fc, extent, entry(cells.table, face))
+        f = corners_on(q, face)
+        if not leaves_out(several, f, slack):
+            flat = on_bins(f, extent, entry(cells.table, face))
             box = flat_box(flat, face, along, cells)
-            least = nearest_depth(fa, fb, fc, slack)
+            least = nearest_depth(f, slack)
             if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
                 if here < 0 and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
                     here = face
@@ -196,20 +191,13 @@ def setup_kernel(threads: wp.int32, light: Light, cells: RayCells, mesh: Mesh, q
         corners = corners_at(mesh, queued_triangle(work))
         r = entry(cells.table, face)
         extent = extent_with_rays(cube, corners, row)
-        fa = on_face(cube_space(corners.a, cube), face)
-        fb = on_face(cube_space(corners.b, cube), face)
-        fc = on_face(cube_space(corners.c, cube), face)
-        flat = on_bins(fa, fb, fc, extent, r)
-        sides = Sides()
-        if flat.valid:
-            sides = sides_of_flat(flat)
-        else:
-            sides = sides_of_planes(position_of(light), cube, face, corners, r)
+        f = corners_on(in_cube_space(corners, cube), face)
+        sides = sides_on_face(on_bins(f, extent, r), position_of(light), cube, face, corners, r)
         set_entry(queue.groups, place, 0, sides.line0)
         set_entry(queue.groups, place, 1, sides.line1)
         set_entry(queue.groups, place, 2, sides.line2)
         slack = depth_slack(extent, cube)
-        queue_groups(queue, place, queued_box(work), nearest_depth(fa, fb, fc, slack))
+        queue_groups(queue, place, queued_box(work), nearest_depth(f, slack))
         place += threads
 
 

@@ -20,7 +20,7 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.bands import Band, Bands
 from ..common.box_tree import QUERY_BLOCK, Boxes, BoxTree, walk
 from ..common.misses import miss_passes, write_misses
-from ..common.updates import refuse_static
+from ..common.parameters import check_choices, refuse_static
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from ..rays.launches import PixelRays, shadow_ray_passes
 from ..rays.offset import launch_shadow_origins
@@ -57,10 +57,7 @@ class Build:
     leaf_size: int = 0
 
     def __post_init__(self) -> None:
-        if self.update not in UPDATES:
-            raise ValueError(f"update must be one of {', '.join(UPDATES)}")
-        if self.constructor not in CONSTRUCTORS:
-            raise ValueError(f"constructor must be one of {', '.join(CONSTRUCTORS)}")
+        check_choices(self, update=UPDATES, constructor=CONSTRUCTORS)
         if self.leaf_size < 0:
             raise ValueError("leaf_size must be 0 (Warp's default) or more")
         if self.update == "bvh_rebuild" and self.constructor == "cubql":
@@ -83,8 +80,7 @@ class Trace:
 
     def __post_init__(self) -> None:
         check_threads(self.threads)
-        if self.origin not in STARTS:
-            raise ValueError(f"origin must be one of {', '.join(STARTS)}")
+        check_choices(self, origin=STARTS)
 
 
 class WarpBvh(BaseMethod):

@@ -7,6 +7,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import struct_with_bases
 from ...gpu.entries import entry, set_entry
 from .faces import FACES
 from .farthest import TILE_CELLS
@@ -15,8 +16,7 @@ SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
 
 
-@wp.struct
-class RayCells:
+class CellFields:
     """The shadow rays of one light, sorted into the cells of its cube.
 
     cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
@@ -47,24 +47,16 @@ class RayCells:
     farthest: wp.array(dtype=wp.int32)
 
 
-@wp.struct
-class SpacedCells:
-    """:class:`RayCells` that are narrower where more rays are expected: ``spacing`` and ``edges`` of columns and rows
+@struct_with_bases
+class RayCells(CellFields):
+    """Cells of one size."""
+
+
+@struct_with_bases
+class SpacedCells(CellFields):
+    """Cells that are narrower where more rays are expected: ``spacing`` and ``edges`` of columns and rows
     (:mod:`.spacing`), ``density`` of the rays (:mod:`.density`)."""
 
-    cells: wp.vec3i
-    rectangle: wp.array(dtype=wp.int32)
-    table: wp.array(dtype=wp.vec4f)
-    place: wp.array(dtype=wp.vec4f)
-    point: wp.array(dtype=wp.vec4f)
-    triangle: wp.array(dtype=wp.int32)
-    slot: wp.array(dtype=wp.int32)
-    bits: wp.int32
-    rank: wp.array(dtype=wp.int32)
-    count: wp.array(dtype=wp.int32)
-    offset: wp.array(dtype=wp.int32)
-    rays: wp.array(dtype=wp.vec4f)
-    farthest: wp.array(dtype=wp.int32)
     spacing: wp.array(dtype=wp.vec2f)
     edges: wp.array(dtype=wp.vec2f)
     density: wp.array(dtype=wp.float32)

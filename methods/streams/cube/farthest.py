@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Corners
 from ...common.pixels import tile_threads
 from ...gpu.entries import entry
 from ...gpu.reserve import raise_to
@@ -55,9 +56,9 @@ def raise_from(seen: wp.int32, farthest: wp.array(dtype=wp.int32), tile: wp.int3
 
 
 @wp.func
-def nearest_depth(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.float32:
+def nearest_depth(q: Corners, slack: wp.float32) -> wp.float32:
     """A depth along a face's axis that no point of the triangle is nearer than."""
-    return wp.min(a[0], wp.min(b[0], c[0])) - slack
+    return wp.min(q.a[0], wp.min(q.b[0], q.c[0])) - slack
 
 
 @wp.func

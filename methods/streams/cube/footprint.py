@@ -49,6 +49,17 @@ def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
 
 
 @wp.func
+def in_cube_space(corners: Corners, cube: Cube) -> Corners:
+    return Corners(cube_space(corners.a, cube), cube_space(corners.b, cube), cube_space(corners.c, cube))
+
+
+@wp.func
+def corners_on(q: Corners, face: wp.int32) -> Corners:
+    """Corners in the space of the cube, in the frame of a face: (along, across, up)."""
+    return Corners(on_face(q.a, face), on_face(q.b, face), on_face(q.c, face))
+
+
+@wp.func
 def extent_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
     """The largest |p - middle|_1 of the corners."""
     return wp.max(total(corners.a - middle), wp.max(total(corners.b - middle), total(corners.c - middle)))
@@ -69,33 +80,33 @@ def depth_slack(extent: wp.float32, cube: Cube) -> wp.float32:
 
 
 @wp.func
-def is_projected(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+def is_projected(q: Corners) -> wp.bool:
     """Whether no corner on a face lies behind the centre of projection, or too near its plane to be projected."""
-    nearest = wp.min(a[0], wp.min(b[0], c[0]))
-    farthest = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    nearest = wp.min(q.a[0], wp.min(q.b[0], q.c[0]))
+    farthest = wp.max(largest(q.a), wp.max(largest(q.b), largest(q.c)))
     return nearest > 0.01 * farthest and nearest > LEAST_DIVISOR and farthest < LARGEST_DIVISOR
 
 
 @wp.func
-def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, extent: wp.float32, r: wp.vec4f) -> Flat:
-    """The corners on a face (given as along, across, up) in bins; ``r``: the face's row of the table.
+def on_bins(q: Corners, extent: wp.float32, r: wp.vec4f) -> Flat:
+    """The corners on a face (:func:`corners_on`) in bins; ``r``: the face's row of the table.
 
     ``extent`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
     (1 + |u|) 16 u extent / along, and to 3 u of itself (:func:`...gpu.division.about_inverse`).
     """
     flat = Flat()
-    flat.valid = is_projected(a, b, c)
+    flat.valid = is_projected(q)
     if flat.valid:
         low_u = r[0]
         low_v = r[1]
         per_u = r[2]
         per_v = r[3]
-        near_a = about_inverse(a[0])
-        near_b = about_inverse(b[0])
-        near_c = about_inverse(c[0])
-        ua = wp.vec2f(a[1] * near_a, a[2] * near_a)
-        ub = wp.vec2f(b[1] * near_b, b[2] * near_b)
-        uc = wp.vec2f(c[1] * near_c, c[2] * near_c)
+        near_a = about_inverse(q.a[0])
+        near_b = about_inverse(q.b[0])
+        near_c = about_inverse(q.c[0])
+        ua = wp.vec2f(q.a[1] * near_a, q.a[2] * near_a)
+        ub = wp.vec2f(q.b[1] * near_b, q.b[2] * near_b)
+        uc = wp.vec2f(q.c[1] * near_c, q.c[2] * near_c)
         nearness = wp.max(near_a, wp.max(near_b, near_c))
         widest = wp.max(
             wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
@@ -142,8 +153,11 @@ def flat_box(flat: Flat, face: wp.int32, along: wp.int32, cells: Any) -> wp.vec4
 
 
 @wp.func
-def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.bool:
+def beyond_face(q: Corners, slack: wp.float32) -> wp.bool:
     """Whether the whole triangle lies certainly behind a face's centre or beyond one of its four sides."""
+    a = q.a
+    b = q.b
+    c = q.c
     least = wp.min(a[0], wp.min(b[0], c[0]))
     most = wp.max(a[0], wp.max(b[0], c[0]))
     return (
@@ -156,11 +170,11 @@ def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.
 
 
 @wp.func
-def leaves_out(several: wp.bool, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.bool:
+def leaves_out(several: wp.bool, q: Corners, slack: wp.float32) -> wp.bool:
     """Whether a triangle lies certainly :func:`beyond_face`. Where only one of the faces has rays (not ``several``) that is
     asked only if the box of its cells cannot tell."""
-    if several or not is_projected(a, b, c):
-        return beyond_face(a, b, c, slack)
+    if several or not is_projected(q):
+        return beyond_face(q, slack)
     return False
 
 

@@ -11,13 +11,13 @@ from ...gpu.entries import entry, set_entry
 from ...gpu.prefetch import FEW_ROWS, shared_entry
 from ...gpu.reserve import reserve_groups
 from ...gpu.warps import LANES
-from ..cube.faces import on_face
 from ..cube.footprint import (
     Flat,
     Sides,
     cells_of_row,
-    cube_space,
+    corners_on,
     extent_with_rays,
+    in_cube_space,
     on_bins,
     sides_of_flat,
     sides_of_planes,
@@ -90,11 +90,9 @@ def split_kernel(threads: wp.int32, light: Light, table: wp.array(dtype=wp.vec4f
             # Places are reserved while the corners are loaded.
             corners = corners_of(mesh, i)
             places = places_of(queue, low, high, number)
-            qa = on_face(cube_space(corners.a, cube), face)
-            qb = on_face(cube_space(corners.b, cube), face)
-            qc = on_face(cube_space(corners.c, cube), face)
+            q = corners_on(in_cube_space(corners, cube), face)
             r = entry(table, face)
-            flat = on_bins(qa, qb, qc, extent_with_rays(cube, corners, row), r)
+            flat = on_bins(q, extent_with_rays(cube, corners, row), r)
             sides = sides_on_face(flat, position, cube, face, corners, r)
             occluder = occluder_of(i, False, position, corners, row, True)
             for g in range(number):

@@ -11,14 +11,14 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.geometry import struct_with_bases
 from ...gpu.entries import entry, entry_if, set_entry
 from ..queues import Queue, queue_undecided
 from ..rays.sort import span_of
 from .planes import Occluder
 
 
-@wp.struct
-class ShadowBits:
+class BitFields:
     """The shadow bits of one light.
 
     light       its row of ``shadowed``      triangle  int32 [pixels]: what each pixel's ray hit
@@ -30,13 +30,15 @@ class ShadowBits:
     shadowed: wp.array2d(dtype=wp.uint8)
 
 
-@wp.struct
-class RememberedBits:
-    """:class:`ShadowBits`, and ``last`` int32 [pixels]: 1 + the triangle that last shadowed each pixel's ray, or 0."""
+@struct_with_bases
+class ShadowBits(BitFields):
+    """The bits alone."""
 
-    light: wp.int32
-    triangle: wp.array(dtype=wp.int32)
-    shadowed: wp.array2d(dtype=wp.uint8)
+
+@struct_with_bases
+class RememberedBits(BitFields):
+    """The bits, and ``last`` int32 [pixels]: 1 + the triangle that last shadowed each pixel's ray, or 0."""
+
     last: wp.array(dtype=wp.int32)
 
 

@@ -18,9 +18,17 @@ from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number
 from ..cube.cells import RayCells
-from ..cube.faces import on_face
 from ..cube.farthest import all_rays_end_before, nearest_depth
-from ..cube.footprint import cells_of_row, cube_space, depth_slack, extent_with_rays, flat_box, leaves_out, on_bins
+from ..cube.footprint import (
+    cells_of_row,
+    corners_on,
+    depth_slack,
+    extent_with_rays,
+    flat_box,
+    in_cube_space,
+    leaves_out,
+    on_bins,
+)
 from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
@@ -75,9 +83,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
         corners = corners_at(mesh, i)
         cube = cube_of_light(light)
         along = cells_of(row)
-        qa = cube_space(corners.a, cube)
-        qb = cube_space(corners.b, cube)
-        qc = cube_space(corners.c, cube)
+        q = in_cube_space(corners, cube)
         extent = extent_with_rays(cube, corners, row)
         slack = depth_slack(extent, cube)
         holes = wp.bool(False)
@@ -92,14 +98,12 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
             face = lowest_bit(faces)
             faces = without_lowest_bit(faces)
             r = entry(cells.table, face)
-            fa = on_face(qa, face)
-            fb = on_face(qb, face)
-            fc = on_face(qc, face)
-            if not leaves_out(several, fa, fb, fc, slack):
-                flat = on_bins(fa, fb, fc, extent, r)
+            f = corners_on(q, face)
+            if not leaves_out(several, f, slack):
+                flat = on_bins(f, extent, r)
                 box = flat_box(flat, face, along, cells)
                 number = wp.int32(0)
-                least = nearest_depth(fa, fb, fc, slack)
+                least = nearest_depth(f, slack)
                 if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
                     number = wp.int32(MANY)
                     rows = box[3] - box[1] + 1

@@ -25,7 +25,7 @@ from ..camera.stream import box_of
 from ..cube.cells import RayCells
 from ..cube.density import expect_triangles
 from ..cube.faces import FACES, on_face
-from ..cube.footprint import FINEST, beyond_face, cube_space, extent_from, turned
+from ..cube.footprint import FINEST, beyond_face, corners_on, extent_from, in_cube_space, turned
 from ..cube.lights import Cube, Light, cube_of_light
 from ..cube.rectangle import FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
 from .hit_points import FAR
@@ -154,15 +154,14 @@ def part_beyond_face(part: Part, face: wp.int32, distance: wp.float32) -> wp.boo
     slack = 32.0 * U32 * (part.extent + distance)
     b = on_face(part.b, face)
     c = on_face(part.c, face)
-    return beyond_face(on_face(part.a, face), b, c, slack) and beyond_face(on_face(part.d, face), b, c, slack)
+    one = Corners(on_face(part.a, face), b, c)
+    return beyond_face(one, slack) and beyond_face(Corners(on_face(part.d, face), b, c), slack)
 
 
 @wp.func
 def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, cells: Any):
     """Enlarge the region by what a triangle with such a ``box`` on the image covers."""
-    qa = cube_space(corners.a, cube)
-    qb = cube_space(corners.b, cube)
-    qc = cube_space(corners.c, cube)
+    q = in_cube_space(corners, cube)
     extent = extent_from(cube.middle, corners)
     # What a hit point may be off (:mod:`.hit_points`), in the units of the slack and of a corner's error.
     far = wp.max(largest(corners.a - o), wp.max(largest(corners.b - o), largest(corners.c - o)))
@@ -181,14 +180,14 @@ def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cub
     if most > cells.rectangle[LARGEST]:
         wp.atomic_max(cells.rectangle, LARGEST, most)
     for face in range(FACES):
-        beyond = beyond_face(on_face(qa, face), on_face(qb, face), on_face(qc, face), slack)
+        beyond = beyond_face(corners_on(q, face), slack)
         if in_part and not beyond:
             beyond = part_beyond_face(part, face, cube.distance)
         if not beyond:
             if cells.rectangle[FACE + face] != 0:
                 cells.rectangle[FACE + face] = 0
             if face == 0:
-                sides = rectangle_of(qa, qb, qc, qc, extent, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
+                sides = rectangle_of(q.a, q.b, q.c, q.c, extent, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
                 if in_part:
                     sides = rectangle_of(part.a, part.b, part.c, part.d, part.extent, sides)
                 lower(cells.rectangle, LOW_U, sides[0])

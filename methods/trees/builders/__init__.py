@@ -12,14 +12,6 @@ UPDATES = ("rebuild", "refit", "static")
 BUILDERS = tuple(MAKERS)
 
 
-def check_build(update: str, builder: str) -> None:
-    """Raise ValueError unless these are in :data:`UPDATES` and :data:`BUILDERS`."""
-    if update not in UPDATES:
-        raise ValueError(f"update must be one of {', '.join(UPDATES)}")
-    if builder not in BUILDERS:
-        raise ValueError(f"builder must be one of {', '.join(BUILDERS)}")
-
-
 def tree_of(frame: Frame, update: str, builder: str) -> Rebuilt | Refitted:
     """The tree of a frame's triangles, and its passes."""
     return Rebuilt(frame, builder) if update == "rebuild" else Refitted(frame, update == "static")

@@ -1,9 +1,19 @@
-"""How a structure is kept up to date, for methods that have a choice."""
+"""Checks of parameters that several methods have."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from ...harness.errors import UserError
 from ...harness.scene.prepared import Prepared
+
+
+def check_choices(block: Any, **choices: Iterable[str]) -> None:
+    """Raise ValueError unless each named parameter of a block has one of its values."""
+    for name, values in choices.items():
+        if getattr(block, name) not in values:
+            raise ValueError(f"{name} must be one of {', '.join(values)}")
 
 
 def refuse_static(method: str, update: str, prepared: Prepared) -> None:
