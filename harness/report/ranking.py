@@ -187,7 +187,8 @@ def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene"
     which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.most_common())
     ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""
     text = f"{first} {'is' if first in alone else 'are'} the fastest on {on}{''.join(beside)}, with every answer right"
-    return f"{text[0].upper()}{text[1:]}{f': {which}{ties}' if set(labels) != set(kinds) else ties}."
+    text = text if first in alone else text[0].upper() + text[1:]
+    return f"{text}{f': {which}{ties}' if set(labels) != set(kinds) else ties}."
 
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
@@ -196,7 +197,7 @@ def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> 
     kinds = {rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]}
     others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
     known = others[others["times"].notna()].sort_values("times", kind="stable").drop_duplicates("setting")
-    text = told(known.head(1), "The nearest of another kind, {} on {}, takes {} times as long")
+    text = told(known.head(1), "The nearest exact one of another kind, {} on {}, takes {} times as long")
     return text and text + told(known.tail(1), "; on {1} the nearest, {0}, {2}") * (len(known) > 1) + "."
 
 
