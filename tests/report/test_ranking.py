@@ -99,8 +99,8 @@ def test_of_many_scenes_kinds_come_before_settings(tmp_path):
 
     tree, grid, own = ("BVH2", "bvh2"), ("ray grids", "ray_grids"), ("mine", "my_method")
     form = (
-        "{} the fastest on 2 of 3 scenes, {} on 1, with every answer right: {} on 2, {} on 1. The nearest exact one of another "
-        "kind, {} on Cloth (stand-in), takes 1.50 times as long; on Sibenik (stand-in) the nearest, {}, 4.00."
+        "{} the fastest on 2 of 3 scenes, {} on 1, with every answer right: {} on 2, {} on 1. The nearest exact one of "
+        "another kind, {} on Cloth (stand-in), takes 1.50 times as long; on Sibenik (stand-in) the nearest, {}, 4.00."
     )
     assert said(tmp_path / "tree", *both(tree, grid)) == form.format(
         "Trees are", "grids of rays", "BVH2", "ray grids", "ray grids", "ray grids"
