@@ -125,7 +125,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     )
     finding += f"{sentences.over(both)}. " + sentences.ends(
         done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label",
-        f"Of single changes to {BASE}, the one that helps the most is {{}}: {{}} times as long", "; {} costs the most: {}",
+        f"Of single changes to {BASE}, {{}} takes the least: {{}} times as long", "; {} takes the most: {}",
         f"No change to {BASE} was measured",
     ) + "."  # fmt: skip
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)

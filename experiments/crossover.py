@@ -147,8 +147,10 @@ def finding(done: document.DataFrame) -> str:
     best, every = winners(done[done["exact"]]), winners(done)
     if best.empty:
         return f"No method is known to have answered exactly in any of {len(every)} settings."
-    tied = best[~best["told"].astype(bool)]
-    told = ranking.most_wins(Counter([*best["label"], *tied["next"]]), len(best), "setting")
+    methods = dict(zip(done["label"], done["method"], strict=True))
+    ends = best[["label", "next", "told"]].itertuples(index=False)
+    wins = [{label: methods[label] for label in ([first] if told else [first, then])} for first, then, told in ends]
+    told = ranking.most_wins(wins, len(best), "setting")
     wrong = Counter(every.loc[~every["exact"], "label"])
     beaten = [f"{label}, which is not exact, is faster in {n}" for label, n in wrong.most_common()]
     return f"{told} {'; '.join(beaten)}." if beaten else told

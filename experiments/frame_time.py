@@ -48,7 +48,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         if (done["true_errors"] > 0).any():
             below.append(f"{numbers.WRONG} n: n wrong pixels and shadow bits")
         files.append(panels.bars(
-            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=1.9, legend=3 * across,
+            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=2.1, legend=3 * across,
             below="\n".join(below),
         ))  # fmt: skip
     floor = over_floor(done, stages)

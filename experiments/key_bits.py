@@ -46,9 +46,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         below=f"bits of the key (the paper's: {HERE})", left="sort, ns per pair",
     )  # fmt: skip
     told = [
-        f"{share} of it for {count}" for count, share in sentences.means(table[table["bits"] == HERE], "share", "count")
+        f"{share} times as long for {count}"
+        for count, share in sentences.means(table[table["bits"] == HERE], "share", "count")
     ]
-    finding = f"A sort by {HERE} bits, the paper's, takes less than one by {max(BITS)}: {sentences.listed(told)}."
+    finding = f"A sort by {HERE} bits, the paper's, takes {sentences.listed(told)} as one by {max(BITS)}."
     finding = finding if told else f"A sort by {HERE} bits was not measured."
     tables = {"Milliseconds of a sort": document.cross_table(table, {"count": "sorted"}, "heading", "sort_text")}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet)

@@ -6,7 +6,6 @@ methods below on this machine. The quick preset is for a CPU: its image size is 
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -118,10 +117,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def finding(done: document.DataFrame) -> str:
     """The number of scenes on which each method is the fastest."""
-    best = Counter(done.loc[done["best"], "row"])
-    if not best:
+    best = done[done["best"]]
+    if best.empty:
         return "No two frames with every answer right were measured over the same frames in one run."
-    return ranking.most_wins(best, done["title"].nunique())
+    wins = [dict(zip(own["row"], own["method"], strict=True)) for _, own in best.groupby("title", sort=False)]
+    return ranking.most_wins(wins, done["title"].nunique())
 
 
 def frame_table(by_scene: document.DataFrame) -> document.DataFrame:

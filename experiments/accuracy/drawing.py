@@ -143,7 +143,7 @@ def finding(table: document.DataFrame, cost: document.DataFrame) -> str:
         return f"{told} No safety measure costs more than the noise."
     name, most = max(costly, key=lambda pair: compare.geometric(pair[1]["ratio"]))
     times = sentences.mean(most, "ratio")
-    return f"{told} The safety measure that costs the most is {name}: {times} times the frame without."
+    return f"{told} Of the safety measures {name} takes the most: {times} times the frame without."
 
 
 def draw_frontier(table: document.DataFrame, path: Path) -> list[Path]:

@@ -15,6 +15,7 @@ from ..texts import visible
 if TYPE_CHECKING:  # each kind imports what it needs
     from ..runner.planning.experiment import Preset
     from ..scene.chosen_view import ChosenView
+    from ..scene.scene import Scene
 
 Row = dict[str, Any]
 KINDS = ("methods", "scenes", "experiments")
@@ -96,14 +97,18 @@ def scenes() -> list[Row]:
             else:
                 found = resolve(name)
                 count = TRIANGLES[name] if found.stand_in else len(found.geometry().faces)
-                row |= {"stand_in": found.stand_in, "about": found.stand_in or found.notes, "triangles": count}
+                row |= {"stand_in": found.stand_in, "about": told(found), "triangles": count}
             row["title"] = f"{TITLES[name]}: {triangles(row['triangles'])}"
         except UserError as error:  # one broken original or a missing package must not hide the others
             row["title"] = f"{TITLES[name]}: {error}"
         rows.append(row)
-    title = "Balls over ground: about N triangles"
-    about = BALLS.format(balls.EXAMPLE)
-    return [*rows, {"name": "balls-N", "title": title, "stand_in": None, "about": about, "triangles": None}]
+    family = {"name": "balls-N", "title": "Balls over ground: about N triangles", "stand_in": None, "triangles": None}
+    return [*rows, family | {"about": BALLS.format(balls.EXAMPLE)}]
+
+
+def told(scene: Scene) -> str:
+    """What a scene is, and what of its file was left out or approximated."""
+    return "; ".join(filter(None, (scene.stand_in or scene.notes, scene.source.left_out)))
 
 
 def contents(name: str, seen: ChosenView, scene_dir: Path | None) -> Row:
@@ -118,7 +123,7 @@ def contents(name: str, seen: ChosenView, scene_dir: Path | None) -> Row:
         "name": found.name,
         "title": f"{found.title}: {triangles(len(geometry.faces))}{moves}",
         "stand_in": found.stand_in,
-        "about": found.stand_in or found.notes or found.source.left_out,
+        "about": told(found),
         "triangles": len(geometry.faces),
         "frames": frames,
         "rate": found.rate,

@@ -143,8 +143,10 @@ def lines(
             if log_x:
                 axes.set_xscale("log", base=log_x)
             if ticks:
-                axes.set_xticks(values, map(ticks, values), rotation=45 if log_x and len(values) > 5 else 0)
+                axes.set_xticks(values, map(ticks, values), rotation=90 if log_x and len(values) > 5 else 0)
                 axes.tick_params(axis="x", which="minor", length=0, labelbottom=False)
+            elif log_x:
+                axes.xaxis.set_major_formatter(lambda at, _: style.radii(at))
         for axes, *_ in shown:
             style.plain_log(axes) if log_y else axes.set_ylim(bottom=0)
         for axes, *_ in shown[-across:]:
@@ -164,7 +166,7 @@ def line(axes: Any, own: DataFrame, x: str, y: str, whisker: str, label: str, lo
 
 def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
-    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, legend: int = 3,
+    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.6, legend: int = 3,
 ) -> Path:  # fmt: skip
     """Panels of :func:`stacked` bars, cut off at ``cut`` times the shortest; the axis is ``room`` times the longest."""
     sizes = table[facet].value_counts() if facet else [len(table)]

@@ -166,32 +166,45 @@ def finding(table: DataFrame) -> str:
 def winners(scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
     """Which methods answer everything right the fastest, as a sentence. ``scenes``: the points of each, fastest first."""
     right = [[row for row in rows if row["exact"]] for rows in scenes]
-    tally = Counter(row["label"] for rows in right for row in rows if row is rows[0] or alike(rows[0], row))
-    if not tally:
+    wins = [{r["label"]: r["method"] for r in rows if r is rows[0] or alike(rows[0], r)} for rows in right if rows]
+    if not wins:
         return f"No method is known to have answered exactly on any of {len(scenes)} scenes."
-    return most_wins(tally, len(scenes))
+    return most_wins(wins, len(scenes))
 
 
-def most_wins(tally: Counter[str], count: int, what: str = "scene") -> str:
-    """On how many of ``count`` scenes each is the fastest, as a sentence; a tie counts for each."""
-    (first, most), *others = tally.most_common()
+def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene") -> str:
+    """Which kinds of structure are the fastest on how many of ``count`` scenes, and which methods, as a sentence.
+
+    wins  of each scene the labels that win or tie, with their methods
+    """
+    # A method without a kind stands for itself.
+    alone = {label for one in wins for label, method in one.items() if style.kind(method) == method}
+    kinds = Counter(kind for one in wins for kind in {x if x in alone else style.kind(m) for x, m in one.items()})
+    labels = Counter(label for one in wins for label in one)
+    (first, most), *others = kinds.most_common()
     on = f"all {count} {what}s" if most == count > 1 else f"{most} of {count} {what}{'s' * (count > 1)}"
-    beside = [f"{label} {'is as fast ' * (most == count)}on {n}" for label, n in others]
-    ties = " (ties count for each)" * (tally.total() > count > most)
-    return f"With every answer right, {first} is the fastest on {on}{'; ' * bool(beside)}{', '.join(beside)}{ties}."
+    beside = [f", {kind} on {n}" for kind, n in others]
+    which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.most_common())
+    ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""
+    text = f"{first} {'is' if first in alone else 'are'} the fastest on {on}{''.join(beside)}, with every answer right"
+    text = text if first in alone else text[0].upper() + text[1:]
+    return f"{text}{f': {which}{ties}' if set(labels) != set(kinds) else ties}."
 
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
-    """The exact method that comes closest to the fastest of a scene and is of another kind, as a sentence."""
+    """The exact method that comes closest to the fastest of a scene and is of another kind, as a sentence; and the scene
+    on which no other kind comes close."""
     kinds = {rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]}
     others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
-    return told(others, "The nearest exact one of another kind is {} on {}: {} times as long.")
+    known = others[others["times"].notna()].sort_values("times", kind="stable").drop_duplicates("setting")
+    text = told(known.head(1), "The nearest exact one of another kind, {} on {}, takes {} times as long")
+    return text and text + told(known.tail(1), "; on {1} the nearest, {0}, {2}") * (len(known) > 1) + "."
 
 
 def wrong_ones(table: DataFrame) -> str:
     """The fastest method that is not exact, over the fastest that is, as a sentence."""
     return told(
-        table[~table["exact"]], "Of those that are not exact, {} on {} comes closest: {} times as long, and {}."
+        table[~table["exact"]], "Of those that are not exact, {} on {} takes the least: {} times as long, and {}."
     )
 
 

@@ -99,3 +99,11 @@ def test_scenes_have_their_triangle_counts(call):
 )
 def test_the_first_sentence_of_a_docstring(text, said):
     assert registry.first_sentence(text) == said
+
+
+def test_what_was_left_out_is_said_beside_the_notes(call):
+    code, text, err = call("list", "scenes", "bunny", "--rate", "25", "--json")
+    assert code == 0, err
+    (row,) = json.loads(text)
+    assert row["about"].startswith("a real mesh, bunny.usd of the warp-lang package; ")
+    assert row["about"].endswith("--rate does nothing, because there is one frame")

@@ -122,6 +122,7 @@ def test_the_default_method_and_the_strongest_rivals_have_a_heat_map(scene, meth
     facts, picture = Frames(prepare(resolve(scene)), "cpu").show(Wish(method, SIZE, show="tests"))
     assert facts["counts"]
     assert facts["tests"]["most"] > facts["tests"]["mean"] > 0.0
+    assert facts["tests"]["half"] == pytest.approx((facts["tests"]["most"] + 1) ** 0.5 - 1)
     assert len({tuple(colour) for colour in np.asarray(Image.open(io.BytesIO(picture))).reshape(-1, 3)}) > 1
 
 
@@ -405,6 +406,7 @@ def checked_page(driver, address, scene):
     assert heat["tests"]["most"] > 0
     legend = driver.find_element("css selector", ".legend").text
     assert legend.split()[:2] == ["0", str(heat["tests"]["most"])]
+    assert "half way" in legend
     assert [stage["ms"] for stage in heat["stages"]] == [stage["ms"] for stage in other["stages"]], "kept"
     driver.find_element("id", "judge").click()
     count, judged = facts(count)

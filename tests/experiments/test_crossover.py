@@ -92,7 +92,8 @@ def test_the_fastest_of_exact_methods_and_of_all(tmp_path):
 def test_text_and_pictures(tmp_path):
     text = report_of("crossover", tmp_path, records())
     assert (
-        "With every answer right, ours is the fastest on 2 of 4 settings; tree on 2. loose, which is not exact" in text
+        "Grids of rays are the fastest on 2 of 4 settings, trees on 2, with every answer right: ours on 2, tree on 2. loose,"
+        " which is not exact" in text
     )
     assert (tmp_path / "crossover.svg").exists()
     assert "| 1k | ours, 4.04 ms | tree, 2.00x | loose, 4.04 ms | ours, a tie |" in text

@@ -103,6 +103,8 @@ def test_a_site_has_an_address_for_each_experiment(results, tmp_path, monkeypatc
     assert 'href="../index.html#view=table&amp;t=frame_time"' in own
     assert 'src="frame_time.svg"' in own
     assert (site / "frame_time" / "frame_time.svg").is_file()
+    assert own.count('class="drawing lines"') == 1, "the theme turns lines around, and no picture"
+    assert 'class="drawing"' in own
     assert "../../index.html#view=table" in (site / "other" / "frame_time" / "index.html").read_text()
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "file").write_text("")

@@ -27,6 +27,15 @@ def test_a_method_looks_the_same_whatever_else_is_drawn_or_installed(monkeypatch
     assert style.colours(["warp_bvh"])["warp_bvh"] == looks["warp_bvh"]["color"]
 
 
+def test_a_logarithmic_axis_has_plain_numbers(tmp_path):
+    table = pd.DataFrame(
+        {"far": [0.1, 1e3, 1e7], "ms": [1.0, 2.0, 3.0], "label": "ours", "method": "ray_grids", "status": "ok"}
+    )
+    drawn = panels.lines(tmp_path / "lines.svg", table, "far", "ms", below="radii", left="ms", log_x=10).read_text()
+    assert ">1e6<" in drawn or ">1e7<" in drawn
+    assert "$" not in drawn
+
+
 def test_a_bar_is_as_long_as_the_time_beside_it_says():
     """The parts are measured apart: on a busy machine they may add up to less than the frame, or one be negative."""
     axes = Figure().subplots()

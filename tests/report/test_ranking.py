@@ -75,14 +75,40 @@ def test_of_many_scenes_it_says_how_often_each_wins(tmp_path):
     scenes = ("cloth", "fairy", "sibenik")
     records = [made("a", 1.0 + 2.0 * (scene == "fairy"), scene=scene) for scene in scenes]
     records += [made("b", 2.0, scene=scene) for scene in scenes]
-    assert said(tmp_path / "exact", *records) == ("With every answer right, a is the fastest on 2 of 3 scenes; b on 1.")
-    text = said(tmp_path / "wrong", *records, made("c", 0.5, 9, "cloth"))
-    assert text.endswith("c on Cloth (stand-in) comes closest: 0.500 times as long, and 9 of its answers are wrong.")
-    other = made("d", 1.5, scene="cloth")
-    other["method"]["name"] = "uniform_grid"
-    assert said(tmp_path / "kinds", *records, other).endswith(
-        "The nearest exact one of another kind is d on Cloth (stand-in): 1.50 times as long."
+    assert said(tmp_path / "exact", *records) == (
+        "Trees are the fastest on all 3 scenes, with every answer right: a on 2, b on 1."
     )
+    text = said(tmp_path / "wrong", *records, made("c", 0.5, 9, "cloth"))
+    assert text.endswith("c on Cloth (stand-in) takes the least: 0.500 times as long, and 9 of its answers are wrong.")
+
+
+def of_method(method, record):
+    record["method"]["name"] = method
+    return record
+
+
+def test_of_many_scenes_kinds_come_before_settings(tmp_path):
+    """Whoever wins: the same numbers, swapped between two methods, swap their names in the sentence."""
+    times = {"cloth": (1.0, 1.5), "fairy": (2.0, 1.0), "sibenik": (1.0, 4.0)}
+
+    def both(one, other):
+        records = [made(one[0], ms, scene=scene) for scene, (ms, _) in times.items()]
+        records += [made(other[0], ms, scene=scene) for scene, (_, ms) in times.items()]
+        methods = [one[1]] * 3 + [other[1]] * 3
+        return [of_method(method, record) for method, record in zip(methods, records, strict=True)]
+
+    tree, grid, own = ("BVH2", "bvh2"), ("ray grids", "ray_grids"), ("mine", "my_method")
+    form = (
+        "{} the fastest on 2 of 3 scenes, {} on 1, with every answer right: {} on 2, {} on 1. The nearest exact one of "
+        "another kind, {} on Cloth (stand-in), takes 1.50 times as long; on Sibenik (stand-in) the nearest, {}, 4.00."
+    )
+    assert said(tmp_path / "tree", *both(tree, grid)) == form.format(
+        "Trees are", "grids of rays", "BVH2", "ray grids", "ray grids", "ray grids"
+    )
+    assert said(tmp_path / "grid", *both(grid, tree)) == form.format(
+        "Grids of rays are", "trees", "ray grids", "BVH2", "BVH2", "BVH2"
+    )
+    assert said(tmp_path / "own", *both(own, tree)).startswith("mine is the fastest on 2 of 3 scenes, trees on 1, with")
 
 
 def test_lights_and_scenes_are_never_ranked_together(tmp_path):

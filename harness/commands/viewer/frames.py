@@ -278,13 +278,15 @@ def options(wish: Wish, camera: Camera, lights: tuple[Light, ...]) -> str:
 
 
 def heat(method: Any, moment: Moment) -> tuple[NDArray[np.uint8], dict[str, Any]]:
-    """The tests of each primary ray of a method that counts them as a picture, and its scale."""
+    """The tests of each primary ray of a method that counts them as a picture, and its scale: a logarithm, since the most
+    is many times what is usual. ``half``: the tests of the colour in the middle."""
     import matplotlib
 
     counts = np.asarray(method.tests_per_pixel()[0]).reshape(moment.height, moment.width)
     most = int(counts.max(initial=0))
-    colours = matplotlib.colormaps["viridis"](counts / max(1, most))[..., :3]
-    return (colours * 255).round().astype(np.uint8), {"most": most, "mean": float(counts.mean())}
+    colours = matplotlib.colormaps["viridis"](np.log1p(counts) / max(1.0, np.log1p(most)))[..., :3]
+    half = float(np.expm1(np.log1p(most) / 2))
+    return (colours * 255).round().astype(np.uint8), {"most": most, "half": half, "mean": float(counts.mean())}
 
 
 def webp(picture: NDArray[np.uint8]) -> bytes:

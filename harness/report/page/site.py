@@ -40,7 +40,12 @@ def write_site(out: Path, data: dict[str, Any], places: Mapping[str, Path], docs
 def experiment_page(about: Mapping[str, Any], drawings: list[str]) -> str:
     """The page of one experiment, which needs no script: what was found, its drawings, and the way to its tables."""
     up = "../" * (about["name"].count("/") + 1)
-    images = [f'<a href="{quote(name)}"><img src="{quote(name)}" alt="{html.escape(name)}"></a>' for name in drawings]
+    # Lines follow the theme; a picture or a map of colours stays as it is.
+    images = [
+        f'<p class="drawing{" lines" * name.endswith(".svg")}"><a href="{quote(name)}"><img src="{quote(name)}" '
+        f'alt="{html.escape(name)}"></a></p>'
+        for name in drawings
+    ]
     texts = {
         "TITLE": html.escape(about["title"]),
         "FINDING": html.escape(about["finding"]),
@@ -49,6 +54,6 @@ def experiment_page(about: Mapping[str, Any], drawings: list[str]) -> str:
         ),
         "TABLE": html.escape(f"{up}index.html#{urlencode({'view': 'table', 't': about['name']})}"),
         "HOME": f"{up}index.html",
-        "DRAWINGS": "\n".join(f"<p class='drawing lines'>{image}</p>" for image in images),
+        "DRAWINGS": "\n".join(images),
     }
     return head(about["title"], resource("page.css")) + filled(resource("experiment.html"), texts)

@@ -12,7 +12,7 @@ from ....harness.frame.geometry import Mesh
 from ...common.reads import corners_at
 from ...gpu.entries import entry
 from .passes import Camera
-from .pixels import candidate_of
+from .pixels import edge_planes, sign_bound
 from .stream import TALL, box_of, lines_of, pixels_of_row
 
 
@@ -33,17 +33,18 @@ def tests_kernel(
     last = wp.where(tall, box[2], box[3])
     ends = wp.vec2i(wp.where(tall, box[1], box[0]), wp.where(tall, box[3], box[2]))
     extent = wp.where(tall, camera.height, camera.width)
-    candidate = candidate_of(i, o, corners, camera, mesh.triangles.shape[0])
-    lines = lines_of(candidate.planes, candidate.bound, camera.column[0], camera.column[camera.width - 1], extent)
+    planes = edge_planes(o, corners)
+    bound = sign_bound(camera.tangents)
+    lines = lines_of(planes, bound, camera.column[0], camera.column[camera.width - 1], extent)
     if tall:
-        lines = lines_of(candidate.planes, candidate.bound, camera.row[0], camera.row[camera.height - 1], extent)
+        lines = lines_of(planes, bound, camera.row[0], camera.row[camera.height - 1], extent)
     for line in range(first, last + 1):
         tested = ends
         if not inline:
             d = camera.row[line]
             if tall:
                 d = camera.column[line]
-            tested = pixels_of_row(candidate.planes, candidate.bound, lines, d, ends[0], ends[1], extent)
+            tested = pixels_of_row(planes, bound, lines, d, ends[0], ends[1], extent)
         for along in range(tested[0], tested[1] + 1):
             pixel = wp.where(tall, along * camera.width + line, line * camera.width + along)
             wp.atomic_add(tests, pixel, 1)

@@ -107,7 +107,7 @@
     side.part("legend").hidden = !found.tests;
     if (found.tests) {
       side.part("most").textContent = found.tests.most;
-      side.part("mean").textContent = `tests, ${found.tests.mean.toFixed(1)} on average`;
+      side.part("mean").textContent = `tests; ${found.tests.half.toPrecision(2)} half way, ${found.tests.mean.toFixed(1)} on average`;
     }
     side.part("uncounted").hidden = found.counts || wish.show !== "tests";
     side.part("uncounted").textContent = `${found.method} does not count the tests of a ray${counting ? `; ${counting} do` : ""}.`;
