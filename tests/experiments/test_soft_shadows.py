@@ -56,7 +56,7 @@ def test_where_a_tree_overtakes_the_grids_is_a_number_with_its_spread(tmp_path):
     )
 
 
-@pytest.mark.parametrize(("tree", "words"), [(2.0, "is not faster with up to 16"), (-2.5, "is faster with 1 already")])
+@pytest.mark.parametrize(("tree", "words"), [(2.0, "not up to 16 on "), (-2.5, "at 1 already on ")])
 def test_a_tree_that_never_or_always_wins_is_said(tmp_path, tree, words):
     if tree < 0:  # a tree that takes less than the grids from the beginning
         made = [r for r in records(0.0)]
