@@ -273,7 +273,9 @@ ABOUT = (
 def error_picture(path: Path, known: document.DataFrame, across: int) -> Path:
     """Error over time, both logarithmic: along the line of a method its number of targets grows; the fronts as stairs."""
     drawn = panels.looks(known)
-    below = "ms per frame; along a line the number of targets grows\nstairs: the front, dashed of exact methods, dotted of all"
+    below = (
+        "ms per frame; along a line the number of targets grows\nstairs: the front, dashed of exact ones, dotted of all"
+    )
     left = "error of the share of light (root mean square)"
     with panels.facets(path, known, "title", across, 2.2, 2, legend=4, below=below, left=left) as shown:
         for axes, title, own in shown:
