@@ -7,6 +7,7 @@ that are not part of the project.
 from __future__ import annotations
 
 from ..harness.runner.planning.experiment import Entry
+from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
 
 OURS = Entry("ray_grids", {}, "ray grids")
@@ -57,3 +58,8 @@ REBUILDS = {
     **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
 }
 """What a method does in each frame before it traces, by label; the last three are in earlier records only."""
+
+
+def lights(*counts: int) -> tuple[Lighting, ...]:
+    """The given numbers of lights, turned evenly about the middle of the scene."""
+    return tuple(Lighting(f"{n} lights" if n > 1 else "1 light", count=n) for n in counts)

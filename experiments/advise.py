@@ -51,35 +51,15 @@ def what_changes(done: document.DataFrame, root: Path) -> list[str]:
         return [f"What would change the answer is not known: no records of crossover in {root}/; "
                 "`shadowbench run crossover` measures it."]  # fmt: skip
     best = alike[-1]
-    exact = best[best["exact"]]
+    exact = best[best["exact"] & (best["room"] == "")]
     where = f"crossover on {best['device_name'].iloc[0]}, scenes of balls"
-    found = [over(crossover.along(exact, axis), axis) for axis in MORE]
+    found = [crossover.over(crossover.along(exact, axis), axis, name) for axis, name in MORE.items()]
     return [f"What would change the answer ({where}): " + "; ".join(filter(None, found)) + "."]
 
 
 def folders(root: Path) -> list[Path]:
     """The folders below ``root`` with records of ``crossover``, by their names."""
     return sorted(path.parent for path in root.glob("*/crossover*/records"))
-
-
-def over(line: document.DataFrame, axis: str) -> str:
-    """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value.
-
-    A winner by less than the spread, over the winner before it, is no change.
-    """
-    if line[axis].nunique() < 2:
-        return ""
-    turns: list[tuple[float, str]] = []
-    for row in crossover.winners(line).sort_values(axis).to_dict("records"):
-        same = turns and turns[-1][1] in (row["label"], row["next"] if not row["told"] else row["label"])
-        if not same:
-            turns.append((row[axis], row["label"]))
-    low, high = (crossover.counted(axis, value) for value in (line[axis].min(), line[axis].max()))
-    span = f"from {low} to {high} {MORE[axis]}"
-    if len(turns) == 1:
-        return f"{span} {turns[0][1]} stays the fastest exact method"
-    later = ", ".join(f"from {crossover.counted(axis, value)} {label}" for value, label in turns[1:])
-    return f"{span} the fastest exact method is first {turns[0][1]}, {later}"
 
 
 EXPERIMENT = Experiment(

@@ -2,7 +2,8 @@
 
 Everything is rebuilt every frame but where a label says that a tree is refitted. The scenes are the balls of
 :mod:`.scene.standins.balls`: the same surfaces at every triangle count, seen from nearer or farther, with more or fewer
-of them moving. The sweeps cross in one setting; two maps take two quantities at once.
+of them moving. The sweeps cross in one setting; two maps take two quantities at once. Lights are also counted in rooms,
+where many triangles lie behind one another on the way to a light.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ AXES = {
 MAPS = (("triangles", "pixels"), ("triangles", "seen"))
 NATURAL = -1
 """In the columns ``seen`` and ``moving``: the scene's own camera; nothing moves and there is one frame."""
-COLUMNS = [*document.COMMON, *AXES, "memory_bytes", "fastest_exact", "fastest"]
+ROOMS = ("sibenik", "conference")
+COLUMNS = [*document.COMMON, "room", *AXES, "memory_bytes", "fastest_exact", "fastest"]
 EXACT, EVERY = "exact", "all, exact or not"
 
 
@@ -49,17 +51,18 @@ def settings(
 
 def sweeps(
     base: Preset, triangles: tuple[str, ...], middle: str, sides: tuple[int, ...], lights: tuple[int, ...],
-    seen: tuple[int, ...], few: tuple[str, ...], moving: tuple[int, ...],
+    seen: tuple[int, ...], few: tuple[str, ...], moving: tuple[int, ...], rooms: tuple[str, ...] = (),
 ) -> Preset:  # fmt: skip
-    """A map of triangles and pixels, one of triangles (``few``) and pixels hit, and the two other sweeps.
+    """A map of triangles and pixels, one of triangles (``few``) and pixels hit, and the two other sweeps; lights in rooms.
 
-    All cross at ``middle`` triangles, at the size of ``base``, with one light.
+    All but the rooms cross at ``middle`` triangles, at the size of ``base``, with one light.
     """
     parts = [
         *settings(base, sides, (f"balls-{n}" for n in triangles)),
         *settings(base, (base.width,), (f"balls-{middle}",), [n for n in lights if n != 1]),
         *settings(base, (base.width,), (f"balls-{n}-seen{share}" for share in seen for n in few)),
         *settings(base, (base.width,), (f"balls-{middle}-moving{share}" for share in moving)),
+        *settings(base, (base.width,), rooms, [n for n in lights if n]),
     ]
     return replace(parts[0], also=tuple(parts[1:]))
 
@@ -67,11 +70,14 @@ def sweeps(
 def read(folder: Path) -> document.DataFrame:
     """The points, with what is swept as columns of its own, and the label of the fastest of each setting.
 
-    ``triangles`` is the number in the scene's name. ``exact``: the method calls itself exact and no answer was wrong.
+    ``triangles`` is the number in the scene's name; of a room, whose title is in ``room``, that of its mesh. ``exact``: the
+    method calls itself exact and no answer was wrong.
     """
     table = document.read(folder)
     names = [balls.read_name(name) for name in table["scene"]]
-    table["triangles"] = [name.count if name else None for name in names]
+    table["room"] = table["title"].where([name is None for name in names], "")
+    counts = table["triangles"].tolist()
+    table["triangles"] = [name.count if name else count for name, count in zip(names, counts, strict=True)]
     for column in ("seen", "moving"):
         shares = [getattr(name, column) if name else None for name in names]
         table[column] = [NATURAL if share is None else round(100 * share) for share in shares]
@@ -120,28 +126,63 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Lines over each quantity, two maps of the winners, a table of every setting, CSV."""
     table = read(folder)
     files = []
-    done = document.measured(table)
+    every = document.measured(table)
+    done, inside = every[every["room"] == ""], every[every["room"] != ""].sort_values("lights", kind="stable")
+    rooms = {str(room): line for room, line in inside.groupby("room", sort=False)}
     lines = {axis: along(done, axis) for axis in AXES}
     lines = {axis: line for axis, line in lines.items() if line[axis].nunique() > 1}
     if lines:
         files.append(line_picture(lines, done, folder / "crossover.svg"))
+    if rooms:
+        files.append(panels.lines(
+            folder / "crossover-rooms.svg", inside, "lights", "total_ms", facet="room", across=2, whisker="spread", log_x=2,
+            ticks=str, below="lights", left="ms per frame", wide=2, high=2.0, legend=3,
+        ))  # fmt: skip
     maps = [pair for pair in MAPS if all(along(done, *pair)[axis].nunique() > 1 for axis in pair)]
     if maps:
         files.append(map_picture(maps, done, folder / "crossover-maps.svg"))
     tables = {
         f"Fastest over {AXES[axis]} ({crossing(line, axis)})": winner_table(line, axis) for axis, line in lines.items()
     }
+    tables |= {f"Fastest over lights in {room}": winner_table(line, "lights") for room, line in rooms.items()}
     notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
-    if len(done):
+    if len(every):
         notes.append(ABOUT)
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, files, quiet, notes)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done, rooms), tables, files, quiet, notes)
 
 
 ABOUT = "A tie: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
 
 
-def finding(done: document.DataFrame) -> str:
-    """In how many settings each structure is the fastest, of the exact ones and of all."""
+def finding(done: document.DataFrame, rooms: dict[str, document.DataFrame]) -> str:
+    """In how many settings each structure is the fastest, of the exact ones and of all; in each room by number of lights."""
+    told = [f"In {room} {over(line[line['exact']], 'lights', 'lights')}." for room, line in rooms.items()]
+    told = [text for text in told if not text.endswith(" .")]
+    return " ".join([*([of_balls(done)] if len(done) or not told else []), *told])
+
+
+def over(line: document.DataFrame, axis: str, name: str) -> str:
+    """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value.
+
+    A winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence.
+    """
+    if line[axis].nunique() < 2:
+        return ""
+    turns: list[tuple[float, str]] = []
+    for row in winners(line).sort_values(axis).to_dict("records"):
+        same = turns and turns[-1][1] in (row["label"], row["next"] if not row["told"] else row["label"])
+        if not same:
+            turns.append((row[axis], row["label"]))
+    low, high = (counted(axis, value) for value in (line[axis].min(), line[axis].max()))
+    span = f"from {low} to {high} {name}"
+    if len(turns) == 1:
+        return f"{span} {turns[0][1]} stays the fastest exact method"
+    later = ", ".join(f"from {counted(axis, value)} {label}" for value, label in turns[1:])
+    return f"{span} the fastest exact method is first {turns[0][1]}, {later}"
+
+
+def of_balls(done: document.DataFrame) -> str:
+    """In how many settings of the balls each structure is the fastest."""
     if done.empty:
         return "Nothing was measured."
     best, every = winners(done[done["exact"]]), winners(done)
@@ -266,15 +307,16 @@ EXPERIMENT = Experiment(
                 1024, 1024, ("balls-100k",), FEW, frames=1, samples=5, most=10, deviation=0.02, stage_samples=1,
                 rounds=2, budget_s=0.3, timeout_s=120.0,
             ),
-            ("1k", "10k", "100k", "1m"), "100k", (256, 1024, 2048), (0, 4), (10, 100), ("1k", "100k", "1m"), (0, 60),
+            ("1k", "10k", "100k", "1m"), "100k", (256, 1024, 2048), (0, 4, 16), (10, 100), ("1k", "100k", "1m"), (0, 60),
+            ROOMS,
         ),
         "paper": sweeps(
             Preset(
                 1024, 1024, ("balls-100k",), STRONGEST, frames=1, samples=10, most=20, deviation=0.01, stage_samples=1,
                 rounds=2, budget_s=0.5, timeout_s=300.0, memory=24 << 30,
             ),
-            ("1k", "10k", "100k", "1m", "10m"), "100k", (256, 512, 1024, 2048, 4096), (0, 1, 2, 4, 8, 16),
-            (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100),
+            ("1k", "10k", "100k", "1m", "10m"), "100k", (256, 512, 1024, 2048, 4096), (0, 1, 2, 4, 8, 16, 32, 64),
+            (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100), ROOMS,
         ),
     },
     draw=draw,

@@ -15,7 +15,7 @@ import numpy as np
 from ..harness.report import document, panels
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD
-from .two_lights import lights
+from ._rivals import lights
 
 OURS = "ray grids"
 METHODS = (

@@ -21,7 +21,7 @@ from ..harness.frame.devices import placed_method
 from ..harness.frame.registry import make_method
 from ..harness.frame.session import Session
 from ..harness.judge.receivers import facing
-from ..harness.report import compare, document, numbers, panels, pareto, ranking, sentences
+from ..harness.report import compare, document, numbers, panels, pareto, ranking, sentences, style
 from ..harness.report.flip import flip
 from ..harness.report.picture import captioned, save_png, shade
 from ..harness.runner.machine.lock import MACHINE
@@ -190,19 +190,19 @@ def overtaking(done: document.DataFrame) -> tuple[float, float, str]:
     counts = best[0].index.intersection(best[1].index)
     tree, grid = (one.loc[counts] for one in best)
     if not len(counts):
-        return np.nan, np.nan, "was not measured"
+        return np.nan, np.nan, "not measured"
     gap, around = tree["total_ms"] - grid["total_ms"], np.hypot(tree["spread"], grid["spread"])
     if gap.iloc[0] <= 0.0:
-        return float(counts[0]), 0.0, f"is faster with {counts[0]} already"
+        return float(counts[0]), 0.0, f"at {counts[0]} already"
     after = np.nonzero((gap <= 0.0).to_numpy())[0]
     if not len(after):
-        return np.inf, np.nan, f"is not faster with up to {counts[-1]}"
+        return np.inf, np.nan, f"not up to {counts[-1]}"
     k = int(after[0])
     (low, high), (one, other) = counts[k - 1 : k + 1], gap.iloc[k - 1 : k + 1]
     share = one / (one - other)
     at = low + share * (high - low)
     spread = float(np.hypot((1 - share) * around.iloc[k - 1], share * around.iloc[k]) * (high - low) / (one - other))
-    return at, spread, f"is faster from {numbers.carried(at, spread)} on"
+    return at, spread, f"at {numbers.carried(at, spread)}"
 
 
 def finding(done: document.DataFrame) -> str:
@@ -213,7 +213,7 @@ def finding(done: document.DataFrame) -> str:
     for title, own in done.groupby("title", sort=False):
         words.setdefault(overtaking(own)[2], []).append(str(title))
     told = "; ".join(f"{how} on {sentences.listed(titles)}" for how, titles in words.items())
-    text = f"By number of targets, a tree (the fastest exact one) over the fastest exact grid {told}."
+    text = f"Number of targets at which an exact tree overtakes the exact grids: {told}."
     known = done[done["rmse"].notna()]
     exact = known[known["picture"] == EXACT]
     if exact.empty:
@@ -224,7 +224,7 @@ def finding(done: document.DataFrame) -> str:
     mapped = known[known["label"].isin([entry.label for entry in FILTERED]) & (known["targets"] == most)]
     if len(mapped):
         least = mapped.groupby("label")["rmse"].mean()
-        text += f", that of the better {least.idxmin()} by {100 * least.min():.2g} %"
+        text += f", that of a {least.idxmin()} by {100 * least.min():.2g} %"
     return text + "."
 
 
@@ -244,15 +244,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         "Milliseconds, by number of targets": document.cross_table(
             done, {"title": "scene", "label": "method"}, "targets", "ms"
         ),
-        "From how many targets on a tree is faster than a grid": overtakings(done),
+        "Number of targets at which an exact tree overtakes the exact grids": overtakings(done),
     }
     notes = [*compare.in_sequence(document.frames(folder)), ABOUT]
     if len(known):
-        files.append(panels.lines(
-            folder / "soft_shadows-error.svg", known.sort_values("targets"), "total_ms", "rmse", facet="title",
-            across=across, log_x=10, below="ms per frame; along each line the number of targets grows",
-            left="error of the share of light (root mean square)", legend=3, wide=2, high=2.0,
-        ))  # fmt: skip
+        files.append(error_picture(folder / "soft_shadows-error.svg", known, across))
         shown = known.assign(
             text=(100 * known["rmse"]).map("{:.2g}".format) + " (" + known["largest"].map("{:.2f}".format) + ")"
         )
@@ -274,13 +270,34 @@ ABOUT = (
 )
 
 
+def error_picture(path: Path, known: document.DataFrame, across: int) -> Path:
+    """Error over time, both logarithmic: along the line of a method its number of targets grows; the fronts as stairs."""
+    drawn = panels.looks(known)
+    below = (
+        "ms per frame; along a line the number of targets grows\nstairs: the front, dashed of exact ones, dotted of all"
+    )
+    left = "error of the share of light (root mean square)"
+    with panels.facets(path, known, "title", across, 2.2, 2, legend=4, below=below, left=left) as shown:
+        for axes, title, own in shown:
+            for label, line in own.sort_values("targets").groupby("label", sort=False):
+                panels.line(axes, line, "total_ms", "rmse", "", str(label), drawn[label])
+            axes.set_yscale("log")
+            style.plain_log(axes, "x")
+            style.plain_log(axes)
+            axes.set_title(title, loc="left")
+            for column, ls in (("front", ":"), ("front_exact", "--")):
+                best = own[own[column]].sort_values("total_ms")
+                axes.step(best["total_ms"], best["rmse"], where="post", c="0.3", lw=0.8, ls=ls, zorder=1)
+    return path
+
+
 def overtakings(done: document.DataFrame) -> document.DataFrame:
     """Texts of :func:`overtaking` by scene."""
     import pandas as pd
 
     return pd.DataFrame(
         [
-            {"scene": title, "a tree": words, "spread": "-" if not spread < np.inf else f"{spread:.2g}"}
+            {"scene": title, "targets": words, "spread": "-" if not spread < np.inf else f"{spread:.2g}"}
             for title, own in done.groupby("title", sort=False)
             for _, spread, words in [overtaking(own)]
         ]

@@ -1,4 +1,4 @@
-"""The page of the Python API and its notebook: the same code, and it runs."""
+"""The pages that are notebooks, too: the same code, and it runs."""
 
 from __future__ import annotations
 
@@ -12,24 +12,42 @@ from PIL import Image
 from shadowbench.harness import api
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-PAGE = (DOCS / "api.md").read_text(encoding="utf-8")
-NOTEBOOK = (DOCS / "api.ipynb").read_text(encoding="utf-8")
 
 
-def test_the_notebook_is_the_page():
-    """Else write it anew: python tests/helpers/notebooks.py docs/api.md docs/api.ipynb."""
-    assert notebook_of(PAGE) == NOTEBOOK
-    assert code_of_notebook(NOTEBOOK) == code_of_page(PAGE)
-    assert len(code_of_page(PAGE)) > 5
+def ran(name):
+    """The names that the cells of a notebook leave."""
+    names: dict = {}
+    for number, source in enumerate(code_of_notebook((DOCS / f"{name}.ipynb").read_text(encoding="utf-8")), 1):
+        exec(compile(source, f"{name}.ipynb, cell {number}", "exec"), names)
+    return names
+
+
+@pytest.mark.parametrize("name", ["api", "soft-shadows"])
+def test_the_notebook_is_the_page(name):
+    """Else write it anew: python tests/helpers/notebooks.py docs/NAME.md docs/NAME.ipynb."""
+    page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    notebook = (DOCS / f"{name}.ipynb").read_text(encoding="utf-8")
+    assert notebook_of(page) == notebook
+    assert code_of_notebook(notebook) == code_of_page(page)
+    assert len(code_of_page(page)) > 3
+
+
+def test_a_soft_shadow_and_its_error(tmp_path, monkeypatch):
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path)
+    errors = list(ran("soft-shadows")["errors"].values())
+    assert errors[1:] == sorted(errors[1:], reverse=True)
+    assert errors[-1] < errors[0] / 8, "better than random points"
+    for picture in ("soft-1.png", "soft-16.png", "soft-error.png"):
+        with Image.open(tmp_path / picture) as drawn:
+            assert len(drawn.convert("RGB").getcolors(1 << 24)) > 50
 
 
 def test_the_notebook_runs(tmp_path, monkeypatch, capsys):
     pytest.importorskip("embreex", reason="a frame is judged against Embree")
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
-    names: dict = {}
-    for number, source in enumerate(code_of_notebook(NOTEBOOK), 1):
-        exec(compile(source, f"api.ipynb, cell {number}", "exec"), names)
+    names = ran("api")
     assert names["score"].check == "ok"
     assert names["failed"] == 0
     assert isinstance(names["table"], pd.DataFrame)

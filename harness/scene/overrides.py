@@ -91,6 +91,11 @@ class Lighting:
         return any(getattr(self, name) != value for name, value in plain.items())
 
     @property
+    def targets(self) -> int:
+        """Number of targets that it gives the scene, as far as it says; 0: as the scene has them."""
+        return max(1, self.count) * self.samples if self.samples else self.count
+
+    @property
     def changed(self) -> frozenset[str] | None:
         """The inputs that changed since the last frame, as passes name them; None: all."""
         if self.moved is None:

@@ -8,6 +8,7 @@ import trimesh
 from helpers.experiment_records import record_of, report_of, write_records
 from shadowbench.experiments import crossover
 from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
+from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.standins import balls
 
@@ -108,3 +109,14 @@ def test_nothing_measured_is_said(tmp_path):
     text = report_of("crossover", tmp_path, [record_of("crossover", OURS, "balls-1k", status="rejected")])
     assert "Nothing was measured." in text
     assert not list(tmp_path.glob("*.svg"))
+
+
+def test_lights_in_a_room_are_told_apart_from_balls(tmp_path):
+    made = records()
+    for count, own, tree in ((1, 1.0, 2.0), (4, 3.0, 3.0), (16, 9.0, 5.0)):
+        lit = Lighting(f"{count} lights", count=count)
+        made += [record_of("crossover", e, "sibenik", lit, ms=ms) for e, ms in ((OURS, own), (TREE, tree))]
+    text = report_of("crossover", tmp_path, made)
+    assert "ours is the fastest on 2 of 4 settings" in text, "those of the balls"
+    assert " from 1 to 16 lights the fastest exact method is first ours, from 16 tree." in text
+    assert (tmp_path / "crossover-rooms.svg").exists()

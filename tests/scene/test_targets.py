@@ -93,6 +93,7 @@ def test_lightings_and_moved_lights_of_experiments():
     trial = view(ball(1.0, (0, 0, 0)), [Light((0.0, 1.0, 0.0), directional=True)], (0, 0, -5), (0, 0, 1), 0.5)
     lighting = Lighting("4 targets", size=0.25, samples=4, moved="light")
     assert Lighting.read(lighting.facts()) == lighting
+    assert (lighting.targets, replace(lighting, count=3).targets, Lighting("3 lights", count=3).targets) == (4, 12, 3)
     assert lighting.changed == {f"light/{i}" for i in range(4)}
     prepared = lighting.applied(trial.prepared)
     (lamp,) = prepared.scene.lights

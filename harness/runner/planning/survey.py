@@ -68,7 +68,7 @@ def survey(options: Options) -> list[Planned]:
                             "" if record is None or again else record.status,
                             sum(one.get("spent_s", 0.0) for one in rounds),
                             expected_work(scene, part),
-                            functools.partial(guess, scene, part, lighting.count, options.device),
+                            functools.partial(guess, scene, part, lighting.targets, options.device),
                         )
                     )
     return found

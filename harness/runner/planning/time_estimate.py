@@ -66,7 +66,8 @@ def guess(scene: str, preset: Preset, lights: int, device: str, rate: float | No
     """Seconds of one point with its part of what the points of a scene share, from sizes.
 
     Right within a factor of two for the quick presets of the experiments on two cores, and for most paper presets on a
-    GPU. ``lights``: how many replace the scene's own; 0: none. ``rate``: measured seconds of samples per unit of work.
+    GPU. ``lights``: how many lights or targets replace the scene's own; 0: none. ``rate``: measured seconds of samples per
+    unit of work.
     """
     frames = preset.frames if scene in ANIMATED else 1
     shared, methods, more = SCENE_S, max(1, len(preset.methods)), (1 + max(1, lights)) / 2

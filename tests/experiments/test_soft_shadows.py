@@ -1,0 +1,88 @@
+"""The report of soft shadows, from made-up records: who overtakes whom, fronts, errors; and the errors of a small scene."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers.experiment_records import record_of, report_of
+from shadowbench.experiments import soft_shadows
+from shadowbench.harness.hardcases.case import ball, joined, plane, view
+from shadowbench.harness.runner.planning.experiment import Entry
+
+OURS, TREE, LOOSE = soft_shadows.METHODS[:3]
+COUNTS = (1, 4, 16)
+
+
+def records(tree):
+    """Times of our grids grow by 1 ms a target, those of a tree by ``tree`` from 3 ms on; the loose tree is faster yet."""
+    made = []
+    for scene in ("sibenik", "cloth"):
+        for lighting in soft_shadows.targets(*COUNTS):
+            n = lighting.samples
+            for entry, ms in ((OURS, n), (TREE, 3.0 + tree * n), (LOOSE, 2.9 + tree * n)):
+                one = record_of("soft_shadows", entry, scene, lighting, ms=float(ms))
+                one["scene"]["lights"] = [{"samples": n}]
+                if entry is LOOSE:
+                    one["method"]["known_inexact"] = "float32"
+                made.append(one)
+    return made
+
+
+def test_where_a_tree_overtakes_the_grids_is_a_number_with_its_spread(tmp_path):
+    (tmp_path / soft_shadows.ERRORS).write_text(
+        "scene,picture,targets,rmse,largest,flip_error\n"
+        + "".join(f"{s},{soft_shadows.EXACT},{n},{0.2 / n},{0.9 / n},\n" for s in ("sibenik", "cloth") for n in COUNTS)
+        + "".join(f'{s},"{LOOSE.label}",{n},{0.3 / n},1,\n' for s in ("sibenik", "cloth") for n in COUNTS)
+    )
+    text = report_of("soft_shadows", tmp_path, records(0.5))
+    # The two lines cross at 6 targets, between the measured 4 and 16.
+    table = soft_shadows.read(tmp_path)
+    at, spread, words = soft_shadows.overtaking(table[table["scene"] == "cloth"])
+    assert at == pytest.approx(6.0, rel=0.02)
+    assert 0.0 < spread < 1.0
+    assert f"{words} on " in text
+    assert "Cloth (stand-in)" in text
+    assert "With 16 targets the share of light is off by 1.2 %" in text
+    best = table[table["front_exact"] & (table["scene"] == "cloth")].sort_values("total_ms")
+    assert list(zip(best["label"], best["targets"], strict=True)) == [
+        (OURS.label, 1),
+        (OURS.label, 4),
+        (TREE.label, 16),
+    ]
+    assert (table["front"] & (table["label"] == LOOSE.label)).sum() == 2, (
+        "on each scene the fastest with few targets is not"
+    )
+
+
+@pytest.mark.parametrize(("tree", "words"), [(2.0, "not up to 16 on "), (-2.5, "at 1 already on ")])
+def test_a_tree_that_never_or_always_wins_is_said(tmp_path, tree, words):
+    if tree < 0:  # a tree that takes less than the grids from the beginning
+        made = [r for r in records(0.0)]
+        for one in made:
+            if one["method"]["label"] == TREE.label:
+                one["frames"][0]["total_ms"] = [0.5, 0.51]
+    else:
+        made = records(tree)
+    assert words in report_of("soft_shadows", tmp_path, made)
+
+
+def test_errors_of_pictures_fall_with_the_number_of_targets():
+    """An exact method's error falls; a filtered map, whose filter is too wide everywhere, keeps one."""
+    trial = view(
+        joined(ball(0.75, (0, 0, 0)), plane(2, -1, 4)), [(0.5, 0.75, 3.0)], (0, -4, 3), (0, 0.9, -0.85), 0.75, (16, 16)
+    )
+    wide = Entry("shadow_map", {"size": "512", "filter": "soft"}, "wide")
+    preset = SimpleNamespace(width=24, height=24, methods=(TREE, wide), lightings=soft_shadows.targets(*COUNTS))
+    options = SimpleNamespace(preset=preset, device="cpu", described=lambda name: trial.prepared.scene)
+    pictures: list = []
+    rows = list(soft_shadows.errors(options, "case", pictures))
+    exact = [row["rmse"] for row in rows if row["picture"] == soft_shadows.EXACT]
+    mapped = [row["rmse"] for row in rows if row["picture"] == "wide"]
+    assert exact[0] > exact[1] > exact[2] > 0.0
+    assert mapped[2] > exact[2]
+    assert len(pictures) == 5
+    sheet = soft_shadows.side_by_side(pictures)
+    assert sheet.dtype == np.uint8
+    assert sheet.shape[0] > 2 * 240
