@@ -10,7 +10,9 @@ from helpers.experiment_records import record_of, write_records
 from helpers.page_results import TREE, command, make_results
 from shadowbench.harness.report import document
 from shadowbench.harness.report.page import columns
+from shadowbench.harness.report.page.gather import gather, machine_of
 from shadowbench.harness.results import tidy
+from shadowbench.harness.runner.planning.experiment import Entry
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +155,17 @@ def test_bad_input_is_one_line(case, results, tmp_path, monkeypatch, capsys):
     err = capsys.readouterr().err
     assert said in err
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("gpus", [[10**30], "none", [{"name": 7}]])
+def test_a_damaged_environment_is_left_out_of_the_page(gpus, tmp_path, capsys):
+    made = record_of("table1", Entry("ray_grids"))
+    write_records(tmp_path, [made])
+    (tmp_path / "environments").mkdir()
+    (tmp_path / "environments" / f"{made['environment']}.json").write_text(json.dumps({"gpus": gpus}))
+    assert gather("a", document.sources(tmp_path))["environments"] == {}
+    assert "not the facts of an environment" in capsys.readouterr().err
+
+
+def test_a_gpu_without_a_name_is_told_so():
+    assert machine_of({"gpus": [{}]}) == "unknown GPU"

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...results.folder import read_json
+from ...results.folder import read_environment
 from ...results.table import PART_COLUMNS
 from ...results.throttled import disturbances
 from ...scene.overrides import Lighting
@@ -141,7 +141,7 @@ def with_texts(table: DataFrame) -> DataFrame:
 
 def machine_of(facts: dict[str, Any]) -> str:
     """What a machine is called: its GPUs or, where it has none, its processor."""
-    cards = list(dict.fromkeys(card["name"] for card in facts.get("gpus") or []))
+    cards = dict.fromkeys(card.get("name", "unknown GPU") for card in facts.get("gpus") or ())
     return " and ".join(cards) or (facts.get("cpu") or {}).get("model") or "unknown machine"
 
 
@@ -226,7 +226,7 @@ def environments(sources: Sequence[Source]) -> dict[str, Any]:
     found = {}
     for source in sources:
         for path in sorted((source.path / "environments").glob("*.json")):
-            facts = read_json(path)
+            facts = read_environment(source.path, path.stem)
             if facts is not None:
                 found[path.stem] = shortened(facts)
     return found
