@@ -372,6 +372,12 @@ def checked_page(driver, address, scene):
     assert seen["eye"] == lit["eye"], "indoors the camera looks around"
     assert seen["target"] != lit["target"]
     assert seen["answers"] == rendered(scene, seen)
+    slide = "const s = document.getElementById('light-size'); s.value = arguments[0]; s.oninput()"
+    driver.execute_script(slide, 20)
+    count, soft = settled(count)
+    assert soft["answers"] == rendered(scene, soft) != seen["answers"], "sixteen targets"
+    driver.execute_script(slide, 0)
+    count, _ = facts(count)
     canvas.send_keys("w")
     count, walked = facts(count)
     steps = [np.subtract(walked[end], seen[end]) for end in ("eye", "target")]

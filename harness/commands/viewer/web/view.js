@@ -84,6 +84,7 @@
   };
   const place = (values) => values.map((value) => Number(value.toPrecision(5))).join(", ");
   const ms = (stages) => stages.reduce((sum, stage) => sum + (stage.ms || 0), 0);
+  const inputs = (names) => [...new Set(names.includes("light/1") ? names.map((name) => name.replace(/^light\/.*/, "lights")) : names)];
   function tell(side, wish, found) {
     side.cold = found.stages.some((stage) => stage.first && stage.ms !== null);
     side.box.hidden = false;
@@ -119,7 +120,7 @@
     if (side !== sides[0]) return;
     say("");
     last = found;
-    $("caption").textContent = `Eye ${place(found.eye)}` + (found.light ? `; light ${place(found.light)}` : "") + (wish.again ? "" : `; changed: ${found.changed.join(", ") || "nothing"}`);
+    $("caption").textContent = `Eye ${place(found.eye)}` + (found.light ? `; light ${place(found.light)}` : "") + (wish.again ? "" : `; changed: ${inputs(found.changed).join(", ") || "nothing"}`);
     $("options").textContent = found.options + facts.fov;
     const now = performance.now();
     shownAt.push(now);
