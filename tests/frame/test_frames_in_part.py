@@ -28,8 +28,6 @@ from shadowbench.harness.frame.schedule.passes import BUILD_PARTS, Hints, Pass
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Camera, Spot
 
-CHANGES = {"camera": {"camera"}, "light 1": {"light/1"}, "geometry": {"points"}, "nothing": set()}
-
 
 @pytest.mark.parametrize("label", LAMPS)
 def test_nothing_moved_launches_nothing(label, monkeypatch):

@@ -383,27 +383,4 @@ class Broken(Steady):
         raise ImportError("libmissing.so: cannot open")
 
 
-CLASSES = (
-    Steady,
-    Talker,
-    Raises,
-    Late,
-    Once,
-    SlowStart,
-    Fickle,
-    Hangs,
-    Exits,
-    Forks,
-    Rejects,
-    Skips,
-    Grows,
-    Wanders,
-    OfALibrary,
-    Greedy,
-    Gulps,
-    Hoards,
-    Broken,
-    Odd,
-    OddTitle,
-    OddParameter,
-)
+CLASSES = (Steady, *Steady.__subclasses__())

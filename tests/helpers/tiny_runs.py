@@ -16,8 +16,9 @@ from shadowbench.harness.runner.run import Options, Run
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
 
 PRESET = Preset(
-    8, 8, scenes=(), methods=(), frames=2, samples=3, most=3, stage_samples=2, rounds=2, budget_s=5.0, timeout_s=120.0
-)
+    width=8, height=8, scenes=(), methods=(), frames=2, samples=3, most=3, stage_samples=2, rounds=2, budget_s=5.0,
+    timeout_s=120.0,
+)  # fmt: skip
 
 
 def install_misbehaving(folder: Path) -> str:
