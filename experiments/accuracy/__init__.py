@@ -149,7 +149,7 @@ TELLING = ("P29c", "P29d", "P29e", "P31 1e+07", "S31 1000")
 """Cases that the quick preset would leave out, but that are cheap and in which most of the inexact points are wrong."""
 GRID_SIZE = {"quick": 48, "paper": 128}
 
-CELL_S, CELL_TRIANGLE_S = 0.035, 1e-6
+CELL_S, CELL_TRIANGLE_S = 0.07, 1e-6
 """Seconds of a method in a cell of the grid, and more for each triangle, at 48x48 pixels."""
 
 HARD_S = 10.0
