@@ -48,7 +48,8 @@ def what_changes(done: document.DataFrame, root: Path) -> list[str]:
     alike = [own for own in parts if own["device"].iloc[0].split(":")[0] == device.split(":")[0]]
     alike.sort(key=lambda own: (own["device_name"].iloc[0] == name, len(own)))
     if not alike:
-        return [f"What would change the answer is not known: no records of crossover in {root}/; "
+        kind = "CPU" if device == "cpu" else "GPU"
+        return [f"What would change the answer is not known: no records of crossover on a {kind} are in {root}/; "
                 "`shadowbench run crossover` measures it."]  # fmt: skip
     best = alike[-1]
     exact = best[best["exact"] & (best["room"] == "")]

@@ -80,6 +80,8 @@ def test_what_is_not_about_the_scene_is_asked_for(tmp_path, monkeypatch):
     declared.after(asked, Silent())
     assert done == ["grid", "grid", "hard"]
     assert survey.untimed_s(asked) > 5 * survey.untimed_s(plain) > 0
+    monkeypatch.setattr(declared, "expected_triangles", lambda _: 69_451)
+    assert 400 < survey.untimed_s(plain) < 1200, "the grid of a mesh of 69 thousand triangles took 800 s"
     assert "of it for untimed counts" in survey.announcement(plain, survey.survey(plain))
     with pytest.raises(UserError, match=r"^--with hard_cases: accuracy offers hard-cases; did you mean hard-cases"):
         plan_run("accuracy", extras=("hard_cases",))

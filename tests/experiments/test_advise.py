@@ -57,7 +57,7 @@ def test_the_answer_is_a_sorted_table_and_two_sentences(tmp_path, monkeypatch):
 def test_without_records_of_crossover_it_says_how_to_get_them(tmp_path, monkeypatch):
     text, said = advised(tmp_path, monkeypatch)
     (change,) = said["what_would_change_it"]
-    assert "no records of crossover in results/; `shadowbench run crossover` measures it" in change
+    assert "no records of crossover on a GPU are in results/; `shadowbench run crossover` measures it" in change
     assert "What would change the answer is not known" in text
 
 

@@ -9,7 +9,7 @@ import pytest
 from helpers.tiny_runs import Heard, options, write_scene
 from shadowbench.harness.commands.run import dry, plan_run
 from shadowbench.harness.results.record import Record
-from shadowbench.harness.runner.planning import survey
+from shadowbench.harness.runner.planning import survey, time_estimate
 from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
 from shadowbench.harness.runner.planning.time_estimate import expected_work, guess
 from shadowbench.harness.runner.progress import Bar, Silent
@@ -97,3 +97,11 @@ def test_a_budget_that_ends_before_the_last_round_is_named(taken, said):
     object.__setattr__(record, "rounds", [{"round": i} for i in range(taken)])
     object.__setattr__(record, "point", {"rounds": 3, "budget_s": 5.0})
     assert Bar()._short(record) == said
+
+
+def test_the_triangles_of_a_ply_are_those_of_its_header(tmp_path):
+    path = tmp_path / "mesh.ply"
+    path.write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nelement face 69451\nend_header\n")
+    assert time_estimate.expected_triangles(str(path)) == 69451
+    path.write_bytes(b"other" * 1000)
+    assert time_estimate.expected_triangles(str(path)) == 5000 // time_estimate.BYTES
