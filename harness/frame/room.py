@@ -8,6 +8,7 @@ from dataclasses import replace
 from ..errors import CapacityRejected
 from ..scene.effects import Effects, Limits
 from ..scene.prepared import Prepared, under
+from ..texts import numbered
 
 
 def bits_bytes(effects: Effects, pixels: int, targets: int) -> int:
@@ -22,7 +23,7 @@ def check_bits(effects: Effects, pixels: int, targets: int, limits: Limits) -> N
     if needed > limits.memory:
         fit = limits.memory // (needed // targets)
         raise CapacityRejected(
-            f"the shadow bits of {targets} targets need {needed:,} bytes; the limit is {limits.memory:,}, enough for {fit}"
+            f"the shadow bits of {numbered(targets, 'target')} need {needed:,} bytes; the limit is {limits.memory:,}, enough for {fit}"
         )
 
 

@@ -68,13 +68,15 @@ def made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
             raise UserError(f"{path}: {where}: add its {field.name}")
     values: dict[str, Any] = {}
     for name, value in given.items():
-        if name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards"):
+        if value is None:  # of a light of the scene that this one is based on
+            values[name] = None
+        elif name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards"):
             values[name] = vector(path, f"{where}.{name}", value)
         elif name in ("shadows", "directional"):
             values[name] = typed(path, f"{where}.{name}", value, bool)
-        elif name == "size" and isinstance(value, list):
+        elif name == "size" and isinstance(value, list | tuple):
             values[name] = tuple(number(path, f"{where}.size", side) for side in value)
-        elif name in ("spot", "shape", "samples") or value is None:
+        elif name in ("spot", "shape", "samples"):
             values[name] = value
         else:
             values[name] = number(path, f"{where}.{name}", value)

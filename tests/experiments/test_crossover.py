@@ -117,6 +117,6 @@ def test_lights_in_a_room_are_told_apart_from_balls(tmp_path):
         lit = Lighting(f"{count} lights", count=count)
         made += [record_of("crossover", e, "sibenik", lit, ms=ms) for e, ms in ((OURS, own), (TREE, tree))]
     text = report_of("crossover", tmp_path, made)
-    assert "ours is the fastest on 2 of 4 settings" in text, "those of the balls"
+    assert "Grids of rays are the fastest on 2 of 4 settings" in text, "those of the balls"
     assert " from 1 to 16 lights the fastest exact method is first ours, from 16 tree." in text
     assert (tmp_path / "crossover-rooms.svg").exists()

@@ -183,7 +183,7 @@ def text_at(binary: bytes, at: int) -> str:
 
 def plain_name(symbol: str) -> str:
     """A kernel's own name: without the factory that made it, Warp's hash and its ending."""
-    return re.sub(r"_[0-9a-f]{8}_cuda_kernel_forward$", "", symbol).rsplit("__locals__", 1)[-1]
+    return re.sub(r"(_[0-9a-f]{8})?_cuda_kernel_forward$", "", symbol).rsplit("__locals__", 1)[-1]
 
 
 def report(labels: tuple[str, ...] = ("",)) -> dict[tuple[str, str], Use]:

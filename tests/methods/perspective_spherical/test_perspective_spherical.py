@@ -55,7 +55,7 @@ def test_capacities_grow_and_the_frame_is_repeated():
 def test_a_need_beyond_the_memory_limit_is_rejected():
     prepared = make_scene(*soup(3, 200), [(2.0, 3.0, 4.0)])
     with pytest.raises(CapacityRejected, match=r"needs [\d,]+ \(triangle, cell\) pairs"):
-        answers_of(prepared, 64, 64, {"pair_capacity": "1"}, limits=Limits(memory=64))
+        answers_of(prepared, 64, 64, {"pair_capacity": "1"}, limits=Limits(memory=64 * 64))
 
 
 def test_two_runs_agree_bit_for_bit_and_a_moved_frame_equals_a_fresh_one():

@@ -87,13 +87,16 @@ def test_queues_grow_and_the_frame_is_repeated(device):
 
 @pytest.mark.parametrize(
     ("settings", "memory", "message"),
-    [({"cells": 1024}, 2**20, "map of .* texels"), ({**TILES, "items": 1, "shares": 1}, 2**12, "needs .* work items")],
+    [
+        ({"cells": 1024}, 2**20, "map of .* texels"),
+        ({**TILES, "items": 1, "shares": 1}, 3 * 2**10, "needs .* work items"),
+    ],
 )
 def test_a_need_beyond_the_memory_limit_is_rejected(settings, memory, message):
     prepared = small_and_large()
     method = make_method(NAME, trial(**{"cells": 8, **settings}))
     with pytest.raises(CapacityRejected, match=message):
-        Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=memory)).answers(prepared.moment(0, 64, 64))
+        Session(method, prepared, 32, 32, "cpu", limits=Limits(memory=memory)).answers(prepared.moment(0, 32, 32))
 
 
 def test_a_moved_frame_equals_a_fresh_one(device):
