@@ -23,7 +23,8 @@ def check_bits(effects: Effects, pixels: int, targets: int, limits: Limits) -> N
     if needed > limits.memory:
         fit = limits.memory // (needed // targets)
         raise CapacityRejected(
-            f"the shadow bits of {numbered(targets, 'target')} need {needed:,} bytes; the limit is {limits.memory:,}, enough for {fit}"
+            f"the shadow bits of {numbered(targets, 'target')} need {needed:,} bytes; "
+            f"the limit is {limits.memory:,}, enough for {fit}"
         )
 
 
