@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -91,8 +92,9 @@ def _clock(one: Mapping[str, Any]) -> float | None:
 
 
 def _number(text: Any) -> float | None:
-    """A number as nvidia-smi prints it, decimal or "0x..."; None for "[N/A]" and the like."""
+    """A number as nvidia-smi prints it, decimal or "0x..."; None for "[N/A]" and the like, and for what is not finite."""
     try:
-        return float(int(text, 16)) if str(text).startswith("0x") else float(text)
-    except (TypeError, ValueError):
+        number = float(int(text, 16)) if str(text).startswith("0x") else float(text)
+    except (TypeError, ValueError, OverflowError):
         return None
+    return number if isfinite(number) else None

@@ -12,6 +12,7 @@ from helpers.called_command import exit_code
 from helpers.experiment_records import record_of, write_records
 from helpers.table1_records import score
 from shadowbench.harness.report import two_runs
+from shadowbench.harness.results.throttled import throttled
 from shadowbench.harness.runner.planning.experiment import Entry
 
 TREE, GRIDS, EMBREE = (
@@ -312,3 +313,11 @@ def test_holm_and_the_spread_of_a_run_against_itself():
     assert two_runs.own_spread(quiet) == 0.0
     gap, low, high = two_runs.gap_between(quiet, quiet * 1.1)
     assert (gap, low, high) == pytest.approx((0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize("bits", ["nan", "inf", "-inf", "0x" + "f" * 400, "[N/A]", None])
+def test_reasons_that_are_no_number_are_not_known(bits):
+    """A round then counts as throttled by its clock alone."""
+    gpu = {"clocks_throttle_reasons.active": bits, "clocks.sm": "1500"}
+    assert throttled({"clock": {"gpu": gpu}}, 1980.0) == "1500 MHz where 1980 are usual"
+    assert throttled({"clock": {"gpu": {**gpu, "clocks.sm": bits}}}, 1980.0) == ""
