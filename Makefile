@@ -18,7 +18,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 help:
 	@echo "make install  set everything up in .venv; the command is .venv/bin/shadowbench"
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests (twenty minutes on two cores; JOBS=8 where there are more)"
+	@echo "make test     set everything up, run the tests (half an hour on two cores, less with compiled kernels; JOBS=8 where there are more)"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
 	@echo "make lint     ruff and mypy"
 	@echo "make docs     the documentation as a site: build/site/index.html"
