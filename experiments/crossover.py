@@ -156,9 +156,17 @@ ABOUT = "A tie: the gap is within the spread of the two. A method that answered 
 
 def finding(done: document.DataFrame, rooms: dict[str, document.DataFrame]) -> str:
     """In how many settings each structure is the fastest, of the exact ones and of all; in each room by number of lights."""
-    told = [f"In {room} {over(line[line['exact']], 'lights', 'lights')}." for room, line in rooms.items()]
-    told = [text for text in told if not text.endswith(" .")]
+    told = over_lights("In", ((room, line[line["exact"]]) for room, line in rooms.items()))
     return " ".join([*([of_balls(done)] if len(done) or not told else []), *told])
+
+
+def over_lights(preposition: str, groups: Iterable[tuple[Any, document.DataFrame]]) -> list[str]:
+    """Which exact method is the fastest by number of lights, a sentence for each group that has several numbers.
+
+    groups  names, which follow the preposition, and points of exact methods
+    """
+    told = {name: over(line, "lights", "lights") for name, line in groups}
+    return [f"{preposition} {name} {text}." for name, text in told.items() if text]
 
 
 def over(line: document.DataFrame, axis: str, name: str) -> str:

@@ -31,6 +31,7 @@ from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.prepared import Prepared, prepare
+from ..harness.texts import numbered
 from ._rivals import HYBRID, OURS, RASTERISED, REBUILT
 
 SIZE = 0.08
@@ -57,7 +58,7 @@ COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]
 
 def targets(*counts: int) -> tuple[Lighting, ...]:
     """The first light as a sphere with the given numbers of targets."""
-    return tuple(Lighting(f"{n} target{'s' * (n != 1)}", count=1, size=SIZE, samples=n) for n in counts)
+    return tuple(Lighting(numbered(n, "target"), count=1, size=SIZE, samples=n) for n in counts)
 
 
 class Pictures:
@@ -103,8 +104,11 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
     right, counted = share_of_light(reference[0]), pictures.facing(reference[0]["triangle"])
     counts = [lighting.samples for lighting in options.preset.lightings]
     shown = {counts[0], counts[len(counts) // 2], counts[-1]}
-    settings = {entry.label: make_method(entry.method, dict(entry.settings)) for entry in options.preset.methods}
-    inexact = [entry for entry in options.preset.methods if getattr(settings[entry.label], "known_inexact", None)]
+    inexact = [
+        entry
+        for entry in options.preset.methods
+        if getattr(make_method(entry.method, dict(entry.settings)), "known_inexact", None)
+    ]
     for entry, lighting in itertools.product((replace(JUDGE, label=EXACT), *inexact), options.preset.lightings):
         made = pictures.made(entry, lighting)
         if made is None:

@@ -15,7 +15,7 @@ from ..harness.results.table import samples
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, faithful
 from ._rivals import HYBRID, OURS, RASTERISED, REBUILT, lights
-from .crossover import NATURAL, over
+from .crossover import NATURAL, over_lights
 
 GRIDS = (
     faithful("paper-faithful"),
@@ -71,8 +71,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         " and {} {}", "Two lights were not measured",
     ) + f" ({PAPER})."  # fmt: skip
     right = done[ranking.exact(done)].assign(seen=NATURAL, moving=NATURAL)
-    told = [f"On {name} {over(own, 'lights', 'lights')}." for name, own in right.groupby("title", sort=False)]
-    finding = " ".join([finding, *(text for text in told if not text.endswith(" ."))])
+    finding = " ".join([finding, *over_lights("On", right.groupby("title", sort=False))])
     tables = {
         "Milliseconds, by number of lights": document.cross_table(done, rows, "lights", "ms"),
         "Each light after the first over the first, by number of lights":

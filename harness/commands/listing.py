@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import UserError, did_you_mean
 from ..files import plain
 from ..frame import registry
-from ..texts import visible
+from ..texts import numbered, visible
 
 if TYPE_CHECKING:  # each kind imports what it needs
     from ..runner.planning.experiment import Preset
@@ -151,7 +151,7 @@ def area_text(light: Row) -> str:
         return ""
     size = light["size"]
     across = f"{size:g}" if isinstance(size, int | float) else " x ".join(f"{side:g}" for side in size)
-    return f", {light['shape']} of {across} with {light['samples']} target{'s' * (light['samples'] != 1)}"
+    return f", {light['shape']} of {across} with {numbered(light['samples'], 'target')}"
 
 
 def place_text(place: Sequence[float], exact: bool = False) -> str:

@@ -52,10 +52,9 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     """
     unseen = {old for old, _ in replaced}
     wp.config.enable_cpu_blocks = True
-    wp.config.optimization_level, wp.config.cpu_compiler_flags = (
-        1,
-        "-march=native",
-    )  # compiling takes longer than running
+    # Compiling takes longer than running.
+    wp.config.optimization_level = 1
+    wp.config.cpu_compiler_flags = "-march=native"
     start_warp()
     _keep_kernels_apart()
     _compile_with_header()
