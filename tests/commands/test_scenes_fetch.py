@@ -140,6 +140,7 @@ def linked():
         (zipped({f"{i}.txt": "" for i in range(30)}), "more than 20 files"),
         (zipped({"a/sibenik.obj": TETRAHEDRON, "b/sibenik.obj": TETRAHEDRON}), "holds two files"),
         (zipped({"other.obj": TETRAHEDRON}), "has no file"),
+        (zipped({"name": ""}).replace(b"name", b"\0ame"), "has no file"),
         (zipped({"sibenik.obj": "no mesh"}), "sibenik.obj"),
         (WHOLE[:-30], "no archive but"),
         (packed_tar[: len(packed_tar) // 2], "damaged"),

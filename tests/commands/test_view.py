@@ -161,6 +161,7 @@ def test_wrong_pixels_are_found(scene, monkeypatch):
         for wrong in (
             {"camera": [0, 0]}, {"light": [0, 0, 1e99]}, {"show": "all"}, {"camera": [[1e999, 0, 1], [0, 0, 0]]},
             {"frame": None}, {"area": [-1, 4]}, {"area": [1, 0]}, {"area": [1e999, 2]},
+            {"camera": []}, {"camera": [[0, 0, 1]]}, {"camera": [[0, 0, 1], [0, 0, 0], 1]}, {"area": []}, {"area": [1]},
             {"size": [9999, 9999]}, {"size": [0, 4]}, {"camera": [[1, 1, 1], [1, 1, 1]]},
         )
     )],
@@ -172,6 +173,7 @@ def test_a_bad_message_gets_one_line_and_the_page_lives_on(scene, text):
         facts = json.loads(reply[4:])
         assert set(facts) == {"error"}
         assert "\n" not in facts["error"]
+        assert "IndexError" not in facts["error"]
         good = server.answer(json.dumps({"method": METHOD, "size": SIZE}))
         assert b"WEBP" in good
 

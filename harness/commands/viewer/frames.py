@@ -71,14 +71,20 @@ class Wish:
             raise ValueError("not an object")
         camera, light, area = facts.get("camera"), facts.get("light"), facts.get("area")
         width, height = map(int, facts["size"])
+        if camera is not None:
+            eye, target = map(_place, camera)
+            camera = eye, target
+        if area is not None:
+            size, samples = area
+            area = float(size), int(samples)
         wish = Wish(
             str(facts["method"]),
             (width, height),
             str(facts.get("beside", "")),
             int(facts.get("frame", 0)),
-            None if camera is None else (_place(camera[0]), _place(camera[1])),
+            camera,
             None if light is None else _place(light),
-            None if area is None else (float(area[0]), int(area[1])),
+            area,
             str(facts.get("show", "shaded")),
             facts.get("judge") is True,
             facts.get("again") is True,
