@@ -31,12 +31,17 @@ def warn(text: str) -> None:
     say(f"shadowbench: warning: {text}")
 
 
+LONGEST = 500
+"""Characters of another program's error that are worth reading: it may repeat the contents of a file."""
+
+
 def one_line(error: BaseException) -> str:
-    """The text of an error on one line; the name of its class where it has none."""
+    """The text of an error on one line of at most :data:`LONGEST` characters; the name of its class where it has none."""
     try:
         text = " ".join(str(error).split())
     except Exception:  # the class of a method's error may fail, too
         text = ""
+    text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
     return text.encode(errors="replace").decode() or type(error).__name__
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import CapacityRejected, UserError
+from ..errors import CapacityRejected, UserError, one_line
 from ..frame.devices import find_device, placed_method
 from ..frame.registry import make_method, method_names
 from ..frame.room import fewer_that_fit
@@ -168,7 +168,7 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
         facts["cannot"] = f"rejected: {error}{fit}"
         return facts
     except Exception as error:  # a method may fail in any way; the others are still listed
-        facts["cannot"] = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        facts["cannot"] = f"{type(error).__name__}: {one_line(error)}"
         return facts
     after = {label: steps(session.all_passes, changed) for label, changed in change_sets(prepared.scene).items()}
     wanted = wanted_of(session.effects)

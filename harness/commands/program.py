@@ -150,7 +150,7 @@ def main() -> None:
     except MemoryError as error:
         if os.environ.get(DEBUG):
             raise
-        reason = " ".join(str(error).split()) or "allocation failed"
+        reason = one_line(error)
         say(f"shadowbench: not enough memory ({reason}); choose a smaller --size")
         raise SystemExit(2) from None
     except KeyboardInterrupt:

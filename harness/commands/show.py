@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
-from ..errors import UserError
+from ..errors import UserError, one_line
 from ..results.folder import require_plain
 from ..results.schema import each_record
 from ..runner.planning.experiment import find_experiment
@@ -33,7 +33,7 @@ def show(experiment: str, folder: Path | str, quiet: bool = False, out: Path | N
         with nullcontext() if out is None else lent(folder, out):
             return list(draw(out or folder, quiet))
     except OSError as error:
-        reason = error.strerror or " ".join(str(error).split())
+        reason = error.strerror or one_line(error)
         raise UserError(
             f"{error.filename or folder}: cannot be read or written ({reason}); change its permissions or free space, or "
             "write elsewhere with --out"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from ..errors import UserError
+from ..errors import UserError, one_line
 
 MOST_BYTES = 8 << 30
 MOST_MEMBERS = 20_000
@@ -60,7 +60,7 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
     except FileExistsError as error:
         raise UserError(f"{archive}: holds two files {made[-1].name!r}; it is not unpacked") from error
     except BROKEN as error:
-        raise UserError(f"{archive}: damaged ({' '.join(str(error).split())}); remove it and fetch again") from error
+        raise UserError(f"{archive}: damaged ({one_line(error)}); remove it and fetch again") from error
     if not made:
         raise UserError(f"{archive}: has no file {pattern!r}; the archive has changed")
     return sorted(made)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import UserError, did_you_mean, install, note, warn
+from ..errors import UserError, did_you_mean, install, note, one_line, warn
 from ..texts import visible
 from .declaration import SUFFIX, declared_scene
 from .facts import triangles
@@ -91,7 +91,7 @@ def _found(name: str | Path, scene_dir: str | Path | None, wanted: Wanted, withi
         try:
             here = path.resolve()
         except (OSError, RuntimeError) as error:  # a cycle of links
-            raise UserError(f"{path}: cannot read ({' '.join(str(error).split())})") from error
+            raise UserError(f"{path}: cannot read ({one_line(error)})") from error
         if here in within:
             raise UserError(f"{path}: its mesh refers back to this file; name a mesh file or a scene")
         scene = declared_scene(path, lambda mesh, asked: _found(mesh, scene_dir, asked, (*within, here)), wanted)

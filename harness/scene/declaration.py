@@ -47,7 +47,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError, did_you_mean
+from ..errors import UserError, did_you_mean, one_line
 from ..files import read_regular
 from ..texts import visible
 from .assembly import assembled, declared_parts
@@ -89,7 +89,7 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:  # wrong syntax or encoding, a number too long, nesting too deep
-        raise UserError(f"{path}: not valid TOML: {' '.join(str(error).split())}") from error
+        raise UserError(f"{path}: not valid TOML: {one_line(error)}") from error
     known(path, "", table, TOP)
     base = _base(path, table, resolve, wanted)
     fields: dict[str, Any] = {

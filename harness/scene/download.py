@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError
+from ..errors import UserError, one_line
 from ..files import read_regular, write_atomic
 
 CHECKSUMS = "checksums.json"
@@ -108,7 +108,7 @@ def downloaded(url: str, folder: Path, pinned: str | None = None) -> Iterator[Pa
             url, f"sha256:{expected}" if expected else None, name, folder, downloader=Resumed(folder / f"{name}.part")
         )
     except requests.exceptions.RequestException as error:
-        reason = " ".join(str(error).split())[:200]
+        reason = one_line(error)
         raise UserError(f"{url}: cannot be fetched ({reason}); the same command continues it") from error
     except ValueError as error:  # pooch's error for another checksum
         raise UserError(

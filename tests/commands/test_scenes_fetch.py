@@ -143,6 +143,7 @@ def linked():
         (zipped({"name": ""}).replace(b"name", b"\0ame"), "has no file"),
         (zipped({"sibenik.obj": "no mesh"}), "sibenik.obj"),
         (WHOLE[:-30], "no archive but"),
+        (zipped({"n" * 3000 + "sibenik.obj": ""}).replace(b"n" * 3000, b"m" * 3000, 1), "damaged"),
         (packed_tar[: len(packed_tar) // 2], "damaged"),
         (linked(), "a link or no file"),
     ],
@@ -155,6 +156,7 @@ def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, cont
     with pytest.raises(UserError, match=said) as refused:
         scenes("fetch", ["sibenik"], folder)
     assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 1500
     assert [path.name for path in folder.iterdir()] == ["archives"]
     assert [path.name for path in tmp_path.rglob("*.obj")] == []
 

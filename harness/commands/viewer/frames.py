@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...errors import CapacityRejected, UserError
+from ...errors import CapacityRejected, UserError, one_line
 from ...files import array_hash
 from ...frame.devices import placed_method
 from ...frame.registry import about, method_names
@@ -172,7 +172,7 @@ class Frames:
                 counts = hasattr(made, "tests_per_pixel")
                 rows.append({"name": name, "title": about(name), "reason": reason or "", "counts": counts})
             except Exception as error:  # one broken method must not hide the others
-                reason = " ".join(str(error).split())
+                reason = one_line(error)
                 rows.append({"name": name, "title": name, "reason": reason, "counts": False})
         return rows
 

@@ -19,7 +19,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ...errors import UserError
+from ...errors import UserError, one_line
 from .frames import Frames, Wish
 from .page import page, policy
 
@@ -125,9 +125,9 @@ class Server:
             else:
                 facts, picture = self.frames.show(Wish.read(asked))
         except (UserError, ValueError, TypeError, KeyError) as error:
-            facts, picture = {"error": " ".join(str(error).split())}, b""
+            facts, picture = {"error": one_line(error)}, b""
         except Exception as error:  # the failure of one method must not end the page
-            facts, picture = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}, b""
+            facts, picture = {"error": f"{type(error).__name__}: {one_line(error)}"}, b""
         head = json.dumps(facts).encode()
         return struct.pack("<I", len(head)) + head + picture
 

@@ -13,7 +13,7 @@ import time
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from ...errors import UserError
+from ...errors import UserError, one_line
 from ...results.disputes import charged_records
 from ...results.folder import ResultsFolder
 from ...results.record import Record
@@ -234,7 +234,7 @@ class ClusterRun:
         try:
             result = task.result(timeout=PATIENCE_S)
         except Exception as error:
-            reason = " ".join(str(error).split())[:300] or type(error).__name__
+            reason = one_line(error)
             if task.status != "error":  # the worker ended between its answer and our reading it
                 reason = f"its result could not be fetched ({type(error).__name__})"
             elif type(error).__name__ == "KilledWorker":
