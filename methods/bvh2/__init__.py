@@ -24,6 +24,7 @@ from ..common.parameters import refuse_static
 from ..gpu.reserve import counted
 from ..trees import constants
 from ..trees.builders import built, tree_of
+from ..trees.quality import expected
 from ..trees.trace.tree_rays import TreeRays
 from .parameters import FLOAT32_INEXACT, Build, Trace
 
@@ -52,7 +53,7 @@ class BinaryTree(BaseMethod):
         self._memory = limits.memory
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         refuse_static(self.name, self.build.update, frame.prepared)
-        tree = tree_of(frame, self.build.update, self.build.builder)
+        tree = tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
         first, grows = tree.passes()
         trace = self.trace
         self._rays = rays = TreeRays(
@@ -83,18 +84,21 @@ class BinaryTree(BaseMethod):
         return (self._rays.tests_per_pixel(),)
 
     def counters(self) -> dict[str, int]:
-        """Pairs that were left to float64 in the last frame."""
+        """Pairs that were left to float64 in the last frame, and how good its tree was."""
         if self._rays is None:
             return {}
         counts = {f"{rays} undecided pairs": pairs for rays, pairs in self._rays.undecided_pairs().items()}
+        counts |= expected(self._rays.tree)
         if self.build.update == "refit":
             host = self._rays.frame.host
-            counts["frames since the tree was made"] = host.index if host is not None else 0
+            counts["frames since the tree was made"] = (
+                abs(host.index - self.build.tree_frame) if host is not None else 0
+            )
         return counts
 
     def built(self) -> dict[str, Any]:
         threads = {} if self._rays is None else self._rays.built()
-        return {**built(self.build.update, self.build.builder), **threads}
+        return {**built(self.build.update, self.build.builder, self.build.tree_frame), **threads}
 
 
 METHOD = BinaryTree

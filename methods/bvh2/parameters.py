@@ -18,16 +18,21 @@ FLOAT32_INEXACT = "float32 triangle tests without a bound; shadow rays end 1e-4 
 class Build:
     """How the tree is made and kept up to date.
 
-    update   "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of the animation's
-             first frame, its boxes refitted each frame; "static": that tree, for geometry that does not move
-    builder  of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al. 2024)
+    update      "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of one frame of the
+                animation, its boxes refitted each frame; "static": that tree, for geometry that does not move
+    builder     of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al.
+                2024)
+    tree_frame  of a refitted tree: the frame that it is made of, 0 is the first
     """
 
     update: str = "rebuild"
     builder: str = "hploc"
+    tree_frame: int = 0
 
     def __post_init__(self) -> None:
         check_choices(self, update=UPDATES, builder=BUILDERS)
+        if self.tree_frame < 0 or (self.tree_frame and self.update != "refit"):
+            raise ValueError("tree_frame must be 0 or more, and 0 unless update=refit")
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as GridBuild
 from ..trees import constants
 from ..trees.builders import built, tree_of
+from ..trees.quality import expected
 from ..trees.trace.tree_rays import TreeRays
 from .choice import chosen
 from .parameters import Build, Trace
@@ -114,6 +115,7 @@ class Hybrid(BaseMethod):
         if self._rays is not None:
             found = self._rays.undecided_pairs()
             counts |= {f"tree: {rays} undecided pairs": n for rays, n in found.items() if rays != "primary"}
+            counts |= expected(self._rays.tree)
         return counts
 
     def built(self) -> dict[str, Any]:

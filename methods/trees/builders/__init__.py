@@ -12,11 +12,12 @@ UPDATES = ("rebuild", "refit", "static")
 BUILDERS = tuple(MAKERS)
 
 
-def tree_of(frame: Frame, update: str, builder: str) -> Rebuilt | Refitted:
-    """The tree of a frame's triangles, and its passes."""
-    return Rebuilt(frame, builder) if update == "rebuild" else Refitted(frame, update == "static")
+def tree_of(frame: Frame, update: str, builder: str, made_of: int = 0) -> Rebuilt | Refitted:
+    """The tree of a frame's triangles, and its passes. ``made_of``: the frame that a refitted one is made of."""
+    return Rebuilt(frame, builder) if update == "rebuild" else Refitted(frame, update == "static", made_of)
 
 
-def built(update: str, builder: str) -> dict[str, Any]:
+def built(update: str, builder: str, made_of: int = 0) -> dict[str, Any]:
     """For :meth:`....harness.frame.method.Method.built`."""
-    return {"update": update, "tree": builder if update == "rebuild" else "SAH of the first frame, on the host"}
+    which = f"frame {made_of}" if made_of else "the first frame"
+    return {"update": update, "tree": builder if update == "rebuild" else f"SAH of {which}, on the host"}

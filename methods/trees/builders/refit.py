@@ -1,4 +1,4 @@
-"""A tree of the first frame, its boxes refitted each frame.
+"""A tree of one frame, its boxes refitted each frame.
 
 One thread per triangle climbs: the second thread to arrive at a node writes it and continues (as in :mod:`.lbvh`,
 but with a known tree). Counters of arrivals are never reset: an even count means that both have arrived. A triangle that
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.errors import UserError
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, filled
 from ....harness.frame.schedule.passes import Pass
@@ -94,15 +95,17 @@ def extent_kernel(box: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.flo
 
 
 class Refitted:
-    """A SAH tree of the animation's first frame (:class:`.sah.Topology`), with boxes of each.
+    """A SAH tree of a frame of the animation, ``made_of`` (:class:`.sah.Topology`), with boxes of each.
 
     scratch vec4f [4 * triangles]; flags int32 [triangles]: arrivals. ``still``: whether the mesh does not move
     """
 
-    def __init__(self, frame: Frame, still: bool):
+    def __init__(self, frame: Frame, still: bool, made_of: int = 0):
         self.frame, self.still = frame, still
         prepared = frame.prepared
-        points, valid = prepared.points(0)
+        if made_of >= prepared.frame_count:
+            raise UserError(f"tree_frame={made_of}: {prepared.scene.name} has {prepared.frame_count} frames")
+        points, valid = prepared.points(made_of)
         topology = sah_topology(points[prepared.faces], valid)
         with wp.ScopedDevice(frame.device):
             self.box = SceneBox(frame)
