@@ -61,7 +61,9 @@ class Method(Protocol):
         """
 
     def counters(self) -> dict[str, int]:
-        """Deterministic counters of the work of the last frame. May read from the device; never called while timing."""
+        """Deterministic counters of the work of the last frame. May read from the device; never called while timing.
+        Tables read those named in :mod:`..results.costs`.
+        """
 
     def held_bytes(self) -> int:
         """Bytes on any device that it holds after the last frame and that Warp did not allocate, such as a structure of

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Required, TypedDict
 
 from ..judge.counts import Count, Score
-from .record import Ms, PassTimes
+from .record import Costs, Ms, PassTimes
 
 Seconds = Annotated[float, 0.0]
 Bytes = Annotated[float, 0.0]
@@ -59,6 +59,10 @@ class _Sampled(TypedDict):
     memory_source: str
 
 
+class _Costed(_Sampled, total=False):
+    costs: Costs
+
+
 class _Built(TypedDict):
     built: dict[str, Any]
 
@@ -69,7 +73,7 @@ class Sampled(TypedDict):
     started: float
     spent_s: Seconds
     method: _Built
-    frames: list[_Sampled]
+    frames: list[_Costed]
     peak_rss_bytes: Bytes
 
 

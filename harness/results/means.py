@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ..files import plain
+from . import costs
 from .record import Record
 from .table import PART_COLUMNS, table_of
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 PER_FRAME = (
     "total_ms q1_ms q3_ms iqr_ms wall_ms build_ms trace_ms light_build_ms shadow_ms "
     "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms flip"
-).split()
+).split() + costs.NUMBERS
 SERIES = ("pass.", "counter.", "primary.", "shadow.", "round.")
 GREATEST = ["memory_bytes", "regrown", "excused_share", "started"]
 RAYS = ["shadow_rays", "mirrored_rays"]

@@ -146,6 +146,22 @@ class PassTimes:
 
 
 @dataclass
+class Costs:
+    """What a frame costs besides its time, measured in one round (:mod:`.runner.measuring.costs`); None: not measured.
+
+    energy_j  joules of a frame above those of the idle card, whose power was ``idle_w``, watts
+    alone_ms  milliseconds a frame of frames one after another; ``pair_ms``: of two at the same time
+    missing   why there is no "energy", and no two frames "in flight"
+    """
+
+    energy_j: Annotated[float, 0.0] | None = None
+    idle_w: Annotated[float, 0.0] | None = None
+    alone_ms: Ms | None = None
+    pair_ms: Ms | None = None
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
 class Frame:
     """One frame of a point: its samples, what it needed, and the judge's score of its answers.
 
@@ -156,6 +172,7 @@ class Frame:
     score        what :mod:`.judge.score` made of the answers; None: not judged, ``unscored`` says why
     hits         primary rays that hit something
     shadow_rays  number of shadow rays: one for each light and each pixel that needs one
+    costs        what else it costs, one per round; None: not asked for
     flip         mean FLIP against the reference's picture; None: not computed, ``flip_missing`` says why
     """
 
@@ -177,6 +194,7 @@ class Frame:
     shadow_rays: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
     flip: Annotated[float, 0.0] | None = field(default=None, metadata=OMITTED)
     flip_missing: str | None = field(default=None, metadata=OMITTED)
+    costs: list[Costs] | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
         for name in ("wall_ms", "round"):
@@ -322,6 +340,8 @@ def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, Frame]:
             frame.regrown = max(frame.regrown, part["regrown"])
             frame.memory_bytes = max(frame.memory_bytes or 0, part["memory_bytes"])
             frame.memory_source = part["memory_source"]
+            if "costs" in part:
+                frame.costs = [*(frame.costs or ()), Costs(**part["costs"])]
             # Passes are joined by place: a method's pass list is the same in every round of a point.
             if not frame.passes:
                 frame.passes = [PassTimes(step["name"], step["part"], []) for step in part["passes"]]

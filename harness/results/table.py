@@ -24,6 +24,7 @@ from ..frame.schedule.passes import BUILD_PARTS, PARTS
 from ..judge.counts import Score, total
 from ..judge.verdict import ERRORS
 from ..texts import scalar
+from . import costs
 from .newest import newest_as, settings_text
 from .record import Frame, Record
 from .schema import folders_with_records, place_name
@@ -48,14 +49,14 @@ NUMBERS = (
     "light_distance light_turns compile_s first_frame_s total_ms q1_ms q3_ms iqr_ms wall_ms "
     "build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
     "excused_share flip started"
-).split()
+).split() + [*costs.NUMBERS, *costs.LATENCIES]
 """Columns of numbers: ``float64``, ``NaN`` where not known."""
 
 TEXTS = (
     "key folder run experiment scene scene_title stand_in scene_sha256 source source_file source_sha256 left_out "
     "method method_title label settings built known_inexact method_sha256 device device_name preset status reason "
     "view light_label moved environment unscored check flip_missing stopped_by"
-).split()
+).split() + [*costs.MISSING]
 """Columns of text: "" where not known, never missing."""
 
 
@@ -119,6 +120,15 @@ def tidy(folder: Path | str) -> DataFrame:
     reference_errors    Int64     answers of the reference that the referee found wrong
     flip, flip_missing  float, text  mean FLIP against the reference's picture; why there is none
     started, stopped_by  float, text  start of the last samples, seconds since the epoch; what ended them
+    p50_ms, p95_ms, p99_ms  float  percentiles of the samples of all frames of the point, each frame counting equally;
+                                  NaN for one frame
+    energy_mj, idle_w   float     millijoules of the frame above those of the idle card, and the watts of that
+    alone_ms, pair_ms   float     milliseconds a frame of frames one after another, and of two at the same time
+    energy_missing, flight_missing  text  why there is no energy, and no two frames in flight
+    primary_tests, shadow_tests  float  triangle tests a ray, where the method counts them
+    expected_nodes, expected_tests, sah_cost  float  nodes and triangles that a ray through the scene's box meets in a tree
+                                  in the mean, by the areas of its boxes; and 1.2 times the nodes plus the tests
+    bytes_per_ray       float     ``memory_bytes`` over the primary and shadow rays
     round.N             float     median of the whole frame's samples of round N, ms
     pass.PART.NAME      float     median of a pass, ms. Missing, like the times of parts, where they contradict each
                                   other: on a GPU a pass is the difference of two graphs, and one was disturbed
@@ -225,7 +235,11 @@ def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
 
 def _rows(record: Record, folder: str) -> list[dict[str, Any]]:
     point = _point(record, folder)
-    return [{**point, **_times(frame), **_score(frame)} for frame in record.measured] or [point]
+    pixels = point["pixels"]
+    rows = [(frame, _times(frame)) for frame in record.measured]
+    return [
+        {**point, **row, **costs.costs_of(frame, pixels, row["shadow_rays"]), **_score(frame)} for frame, row in rows
+    ] or [point]
 
 
 def _point(record: Record, folder: str) -> dict[str, Any]:
@@ -275,6 +289,7 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "moved": lighting.get("moved"),
         "status": record.status,
         "reason": record.reason,
+        **costs.latencies(record.measured),
         "rounds": len({number for frame in record.measured for number in frame.round}),
         "frames_left_out": len(record.frames_left_out or ()),
         "compile_s": record.compile_s,

@@ -284,6 +284,7 @@ class Run:
             "deviation": preset.deviation,
             "stage_samples": preset.stage_samples,
             "budget_s": preset.budget_s / preset.rounds / max(1, len(frames)),
+            "costs_s": preset.costs_s,
         }
         worker = self.workers.get(job.method)
         reply = self.workers.command(worker, do="round", key=job.point.key, sampling=sampling)

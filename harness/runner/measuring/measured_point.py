@@ -15,13 +15,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ...errors import CapacityRejected, UserError
+from ...errors import CapacityRejected, UserError, one_line
 from ...frame.method import Method
 from ...frame.room import fewer_that_fit
 from ...frame.session import Session
 from ...scene.effects import Effects, Limits
 from ...scene.moment import Moment
 from ...scene.prepared import Prepared
+from .costs import MissingError, energy, in_flight, require_streams
 from .memory import (
     ALLOWED_GROWTH,
     Memory,
@@ -71,6 +72,8 @@ class MeasuredPoint:
         self.moments, self.device, self.changed = moments, spec["device"], changed
         self.limits = Limits(**({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {}))
         self._own = own_bytes(prepared, *size)
+        self._another = lambda: Session(make(), prepared, *size, self.device, limits=self.limits)
+        self._second: Session | None = None
 
         def planned(scene: Prepared) -> None:
             with bounded(self.limits.memory, own_bytes(scene, *size)):
@@ -110,7 +113,10 @@ class MeasuredPoint:
                 held[frame] = within(limits, tracker, session)
                 self.hashes[frame] = hashes(answers)
                 answered(method, frame, answers)
-                counted.append({"frame": frame, "counters": method.counters()})
+                counters = method.counters()
+                if spec.get("costs_s"):
+                    counters = {**traced_again(method), **counters}
+                counted.append({"frame": frame, "counters": counters})
                 if len(held) == 1:
                     seconds = time.perf_counter() - start - compiling.seconds
                     frames = affordable_frames(frames, session, seconds, spec["runs"], spec["budget_s"])
@@ -176,6 +182,8 @@ class MeasuredPoint:
             if wrong:
                 where = f"frame {frame}: {', '.join(wrong)}"
                 raise UnsteadyError(f"the timed frames gave other answers than the frame that was judged ({where})")
+            if sampling.costs_s:
+                frames[-1]["costs"] = self._costs(frame, float(np.median(measured.total_ms)), sampling.costs_s)
         # Kernels are compiled by now: growth is memory that the method allocates inside a frame.
         peak = peak_resident_bytes()
         extra = peak - resident if peak - resident > ALLOWED_GROWTH else 0
@@ -195,16 +203,62 @@ class MeasuredPoint:
         """Samples of frames without overflow: if a buffer had to grow, the samples are discarded and taken again."""
         session = self.session
         for _ in range(3):
-            session.load(moment)
-            if self.changed is not None:
-                session.run()  # the previous frame, whose unchanged results are reused
-                session.select(self.changed)
+            self._load(session, moment)
             measured = sample_frame(session, sampling)
             # The counters of the last launch are still on the device.
             if not session.overflowed():
                 return measured, session.regrown
             session.run_complete()
         raise RuntimeError(f"{session.method.name}: the buffer sizes that one frame needs change from run to run")
+
+    def _load(self, session: Session, moment: Moment) -> None:
+        """Have the next launches make a moment, or the part of it that changed."""
+        session.load(moment)
+        if self.changed is not None:
+            session.run()  # the previous frame, whose unchanged results are reused
+            session.select(self.changed)
+
+    def _costs(self, frame: int, ms: float, seconds: float) -> dict[str, Any]:
+        """What a frame costs besides its time, ``ms``; where that cannot be measured, why not."""
+        found: dict[str, Any] = {"missing": {}}
+        for what, measured in (
+            ("energy", lambda: energy(self.session, ms, seconds)),
+            ("in flight", lambda: self._in_flight(frame, ms, seconds)),
+        ):
+            try:
+                found |= measured()
+            except MissingError as error:
+                found["missing"][what] = str(error)
+        return found
+
+    def _in_flight(self, frame: int, ms: float, seconds: float) -> dict[str, float]:
+        """Milliseconds of a frame alone in flight, and of one of two, whose answers must be those that are judged."""
+        require_streams(self.session)
+        try:
+            self._second = self._second or self._another()
+            self._second.answers(self.moments[frame])
+        except (CapacityRejected, RuntimeError) as error:
+            if not isinstance(error, CapacityRejected) and "allocate" not in str(error):
+                raise
+            raise MissingError(f"a second frame finds no room ({one_line(error)})") from error
+        self._load(self._second, self.moments[frame])
+        pair = self.session, self._second
+        for session in pair:
+            session.poison()
+        times = {"alone_ms": in_flight(pair[:1], ms, seconds), "pair_ms": in_flight(pair, ms, seconds)}
+        for session in pair:
+            if wrong := unlike(session, self.hashes[frame]):
+                raise UnsteadyError(
+                    f"two frames in flight gave other answers than one (frame {frame}: {', '.join(wrong)})"
+                )
+        return times
+
+
+def traced_again(method: Method) -> dict[str, int]:
+    """Triangle tests of the last frame's primary and shadow rays, as far as the method counts them when it is asked."""
+    counted = getattr(method, "tests_per_pixel", None)
+    kinds = ("primary tests", "shadow tests")
+    return {} if counted is None else {kind: int(np.sum(own)) for kind, own in zip(kinds, counted(), strict=False)}
 
 
 PROCESS = "process growth"
@@ -260,6 +314,11 @@ def differing(session: Session, known: Mapping[str, str]) -> list[str]:
     session.poison()
     session.replay()
     wp.synchronize_device(session.device)
+    return unlike(session, known)
+
+
+def unlike(session: Session, known: Mapping[str, str]) -> list[str]:
+    """The names of the answers in a session's arrays whose hashes differ from ``known``."""
     found = hashes(session.frame.answers.to_host())
     return [name for name, value in known.items() if found[name] != value]
 

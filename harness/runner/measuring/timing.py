@@ -33,6 +33,7 @@ class Sampling:
     stage_samples  number of samples of every pass, separate from the whole frames
     budget_s       time limit of one frame in a round, seconds, three quarters of it for whole frames; at least one
                    sample of each kind is always taken
+    costs_s        seconds of replays whose energy is measured, beyond the budget (:mod:`.costs`); 0: no costs
     """
 
     samples: int = 5
@@ -40,6 +41,7 @@ class Sampling:
     deviation: float | None = None
     stage_samples: int = 2
     budget_s: float = 10.0
+    costs_s: float = 0.0
 
 
 @dataclass

@@ -53,6 +53,8 @@ class Preset:
     memory         memory limit of a method's structures, bytes, if the command line gives none
     maps           save a map of the cost of each pixel (tests of its primary ray) in the last frame of each point
     wrong_maps     save a map of the classes of wrong pixels in the last frame of each point, and its FLIP difference
+    costs_s        seconds of further replays in which the energy of a frame is measured, in each round; then two frames in
+                   flight are timed too, and tests of rays are counted. 0: none of it
     also           presets that are run after this one into the same folder: other sizes, scenes, lights
     """
 
@@ -72,6 +74,7 @@ class Preset:
     maps: bool = False
     memory: int | None = None
     wrong_maps: bool = False
+    costs_s: float = 0.0
     also: tuple[Preset, ...] = ()
 
     def parts(self) -> tuple[Preset, ...]:

@@ -118,7 +118,7 @@ OF_METHOD = ("label", "settings", "parameters", "device", "device_name")
 OF_PRESET = ("width", "height", "samples", "most", "deviation", "stage_samples", "rounds", "budget_s")
 """Facts that a key always depends on."""
 
-OF_SOME_SCENES, OF_SOME_PRESETS = ("lighting", "surfaces_sha256"), ("maps", "memory", "wrong_maps")
+OF_SOME_SCENES, OF_SOME_PRESETS = ("lighting", "surfaces_sha256"), ("maps", "memory", "wrong_maps", "costs_s")
 """Those that it depends on where there is such a thing."""
 
 

@@ -53,6 +53,7 @@ def prepare_command(options: Options, job: Job, answers: bool = True) -> dict[st
         "device": job.point.method["device"],
         "memory_limit": preset.memory,
         "maps": preset.maps,
+        "costs_s": preset.costs_s,
         "budget_s": preset.budget_s,
         "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),
     }

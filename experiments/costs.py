@@ -1,0 +1,99 @@
+"""What a frame costs besides its time: energy, memory, work a ray, and what a second frame in flight adds.
+
+Energy and frames in flight are measured in replays apart from the timed ones, after them, on a GPU
+(:mod:`.harness.runner.measuring.costs`); the other costs are counted.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..harness.report import document, numbers, panels, sentences
+from ..harness.results.costs import LATENCIES, MISSING, NUMBERS
+from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from . import _rivals
+from ._paper import SCENES
+
+METHODS = (*_rivals.FEW, _rivals.REFITTED[0], *_rivals.REBUILT[3:], Entry("warp_bvh", {}, "mesh rebuilt"))
+COLUMNS = [*document.COMMON, *NUMBERS, *MISSING, *LATENCIES, "watts", "in_flight_gain", "memory_bytes"]
+SHOWN = {
+    "title": "scene", "label": "method", "ms": "ms", "error": "answers", "energy_mj": "energy, mJ", "watts": "power, W",
+    "memory_mb": "memory, MB", "bytes_per_ray": "bytes a ray", "fps": "frames/s", "fps_pair": "two in flight",
+    "primary_tests": "tests, primary", "shadow_tests": "tests, shadow", "sah_cost": "SAH cost",
+    "expected_tests": "expected tests",
+}  # fmt: skip
+"""The columns of the table, and their headings."""
+ABOUT = (
+    "Energy of a frame: what the card used above its idle power, {}, over replays of the frame; power: of the card while it "
+    "replays them. Two in flight: frames of both together in a second. Memory: the most that the method held. "
+    "Bytes a ray: memory over primary and shadow rays. Tests: of triangles, by a ray, where they are counted. SAH cost and "
+    "expected tests: of a ray through the scene's box, in a tree, by the areas of its boxes; a node counts 1.2 tests."
+)
+LACKING = {"energy_missing": "No energy", "flight_missing": "No second frame in flight"}
+
+
+def read(folder: Path) -> document.DataFrame:
+    """The points, with power while frames are replayed, frames a second, and what a second one in flight adds."""
+    table = document.read(folder)
+    return table.assign(
+        watts=table["idle_w"] + table["energy_mj"] / table["alone_ms"].fillna(table["total_ms"]),
+        memory_mb=table["memory_bytes"].astype("float64") / 1e6,
+        fps=1e3 / table["alone_ms"], fps_pair=1e3 / table["pair_ms"],
+        in_flight_gain=table["alone_ms"] / table["pair_ms"],
+    )  # fmt: skip
+
+
+def lacking(table: document.DataFrame) -> list[str]:
+    """One line per cost and reason that it is missing, with the methods."""
+    groups = [(said, table[table[column] != ""].groupby(column, sort=False)) for column, said in LACKING.items()]
+    return [
+        f"{said} of {sentences.listed(list(own['label'].unique()))}: {reason}."
+        for said, found in groups
+        for reason, own in found
+    ]
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """One table of all costs; the energy of each method; CSV."""
+    table = read(folder)
+    done = document.measured(table)
+    texts = {c: numbers.carry(done[c], done[c] * 0.0) for c in SHOWN if done[c].dtype.kind == "f"}
+    counts = {c: done[c].map("{:,.0f}".format, na_action="ignore") for c in ("fps", "fps_pair", "bytes_per_ray")}
+    shown = done.assign(**(texts | counts))[[*SHOWN]].rename(columns=SHOWN)
+    known = done[done["energy_mj"].notna()]
+    finding = sentences.ends(
+        known, "energy_mj", "label", "A frame of {} takes the least energy, {} mJ above idle",
+        ", and one of {} the most, {} mJ", "No energy was measured",
+    ) + f"{sentences.over(known)}."  # fmt: skip
+    finding += sentences.ends(
+        done, "in_flight_gain", "label", " A second frame in flight helps {} the least: {} times as many frames a second",
+        "; and {} the most: {} times", "",
+    ) + "." * int(done["in_flight_gain"].notna().any())  # fmt: skip
+    watts = sentences.listed(
+        [f"{own.median():.0f} W on {name}" for name, own in known.groupby("device_name")["idle_w"]]
+    )
+    least = known.groupby("title", sort=False)["energy_mj"].transform("min")
+    pictures = [panels.dots(
+        folder / "costs.svg", known.assign(times=known["energy_mj"] / least), "label", "times", "title",
+        below="energy of a frame over that of the method that takes the least on the scene",
+    )] if len(known) else []  # fmt: skip
+    notes = [ABOUT.format(watts or "which was not measured"), *lacking(done)]
+    return document.write(
+        folder, EXPERIMENT, table, COLUMNS, finding, {"What a frame costs": shown}, pictures, quiet, notes
+    )
+
+
+EXPERIMENT = Experiment(
+    name="costs",
+    title="What a frame costs besides its time",
+    presets={
+        "quick": Preset(
+            64, 64, ("cloth",), METHODS, frames=1, samples=1, most=1, stage_samples=1, rounds=1, budget_s=5.0, costs_s=0.5,
+        ),
+        "paper": Preset(
+            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.005, stage_samples=1, rounds=3,
+            budget_s=30.0, timeout_s=300.0, costs_s=1.0,
+        ),
+    },
+    draw=draw,
+)  # fmt: skip
