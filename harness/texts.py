@@ -61,8 +61,8 @@ def for_markdown(text: str) -> str:
 
 
 def numbered(count: int, noun: str) -> str:
-    """A number of things: "1 scene", "2 scenes"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    """A number of things: "1 scene", "12,200 triangles"."""
+    return f"{count:,} {noun}" + "s" * (count != 1)
 
 
 def scalar(value: Any) -> Any:

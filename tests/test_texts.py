@@ -8,7 +8,7 @@ import pytest
 from shadowbench.harness import errors
 from shadowbench.harness.report.document import markdown
 from shadowbench.harness.report.terminal import plain_console, print_table
-from shadowbench.harness.texts import FILE_NAME, all_visible, for_markdown, may_hide, visible, visible_lines
+from shadowbench.harness.texts import FILE_NAME, all_visible, for_markdown, may_hide, numbered, visible, visible_lines
 
 ODD = "a\x1b[31m\x9b\u202e\ud800\ufeff\x00z"
 SEEN = r"a\x1b[31m\x9b\u202e\ud800\ufeff\x00z"
@@ -34,6 +34,10 @@ def test_markdown_holds_no_html_and_no_link():
     assert for_markdown("**a** <b> & [x](y)") == r"**a** &lt;b> &amp; [x]\(y)"
 
     assert markdown(pd.DataFrame({"a": ["<i>|"]}))[-1] == r"| &lt;i>\| |"
+
+
+def test_a_number_of_things_has_its_plural():
+    assert [numbered(n, "round") for n in (0, 1, 2, 12200)] == ["0 rounds", "1 round", "2 rounds", "12,200 rounds"]
 
 
 def test_names_of_files_lead_nowhere_else():

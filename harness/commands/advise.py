@@ -10,6 +10,7 @@ import typer
 
 from ..errors import UserError, did_you_mean
 from ..scene.overrides import Lighting
+from ..texts import numbered
 from .options import Device, Json, MemoryLimit, SceneDir, complete_scene, takes_view
 
 if TYPE_CHECKING:
@@ -86,6 +87,6 @@ def lighting_of(lights: int | None, moves: str | None) -> Lighting:
         raise UserError(f"--lights {lights}: must be 1 to {MOST_LIGHTS}")
     if moves is not None and moves not in MOVES:
         raise UserError(f"--moves {moves!r}: not one of {', '.join(MOVES)}{did_you_mean(moves, MOVES)}")
-    words = [] if lights is None else [f"{lights} light{'s' if lights > 1 else ''}"]
+    words = [] if lights is None else [numbered(lights, "light")]
     words += [] if moves is None else [MOVES[moves]]
     return Lighting(", ".join(words), count=lights or 0, moved=moves)

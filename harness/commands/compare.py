@@ -17,6 +17,7 @@ from ..errors import UserError
 from ..files import plain
 from ..report import numbers, two_runs
 from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
+from ..texts import numbered
 from .compared_runs import Run, cores, refuse
 from .options import Json, option
 from .tables import make_console, make_table, print_lines
@@ -175,7 +176,7 @@ def left_out_notes(left_out: Iterable[tuple[str, str, int, str]], most: int | No
                     points[point] = sorted([*points.get(point, ()), *places])
             count = sum(map(len, points.values()))
             names = [f"{point} ({', '.join(map(str, places))})" for point, places in points.items()]
-            yield f"left out: {count} round{'s' * (count > 1)} of {run}, {why}: {some(names, most)}"
+            yield f"left out: {numbered(count, 'round')} of {run}, {why}: {some(names, most)}"
 
 
 def kinds(reasons: Iterable[str]) -> dict[str, list[str]]:

@@ -16,6 +16,7 @@ from ..scene import catalogue
 from ..scene.archives import unpack
 from ..scene.download import downloaded
 from ..scene.readers.apart import load, load_sequence
+from ..texts import numbered
 from .options import SceneDir
 
 ARCHIVES = "archives"
@@ -115,7 +116,7 @@ def fetched(name: str, folder: Path) -> bool:
                 file.replace(folder / f"{name}{ending}{file.suffix.lower()}")
     except OSError as error:
         raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --scene-dir") from error
-    say(f"{name}: {len(files)} file{'s' * (len(files) > 1)} in {folder}")
+    say(f"{name}: {numbered(len(files), 'file')} in {folder}")
     return True
 
 

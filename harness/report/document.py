@@ -12,7 +12,7 @@ from ..results.schema import folders_with_records, place_name
 from ..results.table import TEXTS, samples, stage_ms, tidy
 from ..results.throttled import disturbances
 from ..scene.facts import never_hit
-from ..texts import for_markdown
+from ..texts import for_markdown, numbered
 from . import compare, numbers, style
 from . import paper_table1 as paper
 from .compare import pass_spread, spread
@@ -233,8 +233,8 @@ def where(table: DataFrame) -> str:
 def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
     asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates().to_numpy()
-    form = "{:.0f} round{}, at most {:g} s of samples per point"
-    told = " and ".join(form.format(n, "s" if n > 1 else "", budget) for n, budget in asked)
+    form = "{}, at most {:g} s of samples per point"
+    told = " and ".join(form.format(numbered(int(n), "round"), budget) for n, budget in asked)
     if not told:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..files import plain
+from ..texts import numbered
 from . import compare, document, numbers, style
 
 if TYPE_CHECKING:
@@ -182,7 +183,7 @@ def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene"
     kinds = Counter(kind for one in wins for kind in {x if x in alone else style.kind(m) for x, m in one.items()})
     labels = Counter(label for one in wins for label in one)
     (first, most), *others = kinds.most_common()
-    on = f"all {count} {what}s" if most == count > 1 else f"{most} of {count} {what}{'s' * (count > 1)}"
+    on = f"all {numbered(count, what)}" if most == count > 1 else f"{most} of {numbered(count, what)}"
     beside = [f", {kind} on {n}" for kind, n in others]
     which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.most_common())
     ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""

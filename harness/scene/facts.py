@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ..files import array_hash, plain
+from ..texts import numbered
 from .alpha import arrays_of
 from .effects import Effects
 from .moment import Moment
@@ -76,7 +77,7 @@ def surface_facts(prepared: Prepared) -> dict[str, str]:
 
 def triangles(count: int) -> str:
     """A number of triangles as text: "1 triangle", "12,200 triangles"."""
-    return f"{count:,} triangle" + "s" * (count != 1)
+    return numbered(count, "triangle")
 
 
 def never_hit(count: int, valid: int) -> str:

@@ -6,6 +6,7 @@ import json
 import re
 
 import pytest
+import shadowbench
 from helpers.experiment_records import record_of, write_records
 from helpers.page_results import TREE, command, make_results
 from shadowbench.harness.report import document
@@ -35,6 +36,7 @@ def test_the_page_is_one_file_without_an_address_to_fetch(page):
     html = page.read_text()
     assert "default-src 'none'" in html
     assert re.findall(r"""(?:src|href)=["'](?!#|data:)""", html.split('<script id="data"')[0]) == []
+    assert data_of(page)["version"] == shadowbench.__version__
     assert "Leon Sorokin" in html, "the licence of the charting library"
     assert "<b>" not in html.split('<script id="data"')[1].split("</script>")[0], "no text of a record is markup"
 

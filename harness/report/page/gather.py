@@ -7,9 +7,10 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import shadowbench
 
 from ...results.folder import read_environment
 from ...results.table import PART_COLUMNS
@@ -75,7 +76,7 @@ def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> 
     every = pd.concat(shown, ignore_index=True)
     return {
         "title": title,
-        "version": installed(),
+        "version": shadowbench.__version__,
         "finding": ranking.finding(ranking.ranked(sources[0].frames)),
         "folders": about,
         "points": columns(every.reindex(columns=[*POINT, *(name for name in every if name.startswith("text."))])),
@@ -230,13 +231,3 @@ def environments(sources: Sequence[Source]) -> dict[str, Any]:
             if facts is not None:
                 found[path.stem] = shortened(facts)
     return found
-
-
-def installed() -> str:
-    """The version of this program; "" where it is not installed."""
-    for name in ("shadowbench-rt", "shadowbench"):
-        try:
-            return version(name)
-        except PackageNotFoundError:
-            continue
-    return ""
