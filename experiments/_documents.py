@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -10,9 +11,11 @@ from ..harness.report import claims as verdict
 from ..harness.report import compare, document, numbers, ranking, sentences, style
 from ..harness.report import paper_table1 as paper
 from ..harness.report.documents import Results
+from ..harness.report.page.gather import PARTS as PARTS_OF_A_FRAME
 from ..harness.report.page.gather import machine_of, written
 from ..harness.results.folder import read_environment
 from . import _rivals, effects
+from .accuracy.hard_cases import read_hard
 from .claims import CLAIMS
 
 KINDS = ("grids of rays", "trees", "rasterised buffers", "the paper's grids")
@@ -20,6 +23,9 @@ KINDS = ("grids of rays", "trees", "rasterised buffers", "the paper's grids")
 FLOAT32 = "BVH2 rebuilt, float32"
 EXACT = "BVH2 rebuilt"
 PAPER, FAITHFUL, WARP = "the paper's grids", "paper-faithful", "LBVH rebuilt in a graph"
+
+
+PART_NAMES = {"build": "build", "trace": "primary rays", "light_build": "build for the light", "shadow": "shadow rays"}
 
 
 def finding(results: Results, folder: str) -> list[str]:
@@ -91,16 +97,57 @@ def exactness(results: Results, folder: str) -> list[str]:
     return document.markdown(pd.DataFrame(rows))
 
 
+def frames(results: Results, folder: str, *methods: str) -> list[str]:
+    """The whole frame of every setting of these methods on each scene, ms; in brackets how many answers are wrong."""
+    table = of_methods(results, folder, methods)
+    wrong = table["true_errors"].map(lambda n: f" ({n:,} wrong)" if n else "")
+    table = table.assign(text=table["ms"] + wrong)
+    return document.markdown(document.cross_table(table, {"label": "ms"}, "title", "text"))
+
+
+def parts(results: Results, folder: str, *methods: str) -> list[str]:
+    """The parts of these frames, ms: what each adds to the frame."""
+    import pandas as pd
+
+    table = document.with_passes(of_methods(results, folder, methods), results.folder / folder, PARTS_OF_A_FRAME)
+    rows = [
+        table.assign(part=said, text=table[f"{name}_text"], known=table[f"{name}_ms"])
+        for name, said in PART_NAMES.items()
+    ]
+    rows = [own[own.groupby("label")["known"].transform("max") > 0] for own in rows]  # the others have no such pass
+    table = document.arranged(pd.concat(rows), "label", table["label"].unique())
+    return document.markdown(document.cross_table(table, {"label": "method", "part": "ms"}, "title", "text"))
+
+
+def of_methods(results: Results, folder: str, methods: Sequence[str]) -> document.DataFrame:
+    """The measured points of these methods, the first method first, with the titles of stand-ins cut."""
+    points = document.measured(results.points(folder))
+    table = document.arranged(points[points["method"].isin(methods)], "method", methods)
+    return table.assign(title=table["title"].str.removesuffix(" (stand-in)"))
+
+
+def hard_cases(results: Results, folder: str) -> list[str]:
+    """Wrong answers of the points of ``accuracy`` on the hard cases; and the points that have none."""
+    import pandas as pd
+
+    table = read_hard(results.folder / folder)
+    bad = table[table["true_errors"] > 0]
+    rows = {"setting": bad["label"], "hard cases": bad["cases"], "with a wrong answer": bad["cases_wrong"],
+            "wrong answers": bad["true_errors"].map(numbers.count)}  # fmt: skip
+    none = table.loc[table["true_errors"] == 0, "label"]
+    return [*document.markdown(pd.DataFrame(rows)), "", f"Without a wrong answer: {'; '.join(none)}."]
+
+
 def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
-    """What each effect costs grids of rays, a tree and the paper's grids, and a frame by what alone moved."""
+    """What each effect costs grids of rays, a tree and the paper's grids, and a frame by what alone moved: over the frame of
+    one light, everything rebuilt."""
     import pandas as pd
 
     table = document.measured(effects.read(results.folder / folder))
     table = document.arranged(table[table["scene"].isin(scenes)], "scene", scenes)
-    over = numbers.carry(table["ratio"], table["ratio_spread"])
-    moved = table["moved"] != ""
-    text = over.where(~moved & (table["light_label"] != effects.BASE), table["ms"] + " ms")
-    table = table.assign(text=text, effect=table["light_label"].where(~moved, "only moved: " + table["moved"]))
+    table = table[table["light_label"] != effects.BASE]
+    effect = table["light_label"].where(table["moved"] == "", "only moved: " + table["moved"])
+    table = table.assign(text=numbers.carry(table["ratio"], table["ratio_spread"]), effect=effect)
     table = table[table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
     rows = {"title": "scene", "effect": "effect"}
     return document.markdown(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
@@ -171,5 +218,19 @@ def measured(points: document.DataFrame) -> dict[str, Any]:
 
 
 PARTS = {
-    part.__name__: part for part in (finding, kinds, beside, exactness, effects_of, findings, claims, verdicts, folders)
+    part.__name__: part
+    for part in (
+        finding,
+        kinds,
+        beside,
+        exactness,
+        frames,
+        parts,
+        hard_cases,
+        effects_of,
+        findings,
+        claims,
+        verdicts,
+        folders,
+    )
 }

@@ -93,45 +93,6 @@ def test_every_drawn_number_is_that_of_the_records(results):
         assert kept == made, f"{path}: shadowbench report results --docs ."
 
 
-MEASURED = r"\d (ms|times (as long|as fast|the time|that of)|frames per second|wrong|of its answers)\b"
-DECIMAL = re.compile(r"\d+\.\d+")
-EARLIER = "are trials of earlier versions"
-NOTEBOOK = "docs/performance.md"
-"""The page of trials whose numbers are those of the notebook; others have the tables of their trials themselves."""
-
-
-def undrawn(name, text):
-    """The lines of a page with a measured number that is neither drawn from records nor said to be of an earlier version.
-
-    README and findings have no decimal number that is not drawn, other pages none with two digits after the point. The
-    numbers of a line of the page of trials stand together in a paragraph or a table of the notebook."""
-    lines = re.sub(r"```.*?```|`[^`]*`", "", documents.PART.sub("", text), flags=re.DOTALL).splitlines()
-    if name == NOTEBOOK:
-        parts = (ROOT / "results" / "notebook.md").read_text().split("\n\n")
-        known = [set(DECIMAL.findall(part)) for part in parts]
-        return [line for line in lines if not any(set(DECIMAL.findall(line)) <= part for part in known)]
-    decimals = 1 if name in ("README.md", "docs/findings.md") else 2
-    measured = re.compile(rf"{MEASURED}|(?<!Python )(?<![\w.-])\d+\.\d{{{decimals},}}(?!\w|\.\d)")
-    return [] if EARLIER in text else [line for line in lines if measured.search(line)]
-
-
-@pytest.mark.parametrize(
-    "path", sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]), ids=lambda path: path.name
-)
-def test_a_measured_number_is_drawn_or_says_that_it_is_of_an_earlier_version(path):
-    assert undrawn(str(path.relative_to(ROOT)), path.read_text()) == []
-
-
-@pytest.mark.parametrize(
-    ("name", "planted"),
-    [("README.md", "Sibenik takes 0.2."), ("README.md", "It takes 3 times as long."),
-     ("docs/findings.md", "A tree has 517 wrong answers."), ("docs/findings.md", "On Buddha it is 0.228 against 0.5."),
-     ("docs/experiments.md", "| fairy | 0.214 |"), (NOTEBOOK, "| loads of 16 bytes | 0.31 | 0.35 | 0.19 | 0.36 |")],
-)  # fmt: skip
-def test_a_planted_number_is_found(name, planted):
-    assert undrawn(name, f"{(ROOT / name).read_text()}\n{planted}\n") == [planted]
-
-
 @pytest.mark.parametrize("name", ["README.md", "docs/findings.md"])
 def test_a_drawn_number_that_was_changed_is_found(name, results):
     """A digit of a table, of a list and of a sentence."""
