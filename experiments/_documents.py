@@ -25,6 +25,12 @@ EXACT = "BVH2 rebuilt"
 PAPER, FAITHFUL, WARP = "the paper's grids", "paper-faithful", "LBVH rebuilt in a graph"
 
 
+def marked(table: document.DataFrame) -> list[str]:
+    """A table in Markdown, and what the marks of its numbers say."""
+    lines = document.markdown(table)
+    return [*lines, *(line for meaning in numbers.meanings(lines) for line in ("", meaning))]
+
+
 PART_NAMES = {"build": "build", "trace": "primary rays", "light_build": "build for the light", "shadow": "shadow rays"}
 
 
@@ -47,7 +53,7 @@ def kinds(results: Results, folder: str) -> list[str]:
         cells = {kind: fastest(own[own["kind"] == kind]) for kind in KINDS}
         printed = paper.ROWS[own["scene"].iloc[0]].cells[-1].removesuffix(" ms")
         rows.append({"scene": str(title), **cells, f"*paper, {paper.GPU}*": f"*{printed}*"})
-    return document.markdown(pd.DataFrame(rows))
+    return marked(pd.DataFrame(rows))
 
 
 def fastest(own: document.DataFrame) -> str:
@@ -94,7 +100,7 @@ def exactness(results: Results, folder: str) -> list[str]:
     rows = [{"scene": row["title"], "float32, ms": loose.loc[row["title"], "ms"], "wrong answers":
              numbers.count(loose.loc[row["title"], "true_errors"]), "exact, ms": row["ms"], "exact over float32":
              numbers.carried(row["ratio"], row["ratio_spread"])} for row in both.to_dict("records")]  # fmt: skip
-    return document.markdown(pd.DataFrame(rows))
+    return marked(pd.DataFrame(rows))
 
 
 def frames(results: Results, folder: str, *methods: str) -> list[str]:
@@ -102,7 +108,7 @@ def frames(results: Results, folder: str, *methods: str) -> list[str]:
     table = of_methods(results, folder, methods)
     wrong = table["true_errors"].map(lambda n: f" ({n:,} wrong)" if n else "")
     table = table.assign(text=table["ms"] + wrong)
-    return document.markdown(document.cross_table(table, {"label": "ms"}, "title", "text"))
+    return marked(document.cross_table(table, {"label": "ms"}, "title", "text"))
 
 
 def parts(results: Results, folder: str, *methods: str) -> list[str]:
@@ -116,7 +122,7 @@ def parts(results: Results, folder: str, *methods: str) -> list[str]:
     ]
     rows = [own[own.groupby("label")["known"].transform("max") > 0] for own in rows]  # the others have no such pass
     table = document.arranged(pd.concat(rows), "label", table["label"].unique())
-    return document.markdown(document.cross_table(table, {"label": "method", "part": "ms"}, "title", "text"))
+    return marked(document.cross_table(table, {"label": "method", "part": "ms"}, "title", "text"))
 
 
 def of_methods(results: Results, folder: str, methods: Sequence[str]) -> document.DataFrame:
@@ -150,7 +156,7 @@ def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
     table = table.assign(text=numbers.carry(table["ratio"], table["ratio_spread"]), effect=effect)
     table = table[table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
     rows = {"title": "scene", "effect": "effect"}
-    return document.markdown(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
+    return marked(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
 
 
 def findings(results: Results, prefix: str, *folders: str) -> list[str]:
@@ -203,7 +209,7 @@ def folders(results: Results, name: str) -> list[str]:
         points = results.points(folder)
         title, _ = written(results.folder / folder, [points["experiment"].iloc[0]])
         rows.append({"folder": f"`{folder.removeprefix(f'{name}/')}`", "experiment": title, **measured(points)})
-    return document.markdown(pd.DataFrame(rows))
+    return marked(pd.DataFrame(rows))
 
 
 def measured(points: document.DataFrame) -> dict[str, Any]:

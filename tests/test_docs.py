@@ -107,7 +107,7 @@ def test_the_table_of_the_readme_has_six_columns_at_most():
     (part,) = [
         p["text"] for p in documents.PART.finditer((ROOT / "README.md").read_text()) if p["name"].startswith("kinds")
     ]
-    assert {line.count(" | ") for line in part.strip().splitlines()} == {5}
+    assert {line.count(" | ") for line in part.splitlines() if line.startswith("|")} == {5}
 
 
 def test_the_readme_fits_on_three_screens():
