@@ -1,7 +1,7 @@
 """Constants that the speed of trees depends on, and no answer.
 
 The last column says where other values were measured, in whole frames on an H200: results/notebook-methods.md ("tried") or
-parts of results/notebook.md ("pairs", "exact"). A dash: the value was taken from the source named in the code, or never varied.
+results/notebook.md ("pairs", "exact"). A dash: the value was taken from the source named in the code, or never varied.
 
     constant           value    unit          what it is                                                     measured
     KEY_BITS           24       bits          of the Morton keys that leaves are sorted by                   tried
