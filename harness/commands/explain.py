@@ -127,7 +127,7 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
     nearest, _, bound = referee.ray_to(
         hits.origins.astype(np.float64), hits.directions.astype(np.float64), hits.triangle, edges_only=True
     )
-    point = referee.hit_points(hits)
+    point = hits.points
     outside, _ = not_receivers(judge.prepared, judge.moment, hits.triangle)
     shadows = []
     for i in np.nonzero(judge.wanted)[0].tolist():

@@ -158,7 +158,7 @@ class Judged:
             # Such a bit differs from the reference, so the referee has decided it.
             rows = np.nonzero(lit[i, found.selection.judged])[0]
             corners = referee.corners(found.exact.occluders[i, rows])
-            points = referee.hit_points(found.exact.hits.take(rows))
+            points = found.exact.hits.points[rows]
             ends = np.broadcast_to(light.astype(np.float64), points.shape)
             away = np.minimum(plane_distance(points, corners), plane_distance(ends, corners))
             holes += int(np.count_nonzero(away > edge_bound(points)))

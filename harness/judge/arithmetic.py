@@ -53,6 +53,15 @@ def integers(values: NDArray[np.float32], scale: int) -> list[int]:
     return [int(math.ldexp(x, scale)) for x in values.ravel().tolist()]
 
 
+def whole_rows(values: NDArray[np.float32]) -> tuple[list[int], list[list[int]]]:
+    """:func:`scale_of` and :func:`integers` of each row [n, k] of finite values."""
+    none = 1 << 16
+    exponents = np.where(values != 0, np.frexp(values)[1], none).min(axis=1, initial=none)
+    scales = np.where(exponents < none, 24 - exponents, 0)
+    scaled = np.ldexp(values.astype(np.float64), scales[:, None])
+    return scales.tolist(), [[int(x) for x in row] for row in scaled.tolist()]
+
+
 def _sub(p: Sequence[int], q: Sequence[int]) -> Integers:
     return p[0] - q[0], p[1] - q[1], p[2] - q[2]
 

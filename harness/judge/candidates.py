@@ -18,14 +18,13 @@ from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
 from .arithmetic import in_plane, integers, scale_of
 from .filter_kernels import LEAF
+from .lists import Lists, Segments, parts_of
 
 BATCH = 8192
 """Rays decided at once: bounds the memory of candidate lists."""
 
-LIGHTS = 16
-"""Number of lights whose surrounding triangles are cached."""
-
-Lists = list[NDArray[np.int32]]
+SEGMENTS = 1 << 18
+"""Segments of one launch."""
 
 
 @dataclass(eq=False)
@@ -79,17 +78,18 @@ def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
     )
 
 
-def in_planes(corners: NDArray[np.float32], point: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Which triangles [n, 3, 3] have a point exactly in their planes, uint8 [n]: in float64, and in integers where that
-    is uncertain."""
+def in_planes(corners: NDArray[np.float32], points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which triangles [n, 3, 3] have a point, [3] or one each [n, 3], exactly in their planes, bool [n]: in float64, and in
+    integers where that is uncertain."""
+    points = np.broadcast_to(points, (len(corners), 3))
     with np.errstate(invalid="ignore", over="ignore"):
-        a, b, c = (corners[:, k].astype(np.float64) - point.astype(np.float64) for k in range(3))
+        a, b, c = (corners[:, k].astype(np.float64) - points.astype(np.float64) for k in range(3))
         value = np.einsum("ij,ij->i", a, np.cross(b, c))
         size = np.abs(a).sum(axis=1) * np.abs(b).sum(axis=1) * np.abs(c).sum(axis=1)
         doubtful = np.nonzero(np.abs(value) <= 2.0**-48 * size)[0]
-    result = np.zeros(len(corners), dtype=np.uint8)
+    result = np.zeros(len(corners), dtype=bool)
     for k in doubtful:
-        values = np.concatenate([point.ravel(), corners[k].ravel()])
+        values = np.concatenate([points[k], corners[k].ravel()])
         if np.isfinite(values).all():
             ints = integers(values, scale_of(values))
             result[k] = in_plane(ints[0:3], ints[3:12])
@@ -124,7 +124,6 @@ class Candidates:
         self.device = device
         self.tree = build_tree(points, faces, valid, device)
         self._corners = points[faces] if len(faces) else np.zeros((0, 3, 3), dtype=np.float32)
-        self._in_planes: dict[bytes, NDArray[np.uint8]] = {}
         self._points = wp.array(points, dtype=wp.vec3f, device=device)
         self._faces = wp.array(faces, dtype=wp.vec3i, device=device)
         self._alpha = device_alpha(mask, device)
@@ -141,65 +140,94 @@ class Candidates:
             best = wp.full(stop - start, 1.0e300, dtype=wp.float64, device=self.device)
             if nearest:
                 self._launch(kernels.find_nearest, stop - start, [o, d], [best])
-            yield range(start, stop), self._lists(kernels.collect_hits, [o, d, best], [])[0]
+            counts, _ = self._counted(kernels.collect_hits, [o, d, best], stop - start)
+            for part in parts_of(counts):
+                yield (
+                    range(start + part.start, start + part.stop),
+                    self._written(kernels.collect_hits, [o, d, best], np.arange(part.start, part.stop), counts[part]),
+                )
 
     def between(
         self,
         starts: NDArray[np.float64],
         own: NDArray[np.int32],
-        light: NDArray[np.float32],
+        lights: NDArray[np.float32],
+        segments: Segments,
         every: bool,
         margin: NDArray[np.float64] | None = None,
-    ) -> tuple[Lists, NDArray[np.int32]]:
-        """The triangles that may meet the open segments from exact points to a light; and one that certainly does, or -1.
+    ) -> Iterator[tuple[slice, Lists, NDArray[np.int32]]]:
+        """Batches of segments, and for each the triangles that may meet it, open, and one that certainly does, or -1.
 
-        starts  the exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
-        every   continue after a certain one (without it the list of such a segment is not complete)
-        margin  scene units [n]: also collect triangles within this distance of the segment, crossing or not
+        starts    exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
+        segments  from which start to which of the lights [k, 3] each leads
+        every     list the candidates of all segments; without it those with a certain occluder have none
+        margin    scene units [n]: also collect all triangles within this distance of the segment, and some beyond it
 
         A triangle whose plane contains the light meets no open segment to it, and is never among them.
         """
-        count = len(starts)
-        if not count:
-            return [], np.zeros(0, dtype=np.int32)
+        if not len(starts):
+            return
         largest = np.abs(starts).max(axis=1)
-        inputs = [
+        shared = [
             wp.array(starts, dtype=wp.vec3d, device=self.device),
             wp.array(largest * 2.0**-52, dtype=wp.float64, device=self.device),
-            wp.vec3d(*(float(x) for x in light)),
             wp.array(own, dtype=wp.int32, device=self.device),
-            wp.array(self._around(light), dtype=wp.uint8, device=self.device),
+            wp.array(np.zeros(len(starts)) if margin is None else margin, dtype=wp.float64, device=self.device),
+            wp.array(lights.astype(np.float64), dtype=wp.vec3d, device=self.device),
             float(max(self.tree.reach, largest.max()) * 2.0**-48),
             int(every),
-            wp.array(np.zeros(count) if margin is None else margin, dtype=wp.float64, device=self.device),
         ]
-        certain = wp.empty(count, dtype=wp.int32, device=self.device)
-        return self._lists(kernels.collect_between, inputs, [certain])
+        for first in range(0, len(segments), SEGMENTS):
+            batch = segments[first : first + SEGMENTS]
+            inputs = [
+                *shared,
+                *(wp.array(part, dtype=wp.int32, device=self.device) for part in (batch.row, batch.light)),
+            ]
+            counts, certain = self._counted(kernels.collect_between, inputs, len(batch), outputs=1)
+            if not every:
+                counts[certain >= 0] = 0
+            for part in parts_of(counts):
+                wanted = np.arange(part.start, part.stop)
+                lists = self._written(kernels.collect_between, inputs, wanted, counts[part], outputs=1)
+                held = self._hold(lists.found, batch.light[part][lists.of], lights)
+                yield slice(first + part.start, first + part.stop), lists.without(held), certain[part]
 
-    def _around(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Which triangles have the light exactly in their planes, uint8 [triangle_count]; cached for the last lights."""
-        key = np.asarray(light, dtype=np.float32).tobytes()
-        if key not in self._in_planes:
-            while len(self._in_planes) >= LIGHTS:
-                self._in_planes.pop(next(iter(self._in_planes)))
-            self._in_planes[key] = in_planes(self._corners, np.asarray(light, dtype=np.float32))
-        return self._in_planes[key]
+    def _hold(
+        self, triangles: NDArray[np.int32], which: NDArray[np.int32], lights: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Which triangles [n] have in their planes the lights of the given numbers [n]."""
+        pairs, place = np.unique(which * np.int64(len(self._corners)) + triangles, return_inverse=True)
+        light, triangle = np.divmod(pairs, max(1, len(self._corners)))
+        return in_planes(self._corners[triangle], lights[light])[place]
 
-    def _lists(self, kernel: wp.Kernel, inputs: Sequence, outputs: Sequence) -> tuple[Lists, NDArray[np.int32]]:
-        """Run a collecting kernel twice, to count and to write; lists for each ray, and its last output."""
-        n = len(inputs[0])
-        counts = wp.zeros(n, dtype=wp.int32, device=self.device)
+    def _counted(
+        self, kernel: wp.Kernel, inputs: Sequence, count: int, outputs: int = 0
+    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Run a collecting kernel to count the candidates of each ray: their numbers, and its last output."""
+        todo = wp.array(np.arange(count), dtype=wp.int32, device=self.device)
+        given = [wp.empty(count, dtype=wp.int32, device=self.device) for _ in range(1 + outputs)]
         nothing = wp.zeros(1, dtype=wp.int32, device=self.device)
-        self._launch(kernel, n, [*inputs, counts, 0], [counts, nothing, *outputs])
-        ends = np.cumsum(counts.numpy(), dtype=np.int64)
-        last = outputs[0].numpy() if outputs else counts.numpy()
-        found = np.zeros(0, dtype=np.int32)
-        if n and ends[-1]:
-            starts = wp.array((ends - counts.numpy()).astype(np.int32), dtype=wp.int32, device=self.device)
-            written = wp.empty(int(ends[-1]), dtype=wp.int32, device=self.device)
-            self._launch(kernel, n, [*inputs, starts, 1], [counts, written, *outputs])
-            found = written.numpy()
-        return np.split(found, ends[:-1]), last
+        self._launch(kernel, count, [*inputs, todo, todo, 0], [given[0], nothing, *given[1:]])
+        return given[0].numpy().copy(), given[-1].numpy()
+
+    def _written(
+        self,
+        kernel: wp.Kernel,
+        inputs: Sequence,
+        rays: NDArray[np.integer],
+        counts: NDArray[np.int32],
+        outputs: int = 0,
+    ) -> Lists:
+        """Run a collecting kernel to write the candidates of some rays, of which there are so many."""
+        lists = Lists(np.zeros(int(counts.sum()), dtype=np.int32), counts)
+        some = np.nonzero(counts)[0]
+        if not len(some):
+            return lists
+        todo, starts = (wp.array(part[some], dtype=wp.int32, device=self.device) for part in (rays, lists.starts))
+        written = wp.array(lists.found, dtype=wp.int32, device=self.device)
+        given = [wp.empty(len(some), dtype=wp.int32, device=self.device) for _ in range(1 + outputs)]
+        self._launch(kernel, len(some), [*inputs, todo, starts, 1], [given[0], written, *given[1:]])
+        return Lists(written.numpy(), counts)
 
     def _launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, outputs: Sequence) -> None:
         tree = self.tree

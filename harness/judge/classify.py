@@ -99,25 +99,20 @@ def _classify_bits(
     Hit points that are not receivers have no shadow ray: a bit that is set there is an error. At the border of a spot the
     answer of either side is excused.
     """
-    result = np.full(checked.shadow_invalid.shape, -1, dtype=np.int8)
-    for i, light in enumerate(judge.moment.lights):
-        bits, classes = checked.answers["shadowed"][i], result[i]
-        if not judge.wanted[i]:
-            classes[bits != 0] = Verdict.INVALID  # a light without shadows: every bit must be 0
-            continue
-        scored = named & (checked.answers["triangle"] >= 0)
-        outside, border = checked.outside[i], checked.border[i]
-        classes[scored] = Verdict.OK
-        classes[scored & outside & ~border & (bits != 0)] = Verdict.ACNE
-        rows = np.nonzero((scored & (~outside | border))[selection.judged])[0]
-        pixels = selection.judged[rows]
-        exact_bits = exact.occluders[i, rows] >= 0
-        found = judge.referee.classify_shadow(exact.hits.take(rows), light, bits[pixels], exact_bits)
-        other_side = border[pixels] & exact_bits & ((bits[pixels] == 1) == outside[pixels])
-        found[border[pixels] & (bits[pixels] == 0)] = Verdict.OK
-        found[other_side] = Verdict.EDGE
-        classes[pixels] = found
-        classes[checked.shadow_invalid[i]] = Verdict.INVALID
+    bits, outside, border = checked.answers["shadowed"], checked.outside, checked.border
+    wanted, pixels = judge.wanted[:, None], selection.judged
+    scored = named & (checked.answers["triangle"] >= 0) & wanted
+    result = np.where(scored, np.int8(Verdict.OK), np.int8(-1))
+    result[~wanted & (bits != 0)] = Verdict.INVALID  # a light without shadows: every bit must be 0
+    result[scored & outside & ~border & (bits != 0)] = Verdict.ACNE
+    exact_bits, given, outside, border = exact.occluders >= 0, bits[:, pixels], outside[:, pixels], border[:, pixels]
+    cast = scored[:, pixels] & (~outside | border)
+    found = judge.referee.classify_shadows(exact.hits, judge.moment.lights, given, exact.occluders, cast)
+    other_side = border & exact_bits & ((given == 1) == outside)
+    found[border & (given == 0)] = Verdict.OK
+    found[other_side] = Verdict.EDGE
+    result[:, pixels] = np.where(cast, found, result[:, pixels])
+    result[checked.shadow_invalid & wanted] = Verdict.INVALID
     return result
 
 

@@ -50,12 +50,13 @@ class Judge:
         effects: Effects | None = None,
         folder: Path | str | None = None,
         device: str = "cpu",
+        known: Referee | None = None,
     ) -> Judge:
         """The judge of a moment's primary rays. ``folder`` stores the reference's answers; ``device`` runs the
-        referee's filter; ``effects`` default to the scene's."""
+        referee's filter; ``effects`` default to the scene's; ``known``: a referee to use again if its mesh is this one."""
         effects = effects or Effects.of(prepared.scene)
-        mask = prepared.alpha if effects.alpha else None
-        referee = Referee(moment.points, prepared.faces, moment.valid, device, mask)
+        mesh = moment.points, prepared.faces, moment.valid, device, prepared.alpha if effects.alpha else None
+        referee = known if known is not None and known.is_of(*mesh) else Referee(*mesh)
         reference = reference_for(prepared, moment, referee, effects, folder)
         return Judge(prepared, moment, effects, referee, reference)
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from . import arithmetic as exact
 from .holes import Holes
+from .lists import Lists
 
 F32 = NDArray[np.float32]
 Ratio = tuple[int, int]
@@ -25,17 +26,20 @@ class Decisions:
     def __init__(self, points: F32, faces: NDArray[np.int32], holes: Holes):
         self.points, self.faces, self.holes = points, faces, holes
 
-    def hits(self, o: F32, d: F32, triangles: NDArray[np.int32]) -> list[tuple[int, int, int]]:
-        """Exact (numerator, denominator, triangle) of those triangles that the ray hits, holes left out."""
-        if not len(triangles):
-            return []
-        _, ints = integers_of(o, d, self.points[self.faces[triangles]])
-        found = []
-        for j, k in enumerate(triangles.tolist()):
-            corners = ints[6 + 9 * j : 15 + 9 * j]
-            ratio = exact.hit(ints[0:3], ints[3:6], corners)
-            if ratio is not None and self._seen(k, ints[0:3], ints[3:6], corners):
-                found.append((*ratio, k))
+    def hits(self, origins: F32, directions: F32, candidates: Lists) -> list[list[tuple[int, int, int]]]:
+        """For each ray, the exact (numerator, denominator, triangle) of those of its candidates that it hits, holes left
+        out.
+
+        origins, directions  [n, 3]
+        """
+        found: list[list[tuple[int, int, int]]] = [[] for _ in range(len(candidates))]
+        ray = candidates.of
+        corners = self.points[self.faces[candidates.found]].reshape(-1, 9)
+        rows = exact.whole_rows(np.concatenate([origins[ray], directions[ray], corners], axis=1))[1]
+        for i, k, ints in zip(ray.tolist(), candidates.found.tolist(), rows, strict=True):
+            ratio = exact.hit(ints[0:3], ints[3:6], ints[6:15])
+            if ratio is not None and self._seen(k, ints[0:3], ints[3:6], ints[6:15]):
+                found[i].append((*ratio, k))
         return found
 
     def through(self, o: F32, d: F32, triangle: int) -> list[float]:

@@ -135,6 +135,29 @@ def opacity(
 
 
 @wp.func
+def beside(d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, e: wp.float64, wide: wp.float64) -> wp.bool:
+    """Whether the line from the origin along d certainly passes a triangle at more than ``wide``: beyond an edge of it, as
+    seen along d, where a triple product over the edge's length is the distance from the edge."""
+    u = triple(d, c, b, e, e, e)
+    v = triple(d, a, c, e, e, e)
+    w = triple(d, b, a, e, e, e)
+    turned = u[0] + v[0] + w[0]
+    if wp.abs(turned) <= u[1] + v[1] + w[1]:
+        return False
+    side = wp.sign(turned)
+    if beyond(-side * u[0] - u[1], d, c - b, e, wide):
+        return True
+    return beyond(-side * v[0] - v[1], d, a - c, e, wide) or beyond(-side * w[0] - w[1], d, b - a, e, wide)
+
+
+@wp.func
+def beyond(volume: wp.float64, d: wp.vec3d, edge: wp.vec3d, e: wp.float64, wide: wp.float64) -> wp.bool:
+    """Whether a triple product is certainly more than ``wide`` times d times the length of an edge as seen along d."""
+    doubt = (WIDEN * wp.length(d) + wp.float64(2.0) * e) * wp.length(edge)
+    return volume > wide * (wp.length(wp.cross(d, edge)) + doubt) * (wp.float64(1.0) + WIDEN)
+
+
+@wp.func
 def slab(o: wp.vec3d, d: wp.vec3d, low: wp.vec3f, high: wp.vec3f, pad: wp.float64, limit: wp.float64) -> wp.bool:
     """False only where no point o + t d with 0 <= t <= limit lies in the box grown by pad."""
     enter = wp.float64(0.0)
@@ -223,13 +246,18 @@ def collect_hits(
     origins: wp.array[wp.vec3d],
     directions: wp.array[wp.vec3d],
     best: wp.array[wp.float64],
+    todo: wp.array[wp.int32],
     offsets: wp.array[wp.int32],
     write: wp.int32,
     counts: wp.array[wp.int32],
     found: wp.array[wp.int32],
 ):
-    """Every triangle that may be hit at t <= best: counted, and written from offsets[i] on if ``write``."""
-    i = wp.tid()
+    """Every triangle that may be hit at t <= best: counted, and written from offsets on if ``write``.
+
+    ``todo``: the rays of the launch; ``offsets`` and ``counts`` are by their places in it.
+    """
+    place = wp.tid()
+    i = todo[place]
     o = origins[i]
     d = directions[i]
     zero = wp.float64(0.0)
@@ -255,10 +283,10 @@ def collect_hits(
                         seen = opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
                     if seen:
                         if write == 1:
-                            found[offsets[i] + count] = triangle
+                            found[offsets[place] + count] = triangle
                         count += 1
             node = after(node)
-    counts[i] = count
+    counts[place] = count
 
 
 @wp.kernel
@@ -272,26 +300,29 @@ def collect_between(
     alpha: Alpha,
     starts: wp.array[wp.vec3d],
     errors: wp.array[wp.float64],
-    light: wp.vec3d,
     own: wp.array[wp.int32],
-    around: wp.array[wp.uint8],
+    margin: wp.array[wp.float64],
+    lights: wp.array[wp.vec3d],
     pad: wp.float64,
     every: wp.int32,
-    margin: wp.array[wp.float64],
+    row: wp.array[wp.int32],
+    target: wp.array[wp.int32],
+    todo: wp.array[wp.int32],
     offsets: wp.array[wp.int32],
     write: wp.int32,
     counts: wp.array[wp.int32],
     found: wp.array[wp.int32],
     certain: wp.array[wp.int32],
 ):
-    """Triangles that may meet the open segment start -> light; one certain occluder, or -1.
+    """Triangles but ``own`` that may meet the open segment from starts[row] to lights[target]; one certain occluder, or -1.
 
-    ``own`` and the triangles flagged in ``around``, whose planes contain the light, are left out.
-
-    With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0 every triangle whose box passes
-    within that distance of the segment is collected, crossing or not.
+    ``todo``: the segments of the launch; ``offsets``, ``counts`` and ``certain`` are by their places in it.
+    With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0 triangles within that distance of the
+    segment are collected too, and some beyond it.
     """
-    i = wp.tid()
+    place = wp.tid()
+    i = row[todo[place]]
+    light = lights[target[todo[place]]]
     p = starts[i]
     d = light - p
     wide = margin[i]
@@ -306,10 +337,7 @@ def collect_between(
         else:
             for k in range(LEAF):
                 triangle = order[(node - leaves) * LEAF + k]
-                counts_here = wp.bool(False)
-                if triangle >= 0:
-                    counts_here = triangle != own[i] and around[triangle] == wp.uint8(0)
-                if counts_here:
+                if triangle >= 0 and triangle != own[i]:
                     f = triangles[triangle]
                     a = widen(points[f[0]])
                     b = widen(points[f[1]])
@@ -319,12 +347,16 @@ def collect_between(
                         status = opacity(alpha, triangle, d, a - p, b - p, c - p, errors[i], errors[i])
                     if status == 1 and sure < 0:
                         sure = triangle
-                    if status > 0 or wide > wp.float64(0.0):
+                    if wide > wp.float64(0.0) and status == 0:
+                        near = not beside(d, a - p, b - p, c - p, errors[i], wp.float64(2.0) * wide)
+                    else:
+                        near = status > 0
+                    if near:
                         if write == 1:
-                            found[offsets[i] + count] = triangle
+                            found[offsets[place] + count] = triangle
                         count += 1
             node = after(node)
             if sure >= 0 and every == 0:
                 node = wp.int32(0)
-    counts[i] = count
-    certain[i] = sure
+    counts[place] = count
+    certain[place] = sure

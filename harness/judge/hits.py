@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .arithmetic import whole_rows
 
 
 @dataclass(eq=False)
@@ -27,6 +30,22 @@ class Hits:
 
     def __len__(self) -> int:
         return len(self.triangle)
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """Exact hit points rounded once to float64, shape [n, 3]; NaN at a miss."""
+        points = np.full((len(self), 3), np.nan)
+        rows = np.nonzero(self.triangle >= 0)[0]
+        for i, scale, ints in zip(
+            rows, *whole_rows(np.hstack([self.origins[rows], self.directions[rows]])), strict=True
+        ):
+            ratio = self.ratio[i]
+            assert ratio is not None
+            over, under = ratio
+            shift = under << scale if scale > 0 else under
+            grow = 1 if scale > 0 else 1 << -scale
+            points[i] = [(ints[j] * under + ints[3 + j] * over) * grow / shift for j in range(3)]
+        return points
 
     def take(self, rows: NDArray[np.integer]) -> Hits:
         """The hits of some of the rays."""

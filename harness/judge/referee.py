@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from ..scene.scene import AlphaMask
 from . import arithmetic as exact
 from .candidates import BATCH, Candidates
-from .decisions import Decisions, integers_of
+from .decisions import Decisions
 from .distances import edge_distance, plane_distance, triangle_distance
 from .hits import Exact, Hits
 from .holes import Holes
+from .lists import Lists, Segments
 from .planes import beside_off_the_eye
 from .verdict import Verdict
 
@@ -50,6 +51,14 @@ class Referee:
         self.holes = Holes(mask)
         self._decisions = Decisions(self.points, self.faces, self.holes)
         self._candidates = Candidates(self.points, self.faces, self.valid, device, mask)
+
+    def is_of(
+        self, points: NDArray[np.float32], faces: NDArray, valid: NDArray, device: str, mask: AlphaMask | None
+    ) -> bool:
+        """Whether this is the referee of a mesh on a device. A mesh with holes is another one."""
+        arrays = ((self.points, points), (self.faces, faces), (self.valid, np.asarray(valid).astype(bool)))
+        whole = self.device == device and self.holes.mask is None and mask is None
+        return whole and all(np.array_equal(one, other, equal_nan=one is self.points) for one, other in arrays)
 
     @cached_property
     def duplicate_of(self) -> NDArray[np.int32]:
@@ -85,8 +94,8 @@ class Referee:
         n = len(directions)
         hits = Hits(origins, directions, np.full(n, -1, np.int32), np.full(n, np.inf), [None] * n, [()] * n)
         for rows, candidates in self._candidates.along(origins, directions, nearest=True):
-            for i, triangles in zip(rows, candidates, strict=True):
-                found = self._decisions.hits(origins[i], directions[i], triangles)
+            part = slice(rows.start, rows.stop)
+            for i, found in zip(rows, self._decisions.hits(origins[part], directions[part], candidates), strict=True):
                 if found:
                     hits.put(i, found)
         return hits
@@ -100,17 +109,14 @@ class Referee:
     ) -> Exact:
         """Exact closest hits, and occluders for the ``wanted`` lights."""
         hits = self.closest(origins, directions)
-        occluders = np.full((len(lights), len(hits)), -1, dtype=np.int32)
-        for i in np.nonzero(np.asarray(wanted, dtype=bool))[0]:
-            occluders[i] = self.occluders(hits, lights[i])
-        return Exact(hits, occluders)
+        return Exact(hits, self._occluders(hits, lights, np.asarray(wanted, dtype=bool)))
 
     def all_hits(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> list[list[tuple[float, int]]]:
         """Every exact hit of each ray as (t, triangle), unordered."""
         result: list[list[tuple[float, int]]] = []
         for rows, candidates in self._candidates.along(origins, directions, nearest=False):
-            for i, triangles in zip(rows, candidates, strict=True):
-                found = self._decisions.hits(origins[i], directions[i], triangles)
+            part = slice(rows.start, rows.stop)
+            for found in self._decisions.hits(origins[part], directions[part], candidates):
                 result.append([(over / under, k) for over, under, k in found])
         return result
 
@@ -119,33 +125,24 @@ class Referee:
 
         At a miss -1. Triangles that contain the exact hit point do not meet the open segment.
         """
-        result = np.full(len(hits), -1, dtype=np.int32)
-        rows = np.nonzero(hits.triangle >= 0)[0]
-        for part in np.array_split(rows, max(1, -(-len(rows) // BATCH))):
-            some = hits.take(part)
-            candidates, sure = self._candidates.between(self.hit_points(some), some.triangle, light, every=False)
-            result[part] = sure
-            for i, certain, triangles in zip(part, sure, candidates, strict=True):
-                if certain < 0 and len(triangles):
-                    met = self._between(hits, int(i), light, triangles)
-                    result[i] = met[0] if met else -1
+        return self._occluders(hits, light[None], np.ones(1, dtype=bool))[0]
+
+    def _occluders(self, hits: Hits, lights: NDArray[np.float32], wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """:meth:`occluders` of each ``wanted`` light, int32 [lights, n]; -1 for the others."""
+        result = np.full((len(lights), len(hits)), -1, dtype=np.int32)
+        for segments, candidates, sure in self._segments(
+            hits, lights, wanted[:, None] & (hits.triangle >= 0), every=False
+        ):
+            result[segments.light, segments.row] = sure
+            for k in np.nonzero(candidates.counts)[0].tolist():
+                row, light = segments.row[k], segments.light[k]
+                met = self._between(hits, row, lights[light], candidates[k])
+                result[light, row] = met[0] if met else -1
         return result
 
     def occluded(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.uint8]:
         """Exact shadow bits: 1 shadowed, 0 lit or a miss."""
         return (self.occluders(hits, light) >= 0).astype(np.uint8)
-
-    def hit_points(self, hits: Hits) -> NDArray[np.float64]:
-        """Exact hit points rounded once to float64, shape [n, 3]; NaN at a miss."""
-        points = np.full((len(hits), 3), np.nan)
-        for i, ratio in enumerate(hits.ratio):
-            if ratio is not None:
-                scale, ints = integers_of(hits.origins[i], hits.directions[i])
-                over, under = ratio
-                shift = under << scale if scale > 0 else under
-                grow = 1 if scale > 0 else 1 << -scale
-                points[i] = [(ints[j] * under + ints[3 + j] * over) * grow / shift for j in range(3)]
-        return points
 
     # --- classes ---
 
@@ -167,23 +164,28 @@ class Referee:
             verdicts[rows] = self._classify_wrong(hits.take(rows), triangle[rows])
         return verdicts
 
-    def classify_shadow(
-        self, hits: Hits, light: NDArray[np.float32], bits: NDArray[np.integer], exact_bits: NDArray | None = None
-    ) -> NDArray[np.int8]:
-        """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0).
+    def classify_shadow(self, hits: Hits, light: NDArray[np.float32], bits: NDArray[np.integer]) -> NDArray[np.int8]:
+        """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0)."""
+        every = np.ones((1, len(hits)), dtype=bool)
+        return self.classify_shadows(hits, light[None], bits[None], self.occluders(hits, light)[None], every)[0]
 
-        ``exact_bits``: the exact bits, where they are known.
+    def classify_shadows(
+        self, hits: Hits, lights: NDArray[np.float32], bits: NDArray, occluders: NDArray, wanted: NDArray[np.bool_]
+    ) -> NDArray[np.int8]:
+        """The classes [lights, n] of the ``wanted`` shadow bits; OK elsewhere.
+
+        bits, occluders, wanted  [lights, n]: as a method gave them, an exact occluder or -1, and bool
         """
-        if exact_bits is None:
-            exact_bits = self.occluded(hits, light)
-        verdicts = np.full(len(hits), Verdict.OK, dtype=np.int8)
-        verdicts[(bits != 0) & (bits != 1) | (hits.triangle < 0) & (bits != 0)] = Verdict.INVALID
-        wrong = np.nonzero((verdicts == Verdict.OK) & (bits != exact_bits))[0]
-        for part in np.array_split(wrong, max(1, -(-len(wrong) // BATCH))):
-            acne = part[exact_bits[part] == 0]
-            leak = part[exact_bits[part] == 1]
-            verdicts[acne] = self._classify_acne(hits.take(acne), light)
-            verdicts[leak] = self._classify_leak(hits.take(leak), light)
+        verdicts = np.full(bits.shape, Verdict.OK, dtype=np.int8)
+        verdicts[wanted & ((bits != 0) & (bits != 1) | (hits.triangle < 0) & (bits != 0))] = Verdict.INVALID
+        valid = wanted & (verdicts == Verdict.OK)
+        self._classify_acne(hits, lights, valid & (bits != 0) & (occluders < 0), verdicts)
+        leaks = valid & (bits == 0) & (occluders >= 0)
+        light, row = np.nonzero(leaks)
+        for part in np.array_split(np.arange(len(row)), max(1, -(-len(row) // PAIRS))):
+            leak = self._unexcused(hits, row[part], lights[light[part]], occluders[light[part], row[part]])
+            verdicts[light[part][leak], row[part][leak]] = Verdict.LEAK
+        self._classify_leak(hits, lights, leaks & (verdicts == Verdict.OK), verdicts)
         return verdicts
 
     def _classify_wrong(self, hits: Hits, given: NDArray[np.integer]) -> NDArray[np.int8]:
@@ -242,52 +244,80 @@ class Referee:
             close = np.minimum(reached - at, at) * np.linalg.norm(d, axis=1) <= bound
         return (at < reached) & ~close & (distance > bound) & ~clear
 
-    def _classify_acne(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.int8]:
+    def _classify_acne(
+        self, hits: Hits, lights: NDArray[np.float32], wanted: NDArray[np.bool_], verdicts: NDArray[np.int8]
+    ) -> None:
         """EDGE where some triangle off the hit point passes within the bound of the segment, else ACNE."""
-        verdicts = np.full(len(hits), Verdict.ACNE, dtype=np.int8)
-        if not len(hits):
-            return verdicts
-        p = self.hit_points(hits)
-        margin = exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(p).max(axis=1), self._candidates.tree.reach)
-        candidates, _ = self._candidates.between(p, hits.triangle, light, every=True, margin=margin)
-        for index, k in _rounds(candidates, verdicts, Verdict.ACNE):
-            own = np.array([j in hits.ties[i] for i, j in zip(index, k.tolist(), strict=True)], dtype=bool)
-            index, k = index[~own], k[~own]
-            far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
-            corners = self.corners(k)
-            away, share = triangle_distance(p[index], far, corners)
-            bound = exact.edge_bound(p[index], p[index] + share[:, None] * (far - p[index]))
-            near = away <= bound
-            for j in np.nonzero(self.holes.masked(k))[0]:
-                near[j] = near[j] or bool(self._between(hits, index[j], light, k[j : j + 1], holes=False))
-            opaque, _ = self.holes.within(k, corners, p[index], far - p[index], bound)
-            verdicts[index[near & opaque]] = Verdict.EDGE
-        return verdicts
+        margin = (
+            exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(hits.points).max(axis=1), self._candidates.tree.reach)
+        )
+        for segments, candidates, _ in self._segments(hits, lights, wanted, every=True, margin=margin):
+            found = np.full(len(segments), Verdict.ACNE, dtype=np.int8)
+            for index, k in _rounds(candidates, found, Verdict.ACNE):
+                row, light = segments.row[index], segments.light[index]
+                own = np.array([j in hits.ties[i] for i, j in zip(row.tolist(), k.tolist(), strict=True)], dtype=bool)
+                index, k, row, light = index[~own], k[~own], row[~own], light[~own]
+                near, far, corners = hits.points[row], lights[light].astype(np.float64), self.corners(k)
+                away, share = triangle_distance(near, far, corners)
+                bound = exact.edge_bound(near, near + share[:, None] * (far - near))
+                passed = away <= bound
+                for j in np.nonzero(self.holes.masked(k))[0]:
+                    met = self._between(hits, row[j], lights[light[j]], k[j : j + 1], holes=False)
+                    passed[j] = passed[j] or bool(met)
+                opaque, _ = self.holes.within(k, corners, near, far - near, bound)
+                found[index[passed & opaque]] = Verdict.EDGE
+            verdicts[segments.light, segments.row] = found
 
-    def _classify_leak(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.int8]:
+    def _classify_leak(
+        self, hits: Hits, lights: NDArray[np.float32], wanted: NDArray[np.bool_], verdicts: NDArray[np.int8]
+    ) -> None:
         """EDGE where every occluder is met within the bound of its edge, or has an end at its plane, else LEAK."""
-        verdicts = np.full(len(hits), Verdict.EDGE, dtype=np.int8)
-        if not len(hits):
-            return verdicts
-        p = self.hit_points(hits)
-        candidates, _ = self._candidates.between(p, hits.triangle, light, every=True)
-        for index, k in _rounds(candidates, verdicts, Verdict.EDGE):
-            corners = self.corners(k)
-            far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
-            away, share = edge_distance(p[index], far, corners)
-            ends = plane_distance(p[index], corners), plane_distance(far, corners)
-            bound = exact.edge_bound(p[index], p[index] + share[:, None] * (far - p[index]))
-            _, clear = self.holes.within(k, corners, p[index], far - p[index], bound)
-            for j in np.nonzero((np.minimum.reduce([away, *ends]) > bound) & ~clear)[0]:
-                i = index[j]
-                if verdicts[i] == Verdict.EDGE and self._between(hits, i, light, k[j : j + 1]):
-                    verdicts[i] = Verdict.LEAK
-        return verdicts
+        for segments, candidates, _ in self._segments(hits, lights, wanted, every=True):
+            found = np.full(len(segments), Verdict.EDGE, dtype=np.int8)
+            for index, k in _rounds(candidates, found, Verdict.EDGE):
+                row, light = segments.row[index], segments.light[index]
+                for j in np.nonzero(self._unexcused(hits, row, lights[light], k))[0]:
+                    if found[index[j]] == Verdict.EDGE and self._between(hits, row[j], lights[light[j]], k[j : j + 1]):
+                        found[index[j]] = Verdict.LEAK
+            verdicts[segments.light, segments.row] = found
+
+    def _unexcused(
+        self, hits: Hits, row: NDArray[np.integer], lights: NDArray[np.float32], k: NDArray[np.int32]
+    ) -> NDArray[np.bool_]:
+        """Which triangles [n], if they meet the segments from hit points to lights [n, 3], rounding cannot miss: met beyond
+        the bound from their edges, with both ends beyond it from their planes."""
+        near, far, corners = hits.points[row], lights.astype(np.float64), self.corners(k)
+        away, share = edge_distance(near, far, corners)
+        ends = plane_distance(near, corners), plane_distance(far, corners)
+        bound = exact.edge_bound(near, near + share[:, None] * (far - near))
+        _, clear = self.holes.within(k, corners, near, far - near, bound)
+        return (np.minimum.reduce([away, *ends]) > bound) & ~clear
 
     # --- parts ---
 
+    def _segments(
+        self,
+        hits: Hits,
+        lights: NDArray[np.float32],
+        wanted: NDArray[np.bool_],
+        every: bool,
+        margin: NDArray[np.float64] | None = None,
+    ) -> Iterator[tuple[Segments, Lists, NDArray[np.int32]]]:
+        """:meth:`.Candidates.between` of the ``wanted`` segments from exact hit points to lights, bool [lights, n]."""
+        segments = Segments.where(wanted)
+        if not len(segments):
+            return
+        points = np.nan_to_num(hits.points)  # of misses, from which no segment leads
+        for part, candidates, sure in self._candidates.between(points, hits.triangle, lights, segments, every, margin):
+            yield segments[part], candidates, sure
+
     def _between(
-        self, hits: Hits, i: int, light: NDArray[np.float32], triangles: NDArray[np.int32], holes: bool = True
+        self,
+        hits: Hits,
+        i: int | np.integer,
+        light: NDArray[np.float32],
+        triangles: NDArray[np.int32],
+        holes: bool = True,
     ) -> list[int]:
         """The triangles that exactly meet the open segment from hit point i to the light (:class:`.Decisions`)."""
         o, d = hits.origins[i], hits.directions[i]
@@ -313,7 +343,7 @@ class Referee:
 
 
 def _rounds(
-    candidates: list[NDArray[np.int32]], verdicts: NDArray[np.int8], undecided: Verdict
+    candidates: Lists, verdicts: NDArray[np.int8], undecided: Verdict
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.int32]]]:
     """Pairs (ray, candidate) of the rays that are still ``undecided``: first a few per ray, then more for the remaining
     rays.
@@ -321,10 +351,9 @@ def _rounds(
     Most rays are decided by one of their first candidates; a ray may have as many as there are triangles.
     """
     first, step = 0, 8
-    rows = np.array([i for i, found in enumerate(candidates) if len(found)], dtype=np.intp)
+    rows = np.nonzero(candidates.counts)[0]
     while len(rows):
         for part in np.array_split(rows, max(1, -(-len(rows) * step // PAIRS))):
-            found = [candidates[i][first : first + step] for i in part]
-            yield np.repeat(part, [len(one) for one in found]), np.concatenate(found)
+            yield candidates.some(part, first, step)
         first, step = first + step, 8 * step
-        rows = np.array([i for i in rows if verdicts[i] == undecided and len(candidates[i]) > first], dtype=np.intp)
+        rows = rows[(verdicts[rows] == undecided) & (candidates.counts[rows] > first)]

@@ -13,7 +13,7 @@ import importlib.metadata
 import importlib.util
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -166,9 +166,10 @@ def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
 
 
 def shadow_origins(
-    corners: NDArray[np.float32], eye: NDArray[np.float32], directions: NDArray[np.float32], light: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Origins of shadow rays [n, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved off the surface.
+    corners: NDArray[np.float32], eye: NDArray[np.float32], directions: NDArray[np.float32], lights: NDArray[np.float32]
+) -> Iterator[NDArray[np.float32]]:
+    """Origins of shadow rays [n, 3] to each light [lights, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved
+    off the surface.
 
     ``eye`` is where the rays started, [3] or [n, 3].
 
@@ -182,10 +183,11 @@ def shadow_origins(
         t = np.einsum("ij,ij->i", normal, a - o) / np.einsum("ij,ij->i", normal, d)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     p = o + np.where(np.isfinite(t), t, 0.0)[:, None] * d
-    side = np.where(np.einsum("ij,ij->i", normal, light.astype(np.float64) - p) < 0, -1.0, 1.0)
     reach = np.linalg.norm(corners - p[:, None], axis=2).max(axis=1)
-    size = np.abs(p).max(axis=1) + reach
-    return (p + (side * OFFSET_UNITS * size)[:, None] * normal).astype(np.float32)
+    step = OFFSET_UNITS * (np.abs(p).max(axis=1) + reach)
+    for light in lights.astype(np.float64):
+        side = np.where(np.einsum("ij,ij->i", normal, light - p) < 0, -1.0, 1.0)
+        yield (p + (side * step)[:, None] * normal).astype(np.float32)
 
 
 def in_blocks(count: int, work: Callable[[slice], None]) -> None:
@@ -223,33 +225,20 @@ def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool], provenan
 
         in_blocks(pixels, primary)
         hits = np.nonzero(triangle >= 0)[0]
-        for i, light in enumerate(moment.lights):
-            if shadows[i] and len(hits):
-                shadowed[i, hits] = _shadows(
-                    scene, prepared, moment, origins[hits], directions[hits], triangle[hits], light
-                )
+        lit = np.nonzero(np.array(shadows, dtype=bool))[0]
+
+        def secondary(block: slice) -> None:
+            some = hits[block]
+            corners = moment.points[prepared.faces[triangle[some]]]
+            lights = moment.lights[lit]
+            for i, light, starts in zip(
+                lit, lights, shadow_origins(corners, origins[some], directions[some], lights), strict=True
+            ):
+                lengths = np.ones(len(starts), dtype=np.float32)
+                shadowed[i, some] = scene.run(starts, light - starts, dists=lengths, query="OCCLUDED") == 0
+
+        in_blocks(len(hits), secondary)
     return Reference(triangle, t, u, v, shadowed, provenance)
-
-
-def _shadows(
-    scene: Any,
-    prepared: Prepared,
-    moment: Moment,
-    origins: NDArray[np.float32],
-    directions: NDArray[np.float32],
-    triangles: NDArray[np.int32],
-    light: NDArray[np.float32],
-) -> NDArray[np.uint8]:
-    bits = np.zeros(len(triangles), dtype=np.uint8)
-
-    def work(block: slice) -> None:
-        corners = moment.points[prepared.faces[triangles[block]]]
-        starts = shadow_origins(corners, origins[block], directions[block], light)
-        lengths = np.ones(len(starts), dtype=np.float32)
-        bits[block] = scene.run(starts, light - starts, dists=lengths, query="OCCLUDED") == 0
-
-    in_blocks(len(bits), work)
-    return bits
 
 
 # --- provenance and the folder ------------------------------------------------------------------------------

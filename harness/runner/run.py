@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import os
 import time
 from collections.abc import Callable
@@ -28,7 +29,7 @@ from .machine.lock import MACHINE
 from .measuring.memory import NOT_STOPPED, stops_allocations
 from .planning.experiment import Entry
 from .planning.planned_point import describe_method, orders, seed_of
-from .planning.run_options import Job, Options
+from .planning.run_options import Job, Options, dealt
 from .planning.survey import announcement, survey
 from .planning.time_estimate import Estimate, Unit, expected_work, points_of, steps_of
 from .progress import Silent
@@ -172,7 +173,7 @@ class Run:
         return jobs
 
     def _ready(self, jobs: list[Job]) -> None:
-        """Prepare jobs and have their answers scored. The first job computes the exact reference alone.
+        """Prepare jobs and have their answers scored, as :func:`.dealt` says.
 
         Scoring takes long, so each scoring process holds the machine lock itself and releases it between frames.
         """
@@ -181,14 +182,12 @@ class Run:
             if not job.journal.first("finished"):
                 self._attempt(job, "compiling and warming up", self._prepare)
         waiting = [job for job in jobs if job.record is None and not job.journal.first("finished")]
-        count = self.graders
-        names = [grader_name(number) for number in range(1, count + 1)]
-        batches = [waiting[:1], *(waiting[i : i + count] for i in range(1, len(waiting), count))]
         with MACHINE.released():
-            for batch in batches:
-                for name, job in zip(names, batch, strict=False):
+            for turn in itertools.zip_longest(*dealt(waiting, self.graders)):
+                asked = [(grader_name(number), job) for number, job in enumerate(turn, 1) if job is not None]
+                for name, job in asked:
                     self._attempt(job, "checking the answers", self._ask_grades, name)
-                for name, job in zip(names, batch, strict=False):
+                for name, job in asked:
                     if job.record is None:
                         self._take_grades(job, name)
 

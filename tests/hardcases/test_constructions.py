@@ -147,7 +147,7 @@ def open_edges(case: str) -> int:
     for light in moment.lights:
         occluders = one.judge.referee.occluders(hits, light)
         cut = np.nonzero(occluders >= 0)[0]
-        rays.append((light.astype(np.float64), one.judge.referee.hit_points(hits.take(cut)) - light, occluders[cut]))
+        rays.append((light.astype(np.float64), hits.points[cut] - light, occluders[cut]))
     found = 0
     for origin, way, met in rays:
         a, b, c = (moment.points[faces[met, k]].astype(np.float64) - origin for k in range(3))

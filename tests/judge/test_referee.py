@@ -11,6 +11,7 @@ from helpers.devices import needs_gpu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.judge.candidates import Candidates, in_planes
+from shadowbench.harness.judge.lists import Segments
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import prepare, valid_triangles
@@ -296,5 +297,7 @@ def test_triangles_whose_planes_hold_a_light_are_no_candidates():
     assert 66 <= held.sum() < 80
     found = Candidates(points, faces, np.ones(100), "cpu")
     starts = np.float64([(-1, 0.25, 0.25), (0, 0, 0.25)])
-    lists, _ = found.between(starts, np.int32([-1, -1]), light, every=True, margin=np.full(2, 1e-3))
-    assert not np.isin(np.concatenate(lists), np.nonzero(held)[0]).any()
+    lit = Segments.where(np.ones((1, 2), dtype=bool))
+    margin = np.full(2, 1e-3)
+    ((_, lists, _),) = found.between(starts, np.int32([-1, -1]), light[None], lit, every=True, margin=margin)
+    assert not held[lists.found].any()

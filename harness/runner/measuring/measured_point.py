@@ -153,6 +153,10 @@ class MeasuredPoint:
             "method": {"built": session.method.built(), "replayed": session.replays, "passes": passes},
         }
 
+    def answers_hash(self) -> str:
+        """A hash of the answers to all frames: points with the same one have the same answers."""
+        return hashlib.blake2b(repr(self.hashes).encode(), digest_size=16).hexdigest()
+
     def round(self, sampling: Sampling) -> dict[str, Any]:
         """One round of samples of every frame. Raises :class:`UnsteadyError` if a timed frame gives other answers."""
         with bounded(self.limits.memory, self._own):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,7 @@ class Job:
     """A point being measured: ``scene`` as given, the generation of the worker that prepared it, remaining steps.
 
     graders_lost  scoring processes that were killed with its answers
+    answers       a hash of its answers to all frames, once it is prepared
     """
 
     point: Point
@@ -68,8 +69,20 @@ class Job:
     lighting: Lighting = field(default_factory=Lighting)
     generation: int = 0
     graders_lost: int = 0
+    answers: str = ""
     record: Record | None = None
 
     @property
     def method(self) -> str:
         return self.point.entry.method
+
+
+def dealt(jobs: Sequence[Job], graders: int) -> list[list[Job | None]]:
+    """What each scoring process scores in turn; None: nothing. The first job is scored alone, because that computes the
+    exact reference. Equal answers go to the same process, which scores them once."""
+    queues: list[list[Job | None]] = [[] if not number else [None] for number in range(graders)]
+    groups: dict[str, int] = {}
+    for job in jobs:
+        number = groups.setdefault(job.answers or job.point.key, len(groups) % graders)
+        queues[number].append(job)
+    return queues

@@ -64,6 +64,7 @@ class Worker:
     home  the folder that the process began in: names of scenes are relative to it
     base  the scene before any lighting, and the seconds that it took, by what it depends on
     last  the lighting that was loaded last, whose answers :meth:`grade` scores
+    referees  of the frames that were scored last, which other lightings of the scene use too
     """
 
     def __init__(self) -> None:
@@ -73,6 +74,7 @@ class Worker:
         self.last: Lit | None = None
         self.points: dict[str, MeasuredPoint] = {}
         self.grader: Grader | None = None
+        self.referees: dict[int, Any] = {}
 
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
         """Carry out one command and return its reply. ``share``: hold the machine lock, because the parent does not."""
@@ -135,7 +137,7 @@ class Worker:
     def prepare(self, point: dict[str, Any], folder: str, light: str = "", answers: bool = True) -> dict[str, Any]:
         """Prepare a point on the scene with the lighting of this label; ``answers``: hand them over to be graded.
 
-        The reply has ``room``, see :func:`room`.
+        The reply has ``answers``, a hash of them all, and ``room``, see :func:`room`.
         """
         lit = self.lit[light]
         make = partial(make_method, point["method"], point["settings"])
@@ -154,7 +156,7 @@ class Worker:
             reset_peak_resident()
         made = MeasuredPoint(make, lit.prepared, lit.moments, lit.size, point, lit.changed, answered)
         self.points[point["key"]] = made
-        return {**made.facts, "room": room(made.device)}
+        return {**made.facts, "answers": made.answers_hash(), "room": room(made.device)}
 
     def round(self, key: str, sampling: dict[str, Any]) -> dict[str, Any]:
         """One round of samples of every frame of a point."""
@@ -177,7 +179,7 @@ class Worker:
         lit = self.last
         assert lit is not None
         if self.grader is None:
-            self.grader = Grader(lit.prepared, lit.moments, lit.scene_argument, Path(folder), device)
+            self.grader = Grader(lit.prepared, lit.moments, lit.scene_argument, Path(folder), device, self.referees)
         with CompileClock() as compiling, into_results():
             frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
         return {"frames": frames, "compile_s": compiling.seconds}
@@ -188,6 +190,7 @@ class Worker:
         if key is None:
             self._forget_lightings()
             self.base.clear()
+            self.referees.clear()
         else:
             made = self.points.pop(key, None)
             if light is not None:

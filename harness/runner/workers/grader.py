@@ -37,11 +37,18 @@ def handed_path(folder: Path, key: str, frame: int) -> Path:
 
 
 class Grader:
-    """Scores the answers of every method to the frames of one scene. ``scene_argument``: as on the command line."""
+    """Scores the answers of every method to the frames of one scene with one lighting.
 
-    def __init__(self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str):
+    scene_argument  as on the command line
+    referees        by frame, from other lightings of the scene; they are used again where the mesh is the same
+    """
+
+    def __init__(
+        self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str,
+        referees: dict[int, Any],
+    ):  # fmt: skip
         self.prepared, self.moments, self.scene_argument = prepared, moments, scene_argument
-        self.folder, self.device = folder, device
+        self.folder, self.device, self.referees = folder, device, referees
         self.effects = Effects.of(prepared.scene)
         self._judges: dict[int, Any] = {}
         self._scores: dict[tuple[Any, ...], Any] = {}
@@ -97,8 +104,11 @@ class Grader:
             return {"score": None, "unscored": reason}
         if frame not in self._judges:
             references = self.folder / "truth"
-            self._judges[frame] = Judge.of(self.prepared, self.moments[frame], self.effects, references, self.device)
+            self._judges[frame] = Judge.of(
+                self.prepared, self.moments[frame], self.effects, references, self.device, self.referees.get(frame)
+            )
         judge = self._judges[frame]
+        self.referees[frame] = judge.referee
         looks: dict[str, Any] = {}
         if wrong_map:
             scored, looks = keep_wrong(self.folder, key, frame, judge, answers)

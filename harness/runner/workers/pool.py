@@ -129,7 +129,7 @@ class Workers:
             return None
         self.ensure_loaded(job.method, job)
         reply = self.command(worker, **prepare_command(self.options, job, answers))
-        job.generation = worker.generation
+        job.generation, job.answers = worker.generation, reply.pop("answers")
         self._held[job] = None
         self._make_room(job, reply.pop("room"))
         return reply

@@ -1,0 +1,80 @@
+"""Many lights are judged together: in one launch, by one referee for all lightings, equal answers once."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers.second_opinion import random_trial
+from shadowbench.harness import api
+from shadowbench.harness.judge import candidates, lists
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.verdict import Verdict
+from shadowbench.harness.runner.planning.run_options import dealt
+from shadowbench.harness.scene.overrides import Lighting
+
+
+@pytest.mark.parametrize("seed", [1, 18])
+def test_lights_judged_together_have_the_verdicts_of_each_alone(monkeypatch, seed):
+    """Batches so small that they end within a light, and within the candidates of a ray."""
+    random = np.random.default_rng(seed)
+    points, faces, origins, directions, some = random_trial(random, 60)
+    size = np.abs(points).max()
+    on_mesh = points[faces[:3]].mean(axis=1)
+    lights = np.concatenate([some, points[:3], on_mesh, random.normal(size=(5, 3)) * size]).astype(np.float32)
+    referee = Referee(points, faces, np.ones(len(faces)))
+    hits = referee.closest(origins, directions)
+    bits = random.integers(0, 3, (len(lights), len(hits))).astype(np.uint8)
+    alone = [referee.occluders(hits, light) for light in lights]
+    classes = [referee.classify_shadow(hits, *given) for given in zip(lights, bits, strict=True)]
+    assert {int(Verdict.ACNE), int(Verdict.LEAK), int(Verdict.INVALID)} <= set(np.unique(classes).tolist())
+    monkeypatch.setattr(candidates, "SEGMENTS", 37)
+    monkeypatch.setattr(lists, "MOST", 3)
+    wanted = np.arange(len(lights)) != 2
+    found = referee.answers(origins, directions, lights, wanted).occluders
+    np.testing.assert_array_equal(found, np.where(wanted[:, None], alone, -1))
+    every = np.ones(bits.shape, dtype=bool)
+    np.testing.assert_array_equal(referee.classify_shadows(hits, lights, bits, np.array(alone), every), classes)
+    some = random.uniform(size=bits.shape) < 0.5
+    expected = np.where(some, classes, Verdict.OK)
+    np.testing.assert_array_equal(referee.classify_shadows(hits, lights, bits, np.array(alone), some), expected)
+
+
+def test_parts_hold_every_ray_once(monkeypatch):
+    monkeypatch.setattr(lists, "MOST", 4)
+    counts = np.int32([0, 1, 3, 0, 9, 0, 0, 2, 2, 1])
+    parts = list(lists.parts_of(counts))
+    assert [i for part in parts for i in range(part.start, part.stop)] == list(range(len(counts)))
+    assert all(counts[part].sum() <= 4 or np.count_nonzero(counts[part]) == 1 for part in parts)
+    assert list(lists.parts_of(np.int32([]))) == []
+
+
+def test_a_referee_is_used_for_another_lighting_of_the_same_mesh():
+    prepared = api.prepare(api.resolve("balls-3k"))
+    one = Lighting("1", count=1).applied(prepared)
+    first = api.Judge.of(one, one.moment(0, 8, 8))
+    two = Lighting("2", count=2).applied(prepared)
+    again = api.Judge.of(two, two.moment(0, 8, 8), known=first.referee)
+    assert again.referee is first.referee
+    moved = api.prepare(api.resolve("balls-10k"))
+    other = api.Judge.of(moved, moved.moment(0, 8, 8), known=first.referee)
+    assert other.referee is not first.referee
+    assert not first.referee.is_of(prepared.points(0)[0] + 1, prepared.faces, first.referee.valid, "cpu", None)
+    assert not first.referee.is_of(prepared.points(0)[0], prepared.faces, first.referee.valid, "cuda:0", None)
+
+
+def test_equal_answers_go_to_one_scoring_process_and_the_first_alone():
+    jobs = [
+        SimpleNamespace(answers=hashed, point=SimpleNamespace(key=str(key))) for key, hashed in enumerate("abacbdea")
+    ]
+    turns = list(itertools.zip_longest(*dealt(jobs, 3)))
+    assert turns[0] == (jobs[0], None, None)
+    placed = {job.point.key: number for turn in turns for number, job in enumerate(turn) if job is not None}
+    assert len(placed) == len(jobs)
+    assert len({placed[job.point.key] for job in jobs if job.answers == "a"}) == 1
+    assert len({placed[job.point.key] for job in jobs if job.answers == "b"}) == 1
+    assert len(set(placed.values())) == 3
+    unknown = [SimpleNamespace(answers="", point=SimpleNamespace(key=key)) for key in "xy"]
+    assert dealt(unknown, 2) == [[unknown[0]], [None, unknown[1]]]
