@@ -30,7 +30,6 @@ from .together import make_together_kernel
 from .undecided import Undecided
 
 SCENE = ("bvh", "points", "triangles")
-EXTENT = ("extent",)
 
 
 def marks_receivers(cuda: bool, effects: Effects) -> bool:
@@ -164,7 +163,7 @@ class TreeRays:
         return self.effects.has_receivers(light) and not self.marks
 
     def _light_pass(self, light: int) -> Pass:
-        reads = ("points", "triangles", f"light/{light}", *(EXTENT if self._exactly(light) else ()))
+        reads = ("points", "triangles", f"light/{light}", *(("extent",) if self._exactly(light) else ()))
         made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
         return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
@@ -191,6 +190,8 @@ class TreeRays:
         The records for each light come before its rays."""
         if self.effects.orthographic:
             passes = self._parallel_passes()
+        elif self.joint is not None:
+            passes = [self._joint_pass(self.joint)]
         else:
             passes = self.shares.passes(functools.partial(self._share_passes, primary))
         for late in self.late_passes():
@@ -198,28 +199,26 @@ class TreeRays:
             passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)
         return passes
 
+    def _eye_reads(self) -> tuple[str, ...]:
+        """What primary rays read besides the scene."""
+        return ("eye triangles", "primary counts", *(("extent",) if self.exact else ()))
+
+    def _joint_pass(self, light: int) -> Pass:
+        """Primary rays, and the shadow rays of their hits to the only light."""
+        lit = (f"light/{light}", f"light triangles/{light}", "max_coordinate")
+        reads = (*SCENE, "camera", *self.effects.surface_reads(), *self._eye_reads(), *lit)
+        made = ("hits", "primary counts", f"shadowed/{light}")
+        launch = functools.partial(self._together, light)
+        return Pass(f"primary rays, and shadow rays of light {light}", "trace", reads, made, launch)
+
     def _share_passes(self, primary: bool, share: int) -> list[Pass]:
         """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
         of, run = self.shares.of(share), functools.partial
         seen = (*SCENE, "camera", *self.effects.surface_reads())
         hits, passes = "hits", []
-        if self.joint is not None:
-            i = self.joint
-            reads = (
-                *seen,
-                *EXTENT,
-                "max_coordinate",
-                "eye triangles",
-                f"light/{i}",
-                f"light triangles/{i}",
-                "primary counts",
-            )
-            made = ("hits", "primary counts", f"shadowed/{i}")
-            return [Pass(f"primary rays and shadow rays of light {i}", "trace", reads, made, self._together)]
         if primary:
             hits = f"hits of share{of}"
-            reads = (*seen, *(EXTENT if self.exact else ()), "eye triangles", "primary counts")
-            found = ("hits", hits, "primary counts")
+            reads, found = (*seen, *self._eye_reads()), ("hits", hits, "primary counts")
             passes.append(Pass(f"primary rays{of}", "trace", reads, found, run(self._primary, share)))
         for i in self.lights:
             counts, masks = f"shadow counts/{i}", self.effects.receiver_reads(i)
@@ -276,9 +275,8 @@ class TreeRays:
         outputs = [f.hits(0), self.starts[0]]
         f.launch(specialised(kernel, self.effects.switches()), self.shares.threads, inputs, outputs, constants.BLOCK)
 
-    def _together(self) -> None:
-        f, e, light = self.frame, self.effects, self.joint
-        assert light is not None
+    def _together(self, light: int) -> None:
+        f, e = self.frame, self.effects
         kernel = specialised(make_together_kernel(self.exact, self.packets), e.switches(light))
         seen = [f.camera, self.shares.parts[0], self.tree, self.eye_records, f.mesh, f.alpha, self._undecided(0, 0, 0)]
         lit = [light, e.facing, f.lights, f.spots, f.front_facing, self.planes[light], f.rays(0)]
