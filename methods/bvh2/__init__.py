@@ -23,7 +23,7 @@ from ..common.pairs import grown
 from ..common.parameters import refuse_static
 from ..gpu.reserve import counted
 from ..trees import constants
-from ..trees.builders import built, tree_of
+from ..trees.builders import Rebuilt, Refitted, tree_of
 from ..trees.quality import expected
 from ..trees.trace.tree_rays import TreeRays
 from .parameters import FLOAT32_INEXACT, Build, Trace
@@ -43,6 +43,7 @@ class BinaryTree(BaseMethod):
         self.known_inexact = FLOAT32_INEXACT if self.trace.precision == "float32" else None
         self._capacity = 0
         self._memory = 0
+        self._tree: Rebuilt | Refitted | None = None
         self._rays: TreeRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
@@ -53,8 +54,8 @@ class BinaryTree(BaseMethod):
         self._memory = limits.memory
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         refuse_static(self.name, self.build.update, frame.prepared)
-        tree = tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
-        first, grows = tree.passes()
+        self._tree = tree = tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
+        first, grows, beside = tree.passes()
         trace = self.trace
         self._rays = rays = TreeRays(
             frame,
@@ -65,8 +66,9 @@ class BinaryTree(BaseMethod):
             trace.threads,
             constants.SHARES,
             self._capacity,
+            together=constants.TOGETHER and self.build.update != "static",
         )
-        records = [*rays.eye_passes(), *rays.record_passes(), *rays.clear_passes()]
+        records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
         passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
         return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
 
@@ -97,8 +99,7 @@ class BinaryTree(BaseMethod):
         return counts
 
     def built(self) -> dict[str, Any]:
-        threads = {} if self._rays is None else self._rays.built()
-        return {**built(self.build.update, self.build.builder, self.build.tree_frame), **threads}
+        return {} if self._tree is None or self._rays is None else {**self._tree.built(), **self._rays.built()}
 
 
 METHOD = BinaryTree

@@ -21,12 +21,12 @@ class Build:
     update      "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of one frame of the
                 animation, its boxes refitted each frame; "static": that tree, for geometry that does not move
     builder     of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al.
-                2024)
+                2024); "auto": lbvh below 100,000 triangles
     tree_frame  of a refitted tree: the frame that it is made of, 0 is the first
     """
 
     update: str = "rebuild"
-    builder: str = "hploc"
+    builder: str = "auto"
     tree_frame: int = 0
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ from ..gpu.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as GridBuild
 from ..trees import constants
-from ..trees.builders import built, tree_of
+from ..trees.builders import Rebuilt, Refitted, tree_of
 from ..trees.quality import expected
 from ..trees.trace.tree_rays import TreeRays
 from .choice import chosen
@@ -54,6 +54,7 @@ class Hybrid(BaseMethod):
         self._capacity = 0
         self._memory = 0
         self._shadows = self.build.shadows
+        self._tree: Rebuilt | Refitted | None = None
         self._rays: TreeRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
@@ -72,13 +73,13 @@ class Hybrid(BaseMethod):
         else:
             streamed = self._streams.plan(frame, effects, limits)
         refuse_static(self.name, self.build.update, frame.prepared)
-        tree = tree_of(frame, self.build.update, self.build.builder)
-        first, grows = tree.passes()
+        self._tree = tree = tree_of(frame, self.build.update, self.build.builder)
+        first, grows, beside = tree.passes()
         shares = ONE_SHARE if sum(effects.shadows) == 1 else constants.SHARES
         self._rays = rays = TreeRays(
             frame, tree.tree, effects, "exact", False, self.trace.threads, shares, self._capacity, starts
         )
-        after = [*rays.record_passes(), *(rays.clear_passes() if shadows else ())]
+        after = [*beside, *rays.record_passes(), *(rays.clear_passes() if shadows else ())]
         effect = "shadows" if shadows else "mirror"
         passes = [replace(work, hints=Hints(parallel=(TREE,)), effect=effect) for work in first]
         passes.append(replace(grows, hints=Hints(parallel=(TREE, 0)), effect=effect))
@@ -122,8 +123,8 @@ class Hybrid(BaseMethod):
         if self._rays is None:
             streams = {} if self._streams.needs() is None else self._streams.built()
             return {"shadows": self._shadows, **streams}
-        tree = built(self.build.update, self.build.builder)
-        return {"shadows": self._shadows, **tree, **self._rays.built()}
+        assert self._tree is not None
+        return {"shadows": self._shadows, **self._tree.built(), **self._rays.built()}
 
 
 METHOD = Hybrid

@@ -4,10 +4,12 @@ The last column says where other values were measured, in whole frames on an H20
 results/notebook.md ("pairs", "exact"). A dash: the value was taken from the source named in the code, or never varied.
 
     constant           value    unit          what it is                                                     measured
+    MANY_TRIANGLES     100,000  triangles     from which on H-PLOC makes the tree, below LBVH                  tried
     KEY_BITS           24       bits          of the Morton keys that leaves are sorted by                   tried
     RADIUS             2        places        on either side, where H-PLOC looks for a cluster to merge      tried
     SHARED_AREA        1.25     ratio         of a common box to both boxes, up to which a leaf is shared    pairs
-    BLOCK              128      threads       of a block that traces or builds; packets' stacks need it      tried
+    BLOCK              128      threads       of a block that traces, a power of two                         tried
+    CLIMB_BLOCK        256      threads       of a block that makes or refits a tree                         -
     REGISTERS          48       a thread      of the kernels that trace                                      tried, exact
     EYE_REGISTERS      56       a thread      ... of rays from the eye, with their hit points in float64     exact
     RESOLVE_REGISTERS  96       a thread      of the kernel of the hit points of listed rays                 tried
@@ -16,26 +18,27 @@ results/notebook.md ("pairs", "exact"). A dash: the value was taken from the sou
     MOST_KEPT          14       triangles     undecided, that a ray keeps before it enters them in a list    -
     UNDECIDED          262,144  pairs         that there is room for at first, or half the pixels            -
     SORT_THREADS       256      threads       of a block that sorts                                          -
-    COUNT_BLOCKS       264      blocks        that count digits: two for each multiprocessor                 -
     MANY_KEYS          400,000  keys          from which on a thread sorts 16 of them, below 8               -
     TILES_AT_ONCE      4        tiles         whose counts a thread reads at once when it looks back         tried
 """
 
 from __future__ import annotations
 
+MANY_TRIANGLES = 100_000
 KEY_BITS = 24
 RADIUS = 2
 SHARED_AREA = 1.25
 BLOCK = 128
+CLIMB_BLOCK = 256
 REGISTERS = 48
 EYE_REGISTERS = 56
 RESOLVE_REGISTERS = 96
 RECORD_REGISTERS = 64
 SHARES = 2
+TOGETHER = True
 MOST_KEPT = 14
 UNDECIDED = 262_144
 SORT_THREADS = 256
-COUNT_BLOCKS = 264
 MANY_KEYS = 400_000
 TILES_AT_ONCE = 4
 

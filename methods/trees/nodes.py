@@ -15,9 +15,10 @@ the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d
     the extent rounded: nothing, it is enlarged by 2^-22 of itself
 
 5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.max_coordinate``, which bounds where the rays of cameras
-start; a light that is farther is not traced from (:mod:`.trace.traversal`), and mirrored rays start in the scene. (Ize
-2013, "Robust BVH Ray Traversal", pads the ray instead.) A component of the direction that is less than 2^-40 of the
-largest is replaced by that value, which moves a ray by 2^-40 of its length.
+start and is at least 8 B unless it is as large as it can be, 2^126 and B / 4; a light that is farther is not traced from
+(:mod:`.trace.traversal`), and mirrored rays start in the scene. (Ize 2013, "Robust BVH Ray Traversal", pads the ray
+instead.) A component of the direction that is less than 2^-40 of the largest is replaced by that value, which moves a ray
+by 2^-40 of its length.
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ from ..exact.triangle import U32
 
 NODE_BYTES = 48
 
+LARGEST = wp.constant(2.0**126)
+"""``frame.max_coordinate`` is at most this."""
+
 EMPTY_EXTENT = -1.0e30
 """Extent of a child without triangles: no ray meets it."""
 
@@ -42,7 +46,8 @@ class Tree:
 
     nodes   vec4f [3 * nodes]        root  int32 [1]: the reference to the root (:mod:`.native`)
     masked  uint8 [triangles]: 1 = it has holes; empty where none has
-    max_coordinate  float32 [1]: of the frame        extent  float32 [1]: the largest coordinate of the scene's box
+    max_coordinate  float32 [1]: of the frame
+    extent  float32 [1]: the largest coordinate of the scene's box; infinite where nothing is in it
     """
 
     nodes: wp.array(dtype=wp.vec4f)
@@ -66,9 +71,10 @@ def empty_tree(frame: Frame) -> Any:
 
 
 @wp.func
-def padding(max_coordinate: wp.float32, extent: wp.float32) -> wp.float32:
-    """The padding of boxes. ``max_coordinate`` bounds the origins of rays, ``extent`` the scene's box."""
-    return U32 * (6.0 * max_coordinate + 12.0 * extent) + 1.0e-37
+def padding(max_coordinate: wp.float32) -> wp.float32:
+    """The padding of boxes: more than 5 + 8 / 8 units of the frame's ``max_coordinate``, or 5 + 8 * 4 of the largest."""
+    units = wp.where(max_coordinate < LARGEST, 7.0, 40.0)
+    return U32 * units * max_coordinate + 1.0e-37
 
 
 WRITE = f"""

@@ -20,6 +20,7 @@ INSTRUCTIONS = {
     "fence.acq_rel.gpu;": "",
     "atom.acq_rel.gpu.global.add.s32 %0, [%1], 1;": "{0} = atomicAdd((int*)({1}), 1);",
     "atom.acq_rel.gpu.global.exch.b64 %0, [%1], %2;": "{0} = atomicExch((word64*)({1}), (word64)({2}));",
+    "ld.acquire.gpu.global.s32 %0, [%1];": "{0} = *(const int*)({1});",
     "ld.acquire.gpu.global.u64 %0, [%1];": "{0} = *(const word64*)({1});",
     "ld.relaxed.gpu.global.f64 %0, [%1];": "{0} = *(const double*)({1});",
     "ld.relaxed.gpu.global.f64 %0, [%1 + 8];": "{0} = *(const double*)(({1}) + 8);",

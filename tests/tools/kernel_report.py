@@ -62,7 +62,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.rays import sort as sort_rays
     from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
-    from shadowbench.methods.trees.trace import closest, shadow
+    from shadowbench.methods.trees.trace import closest, shadow, together
 
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
     grid_primary, grid_shadow = make_kernels()
@@ -97,11 +97,13 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: refit": "shadowbench.methods.trees.builders.refit",
         "bvh2: sort": sort.make_sweep_kernel(8).module,
         "bvh2: sort, large": sort.make_sweep_kernel(16).module,
-        "bvh2: sort, count": "shadowbench.methods.trees.builders.sort",
+        "bvh2: box": "shadowbench.methods.trees.builders.scene_box",
         "bvh2: keys": "shadowbench.methods.trees.builders.keys",
         "bvh2: triangles": "shadowbench.methods.trees.records.planes",
         "bvh2: triangles, rays": "shadowbench.methods.trees.records.rays",
         "bvh2: primary": closest.make_eye_kernel(True, False).module,
+        "bvh2: primary and shadow": together.make_together_kernel(True, False).module,
+        "bvh2: primary and shadow, float32": together.make_together_kernel(False, False).module,
         "bvh2: primary, holes": specialised(closest.make_eye_kernel(True, False), holes).module,
         "bvh2: primary, packets": closest.make_eye_kernel(True, True).module,
         "bvh2: primary, float32": closest.make_eye_kernel(False, False).module,

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ....harness.frame.frame import Frame
+from .. import constants
 from .rebuild import MAKERS, Rebuilt
 from .refit import Refitted
 
 UPDATES = ("rebuild", "refit", "static")
-BUILDERS = tuple(MAKERS)
+BUILDERS = ("auto", *MAKERS)
 
 
 def tree_of(frame: Frame, update: str, builder: str, made_of: int = 0) -> Rebuilt | Refitted:
-    """The tree of a frame's triangles, and its passes. ``made_of``: the frame that a refitted one is made of."""
-    return Rebuilt(frame, builder) if update == "rebuild" else Refitted(frame, update == "static", made_of)
+    """The tree of a frame's triangles, and its passes.
 
-
-def built(update: str, builder: str, made_of: int = 0) -> dict[str, Any]:
-    """For :meth:`....harness.frame.method.Method.built`."""
-    which = f"frame {made_of}" if made_of else "the first frame"
-    return {"update": update, "tree": builder if update == "rebuild" else f"SAH of {which}, on the host"}
+    ``builder`` "auto": by their number; ``made_of``: the frame that a refitted one is made of
+    """
+    if update != "rebuild":
+        return Refitted(frame, update == "static", made_of)
+    if builder == "auto":
+        builder = "lbvh" if frame.triangle_count < constants.MANY_TRIANGLES else "hploc"
+    return Rebuilt(frame, builder)

@@ -1,6 +1,13 @@
-"""Boxes of triangles in C++, low then high corner, and how threads that climb a tree exchange them."""
+"""Boxes of triangles in C++, low then high corner, and how threads that climb a tree exchange them.
+
+The leaves of a block lie side by side, and most nodes above them have leaves of that block only. Threads that climb through
+those meet in shared memory: an exchange takes a tenth of the time that one in global memory takes, and the time of a build
+is that of one exchange after another. A node is numbered by the last leaf of its left child.
+"""
 
 from __future__ import annotations
+
+from ..constants import CLIMB_BLOCK
 
 BOXES = """
 auto clear = [&](float* box) { for (int k = 0; k < 6; k++) box[k] = k < 3 ? 3.4e38f : -3.4e38f; };
@@ -49,3 +56,30 @@ auto take_box = [&](int k, float* b) {
 """
 """``put_box`` and ``take_box``: boxes for a sibling, with a reference, written past the first-level cache, which other
 multiprocessors do not see."""
+
+NEAR = (
+    f"constexpr int BLOCK = {CLIMB_BLOCK};"
+    + """
+__shared__ float near_box[12][BLOCK];
+__shared__ int arrived[BLOCK];
+const int begin = i - (int)threadIdx.x;
+arrived[threadIdx.x] = 0;
+__syncthreads();
+auto is_near = [&](int node) { return node >= begin && node < begin + BLOCK - 1; };
+auto put_near_box = [&](int node, int side, const float* b) {
+    for (int k = 0; k < 6; k++) near_box[6 * side + k][node - begin] = b[k];
+};
+auto take_near_box = [&](int node, int side, float* b) {
+    for (int k = 0; k < 6; k++) b[k] = near_box[6 * side + k][node - begin];
+};
+auto is_first = [&](int node) {
+    __threadfence_block();
+    bool first = atomicAdd(arrived + node - begin, 1) == 0;
+    __threadfence_block();
+    return first;
+};
+"""
+)
+"""``is_near``: whether leaves of this block lie on both sides of a node's split. ``is_first``: of the two threads that come
+to a near node; the other takes what the first has put. Those that stay the first after all threads of the block have
+climbed wait for a child with leaves of another block."""

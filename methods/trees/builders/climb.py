@@ -98,7 +98,7 @@ def make_builder(text: str) -> Any:
     def build_kernel(
         leaves: Leaves, mesh: Mesh, scratch: wp.array(dtype=wp.vec4f), flags: wp.array(dtype=wp.uint64), tree: Tree
     ):
-        pad = padding(entry(tree.max_coordinate, 0), entry(tree.extent, 0))
+        pad = padding(entry(tree.max_coordinate, 0))
         build(wp.tid(), entry(leaves.count, 0), pad, leaves, mesh, scratch, flags, tree)
 
     return build_kernel

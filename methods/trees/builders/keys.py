@@ -1,4 +1,4 @@
-"""The leaves of a rebuilt tree with their Morton keys, and clearing at the start of a frame's build.
+"""The leaves of a rebuilt tree with their Morton keys.
 
 Exporters write the two triangles of a quad, and generators those of a strip, one after the other. Two of them share a leaf
 where the box of both is hardly larger than one of theirs: the sort and the tree then have half as many leaves, and a ray
@@ -11,19 +11,15 @@ the second of two that share one: they get the largest key, which no leaf has, a
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 import warp as wp
 
-from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, value_struct
-from ...common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
+from ...common.bounds import box_high, box_low
 from ...gpu.entries import entry, set_entry
 from .. import constants
 from ..native import BASICS, PAIR
 from ..nodes import Tree
-from .sort import Pairs
+from .sort import Pairs, count_digits, passes_of
 
 EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 """A flag at which neither child has arrived."""
@@ -35,56 +31,7 @@ CELLS = wp.constant(1 << constants.KEY_BITS // 3)
 NO_LEAF = wp.constant((1 << constants.KEY_BITS) - 1)
 """The key of a triangle without a leaf of its own."""
 
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def box_kernel(
-    count: wp.int32,
-    blocks: wp.int32,
-    points: wp.array(dtype=wp.vec3f),
-    used: wp.array(dtype=wp.uint8),
-    box: wp.array(dtype=wp.float32),
-):
-    """Minimum of x, y, z, -x, -y, -z over the finite vertices that triangles use.
-
-    A triangle that is left out may enlarge the box: keys are then coarser, and bounds wider.
-    """
-    block, lane = wp.tid()
-    low = wp.vec3f(wp.INF, wp.INF, wp.INF)
-    high = wp.vec3f(-wp.INF, -wp.INF, -wp.INF)
-    i = block * wp.block_dim() + lane
-    while i < count:
-        p = entry(points, i)
-        if entry(used, i) != wp.uint8(0) and wp.isfinite(p):
-            low = wp.min(low, p)
-            high = wp.max(high, p)
-        i += blocks * wp.block_dim()
-    lower_box(box, lane, low, high)
-
-
-class SceneBox:
-    """The box of a frame's triangles: float32 [6], its low and its negated high corner; all inf where nothing is there."""
-
-    def __init__(self, frame: Frame):
-        self.frame = frame
-        used = np.zeros(max(1, frame.vertex_count), dtype=np.uint8)
-        used[frame.prepared.faces.ravel()] = 1
-        self.used = wp.array(used, dtype=wp.uint8, device=frame.device)
-        self.box = wp.zeros(6, dtype=wp.float32, device=frame.device)
-
-    def launch(self) -> wp.array:
-        """Fill it, and give it back."""
-        frame = self.frame
-        self.box.fill_(math.inf)
-        blocks = 1 if wp.get_device(frame.device).is_cpu else BLOCKS
-        wp.launch_tiled(
-            box_kernel,
-            dim=[blocks],
-            inputs=[frame.vertex_count, blocks, frame.points, self.used],
-            outputs=[self.box],
-            block_dim=BLOCK,
-            device=frame.device,
-        )
-        return self.box
+PASSES = wp.constant(passes_of(constants.KEY_BITS))
 
 
 @wp.func
@@ -100,12 +47,6 @@ def spread(x: wp.int32) -> wp.int32:
 def cell(x: wp.float32, low: wp.float32, scale: wp.float32, last: wp.float32) -> wp.int32:
     """The cell of x, clamped to 0..last."""
     return wp.int32(wp.min(wp.max((x - low) * scale, 0.0), last))
-
-
-@wp.func
-def extent_of(box: wp.array(dtype=wp.float32)) -> wp.float32:
-    """The largest coordinate of the scene's box; infinite where nothing is valid."""
-    return wp.max(wp.max(wp.abs(box_low(box)), wp.abs(box_high(box))))
 
 
 @value_struct
@@ -172,36 +113,33 @@ def key_kernel(
     tree: Tree,
     state: wp.array(dtype=wp.int32),
 ):
-    """One thread for two triangles that follow each other: their keys and references, of one leaf or of two.
-
-    Empties the flags, the tree and the sort's state. extent: the box's largest coordinate.
-    """
+    """One thread for two triangles that follow each other: their keys and references, of one leaf or of two. Counts the
+    keys' digits for the sort, and empties the flags and the tree. Whole blocks."""
     i = 2 * wp.tid()
-    if i >= count:
-        return
-    word = i / 2
-    while word < state.shape[0]:
-        state[word] = 0
-        word += (count + 1) / 2
-    if i == 0:
-        tree.root[0] = -1
-        tree.extent[0] = extent_of(box)
-    flags[i] = EMPTY
-    first = box_at(mesh, i)
-    used = entry(mesh.valid, i) != wp.uint8(0)
-    followed = i + 1 < count
-    second = first
-    if followed:
-        flags[i + 1] = EMPTY
-        second = box_at(mesh, i + 1)
-    other_used = followed and entry(mesh.valid, wp.min(i + 1, count - 1)) != wp.uint8(0)
-    value = i
-    if used and other_used and share_a_leaf(first.low, first.high, second.low, second.high, shared_area):
-        first = Box(wp.min(first.low, second.low), wp.max(first.high, second.high))
-        value = i | PAIRED
-        other_used = False
-    set_entry(leaves.keys, i, key_of(first, used, box))
-    set_entry(leaves.values, i, value)
-    if followed:
-        set_entry(leaves.keys, i + 1, key_of(second, other_used, box))
-        set_entry(leaves.values, i + 1, i + 1)
+    key = NO_LEAF
+    other_key = NO_LEAF
+    if i < count:
+        if i == 0:
+            tree.root[0] = -1
+        flags[i] = EMPTY
+        first = box_at(mesh, i)
+        used = entry(mesh.valid, i) != wp.uint8(0)
+        followed = i + 1 < count
+        second = first
+        if followed:
+            flags[i + 1] = EMPTY
+            second = box_at(mesh, i + 1)
+        other_used = followed and entry(mesh.valid, wp.min(i + 1, count - 1)) != wp.uint8(0)
+        value = i
+        if used and other_used and share_a_leaf(first.low, first.high, second.low, second.high, shared_area):
+            first = Box(wp.min(first.low, second.low), wp.max(first.high, second.high))
+            value = i | PAIRED
+            other_used = False
+        key = key_of(first, used, box)
+        set_entry(leaves.keys, i, key)
+        set_entry(leaves.values, i, value)
+        if followed:
+            other_key = key_of(second, other_used, box)
+            set_entry(leaves.keys, i + 1, other_key)
+            set_entry(leaves.values, i + 1, i + 1)
+    count_digits(key, other_key, NO_LEAF, PASSES, state)

@@ -7,6 +7,8 @@ is left out in a frame has no box in it, as it has no place in a tree that is re
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.errors import UserError
@@ -14,12 +16,12 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, filled
 from ....harness.frame.schedule.passes import Pass
 from ...gpu.entries import entry
-from ..constants import BLOCK
+from ..constants import CLIMB_BLOCK
 from ..native import BASICS
 from ..nodes import WRITE, Tree, empty_tree, padding
-from .boxes import BOXES, EXCHANGED
-from .keys import SceneBox, extent_of
+from .boxes import BOXES, EXCHANGED, NEAR
 from .sah import sah_topology
+from .scene_box import SceneBox
 
 
 @wp.struct
@@ -32,38 +34,79 @@ class Topology:
     node_parent: wp.array(dtype=wp.int32)
 
 
-REFIT = """
-int triangle = topology.order.data[i];
+START = """
+if (i >= count) return;
+int triangle = topology.order.data[i], slot = topology.leaf_parent.data[i];
+bool counts = mesh.valid.data[triangle] != 0;
 float box[6];
 clear(box);
-bool counts = mesh.valid.data[triangle] != 0;
 if (counts) box_of_triangle(triangle, box);
-int slot = topology.leaf_parent.data[i];
 if (slot < 0) tree.root.data[0] = counts ? (int)LEAF : (int)NONE;
-while (slot >= 0) {
-    int node = slot >> 1, other = slot ^ 1;
-    put_box(2 * slot, box, 0u);
-#if defined(__CUDA_ARCH__)
-    int arrived;
-    asm volatile("atom.acq_rel.gpu.global.add.s32 %0, [%1], 1;" : "=r"(arrived) : "l"(flags.data + node) : "memory");
-#else
-    int arrived = flags.data[node]++;
-#endif
-    if ((arrived & 1) == 0) return;
-    float sibling_box[6];
-    take_box(2 * other, sibling_box);
-    unsigned int own = (unsigned int)topology.refs.data[slot], sibling = (unsigned int)topology.refs.data[other];
-    if (slot < other) put_node((float*)tree.nodes.data, node, pad, box, own, sibling_box, sibling);
-    else put_node((float*)tree.nodes.data, node, pad, sibling_box, sibling, box, own);
+auto join_sibling = [&](const float* sibling_box) {
+    int node = slot >> 1;
+    unsigned int own = (unsigned int)topology.refs.data[slot], sibling = (unsigned int)topology.refs.data[slot ^ 1];
+    if (slot & 1) put_node((float*)tree.nodes.data, node, pad, sibling_box, sibling, box, own);
+    else put_node((float*)tree.nodes.data, node, pad, box, own, sibling_box, sibling);
     join(box, sibling_box);
     slot = topology.node_parent.data[node];
+    if (slot < 0) tree.root.data[0] = node;
+};
+"""
+
+CLIMB_NEAR = """
+int waits = -1;
+while (waits < 0 && slot >= 0 && is_near(slot >> 1)) {
+    int node = slot >> 1, side = slot & 1;
+    put_near_box(node, side, box);
+    if (is_first(node)) {
+        waits = node - begin;
+    } else {
+        float sibling_box[6];
+        take_near_box(node, !side, sibling_box);
+        join_sibling(sibling_box);
+    }
+}
+__syncthreads();
+if (waits >= 0 && arrived[waits] == 2) return;
+auto peek = [&](int node) {
+    int count;
+    asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(count) : "l"(flags.data + node) : "memory");
+    return count;
+};
+auto arrive = [&](int node) {
+    int count;
+    asm volatile("atom.acq_rel.gpu.global.add.s32 %0, [%1], 1;" : "=r"(count) : "l"(flags.data + node) : "memory");
+    return count;
+};
+"""
+
+ALONE = """
+auto peek = [&](int node) { return flags.data[node]; };
+auto arrive = [&](int node) { return flags.data[node]++; };
+"""
+
+CLIMB_ON = """
+while (slot >= 0) {
+    int node = slot >> 1;
+    if (peek(node) & 1) {
+        arrive(node);
+    } else {
+        put_box(2 * slot, box, 0u);
+        if (!(arrive(node) & 1)) return;
+    }
+    float sibling_box[6];
+    take_box(2 * (slot ^ 1), sibling_box);
+    join_sibling(sibling_box);
 }
 """
+
+REFIT = f"{START}\n#if defined(__CUDA_ARCH__)\n{NEAR}{CLIMB_NEAR}\n#else\n{ALONE}\n#endif\n{CLIMB_ON}"
 
 
 @wp.func_native(BASICS + BOXES + EXCHANGED + "constexpr bool SOME_EMPTY = true;" + WRITE + REFIT)
 def refit(
     i: wp.int32,
+    count: wp.int32,
     pad: wp.float32,
     topology: Topology,
     mesh: Mesh,
@@ -82,16 +125,8 @@ def refit_kernel(
     flags: wp.array(dtype=wp.int32),
     tree: Tree,
 ):
-    """One thread per place in the tree's order."""
-    i = wp.tid()
-    if i < count:
-        pad = padding(entry(tree.max_coordinate, 0), entry(tree.extent, 0))
-        refit(i, pad, topology, mesh, scratch, flags, tree)
-
-
-@wp.kernel(enable_backward=False)
-def extent_kernel(box: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.float32)):
-    extent[0] = extent_of(box)
+    """One thread per place in the tree's order, in blocks of :data:`..constants.CLIMB_BLOCK` on a GPU."""
+    refit(wp.tid(), count, padding(entry(tree.max_coordinate, 0)), topology, mesh, scratch, flags, tree)
 
 
 class Refitted:
@@ -101,14 +136,13 @@ class Refitted:
     """
 
     def __init__(self, frame: Frame, still: bool, made_of: int = 0):
-        self.frame, self.still = frame, still
+        self.frame, self.still, self.made_of = frame, still, made_of
         prepared = frame.prepared
         if made_of >= prepared.frame_count:
             raise UserError(f"tree_frame={made_of}: {prepared.scene.name} has {prepared.frame_count} frames")
         points, valid = prepared.points(made_of)
         topology = sah_topology(points[prepared.faces], valid)
         with wp.ScopedDevice(frame.device):
-            self.box = SceneBox(frame)
             self.topology = filled(
                 Topology,
                 order=wp.array(topology.order, dtype=wp.int32),
@@ -119,19 +153,22 @@ class Refitted:
             self.scratch = wp.zeros(4 * frame.triangle_count, dtype=wp.vec4f)
             self.flags = wp.zeros(frame.triangle_count, dtype=wp.int32)
         self.tree = empty_tree(frame)
+        self.box = SceneBox(frame, self.tree.extent)
 
-    def passes(self) -> tuple[list[Pass], Pass]:
-        """The passes before the records of triangles, and the refit, which runs concurrently with those."""
-        reads = ("triangles", "max_coordinate") if self.still else ("points", "triangles", "max_coordinate")
-        box = Pass("box", "build", reads, ("extent",), self._box)
-        return [box], Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)
+    def built(self) -> dict[str, Any]:
+        """For :meth:`....harness.frame.method.Method.built`."""
+        which = f"frame {self.made_of}" if self.made_of else "the first frame"
+        return {"update": "static" if self.still else "refit", "tree": f"SAH of {which}, on the host"}
 
-    def _box(self) -> None:
-        box = self.box.launch()
-        self.frame.launch(extent_kernel, 1, [box], [self.tree.extent])
+    def passes(self) -> tuple[list[Pass], Pass, list[Pass]]:
+        """The passes before all others, the refit, and those that run concurrently with it."""
+        reads = ("triangles",) if self.still else ("points", "triangles")
+        refit = Pass("refit", "build", (*reads, "max_coordinate"), ("bvh",), self._refit)
+        return [], refit, [Pass("box", "build", reads, ("extent",), self.box.launch)]
 
     def _refit(self) -> None:
         f = self.frame
         inputs = [f.triangle_count, self.topology, f.mesh]
         outputs = [self.scratch, self.flags, self.tree]
-        f.launch(refit_kernel, f.triangle_count, inputs, outputs, BLOCK)
+        threads = -(-f.triangle_count // CLIMB_BLOCK) * CLIMB_BLOCK
+        f.launch(refit_kernel, threads, inputs, outputs, CLIMB_BLOCK)

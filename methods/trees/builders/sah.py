@@ -27,7 +27,9 @@ class Topology:
     order        int32 [triangles]: the triangle at each place
     refs         uint32 [2 * nodes]: children, 2 * node and the next; a place with :data:`..native.LEAF`, or a node
     leaf_parent  int32 [triangles]: where a place is referred to; -1: it is the root
-    node_parent  int32 [nodes]: where a node is referred to; -1: it is the root, node 0
+    node_parent  int32 [nodes]: where a node is referred to; -1: it is the root
+
+    A node is numbered by the last place of its left child.
     """
 
     order: NDArray[np.int32]
@@ -54,7 +56,6 @@ def sah_topology(corners: NDArray[np.float32], valid: NDArray[np.uint8]) -> Topo
     node_parent = np.full(max(1, count - 1), -1, dtype=np.int32)
     # Ranges of places that are nodes of this level, and where their parents refer to them.
     begin, end, slot = np.array([0]), np.array([count]), np.array([-1])
-    made = 0
     for depth in range(DEEP + 32):
         single = end - begin == 1
         places, above = begin[single], slot[single]
@@ -63,15 +64,14 @@ def sah_topology(corners: NDArray[np.float32], valid: NDArray[np.uint8]) -> Topo
         begin, end, slot = begin[~single], end[~single], slot[~single]
         if not len(begin):
             break
-        nodes = made + np.arange(len(begin))
-        made += len(begin)
-        node_parent[nodes] = slot
-        refs[slot[slot >= 0]] = nodes[slot >= 0].astype(np.uint32)
         middle = begin + 1  # of two triangles
         larger = np.flatnonzero(end - begin > 2)
         for first in range(0, len(larger), AT_ONCE):
             part = larger[first : first + AT_ONCE]
             middle[part] = divide(order, begin[part], end[part], low, high, centre, depth >= DEEP)
+        nodes = middle - 1
+        node_parent[nodes] = slot
+        refs[slot[slot >= 0]] = nodes[slot >= 0].astype(np.uint32)
         begin = np.stack([begin, middle], axis=1).ravel()
         end = np.stack([middle, end], axis=1).ravel()
         slot = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()

@@ -6,7 +6,8 @@ the block, and learns how many keys of each digit lie in the tiles before by loo
 blocks published: a count of their own, or of all up to them (Merrill & Garland 2016). It is stable: triangles with one
 key stay in their order.
 
-The first pass leaves out keys that stand for nothing; the others read and write what is left.
+Who writes the keys counts their digits. The first pass leaves out keys that stand for nothing; the others read and write
+what is left.
 
 Warp's own sort, which takes scratch memory each time and copies an odd number of passes back, sorts on the CPU.
 """
@@ -19,7 +20,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import filled
-from ..constants import COUNT_BLOCKS, MANY_KEYS, SORT_THREADS, TILES_AT_ONCE
+from ..constants import MANY_KEYS, SORT_THREADS, TILES_AT_ONCE
 
 DIGIT = 8
 DIGITS = 1 << DIGIT
@@ -27,16 +28,16 @@ DIGITS = 1 << DIGIT
 COUNT = f"""
 #if defined(__CUDA_ARCH__)
 __shared__ int found[4 * {DIGITS}];
-for (int k = threadIdx.x; k < passes * {DIGITS}; k += {SORT_THREADS}) found[k] = 0;
+for (int k = threadIdx.x; k < passes * {DIGITS}; k += blockDim.x) found[k] = 0;
 __syncthreads();
-for (int i = blockIdx.x * {SORT_THREADS} + threadIdx.x; i < count; i += gridDim.x * {SORT_THREADS}) {{
-    unsigned int key = keys.data[i];
+const unsigned int keys[2] = {{(unsigned int)first, (unsigned int)second}};
+for (unsigned int key : keys) {{
     if (key == (unsigned int)nothing) continue;
     for (int pass = 0; pass < passes; pass++)
         atomicAdd(found + pass * {DIGITS} + ((key >> pass * {DIGIT}) & {DIGITS - 1}), 1);
 }}
 __syncthreads();
-for (int k = threadIdx.x; k < passes * {DIGITS}; k += {SORT_THREADS})
+for (int k = threadIdx.x; k < passes * {DIGITS}; k += blockDim.x)
     if (found[k]) atomicAdd(state.data + k, found[k]);
 #endif
 """
@@ -161,20 +162,9 @@ class Pairs:
 
 @wp.func_native(COUNT)
 def count_digits(
-    count: wp.int32,
-    passes: wp.int32,
-    nothing: wp.int32,
-    keys: wp.array(dtype=wp.int32),
-    state: wp.array(dtype=wp.int32),
-): ...
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def count_kernel(
-    count: wp.int32, passes: wp.int32, nothing: wp.int32, unsorted: Pairs, state: wp.array(dtype=wp.int32)
+    first: wp.int32, second: wp.int32, nothing: wp.int32, passes: wp.int32, state: wp.array(dtype=wp.int32)
 ):
-    """How many keys have each digit, for all passes at once."""
-    count_digits(count, passes, nothing, unsorted.keys, state)
+    """Count the digits of two keys for all passes at once. Called by all threads of a block, on a GPU."""
 
 
 @functools.cache
@@ -225,19 +215,24 @@ def held_kernel(count: wp.int32, nothing: wp.int32, keys: wp.array(dtype=wp.int3
     held[0] = low
 
 
+def passes_of(bits: int) -> int:
+    """One for each digit."""
+    return -(-bits // DIGIT)
+
+
 class Sort:
     """Sorts ``count`` pairs by keys of so many ``bits``. Keys that are ``nothing``, no smaller than any other, are left out.
 
     unsorted  what is to be sorted: the same memory each time
     sorted    the result; held int32 [1]: how many there are
-    state     int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared
-              by what writes the keys
+    state     int32: digits' counts [4, 256] (:func:`count_digits`), tickets [32], and the counts that tiles publish
+              [passes, tiles, 256]; zeros before the digits are counted. Empty on a CPU
     """
 
     def __init__(self, count: int, bits: int, nothing: int, device: str):
         self.count, self.bits, self.nothing = count, bits, nothing
         self.device = wp.get_device(device)
-        self.passes = -(-bits // DIGIT)
+        self.passes = passes_of(bits)
         self.items = 8 if count < MANY_KEYS else 16
         self.tiles = -(-count // (SORT_THREADS * self.items))
         words = 4 * DIGITS + 32 + self.passes * self.tiles * DIGITS
@@ -251,13 +246,11 @@ class Sort:
         self.unsorted = self._halves[self.passes % 2 if self.device.is_cuda else 0]
 
     def launch(self) -> None:
-        """Sort what is in ``unsorted``."""
+        """Sort what is in ``unsorted``, with its digits counted."""
         if self.device.is_cpu:
             wp.utils.radix_sort_pairs(self.keys, self.values, self.count, 0, self.bits)
             self._run(held_kernel, 1, [self.count, self.nothing, self.keys], [self.held], 1)
             return
-        threads = SORT_THREADS * min(COUNT_BLOCKS, self.tiles)
-        self._run(count_kernel, threads, [self.count, self.passes, self.nothing, self.unsorted], [self.state])
         for k in range(self.passes):
             source, target = self._halves[(self.passes + k) % 2], self._halves[(self.passes + k + 1) % 2]
             inputs = [self.count, k, self.tiles, self.nothing, source, self.state]

@@ -183,9 +183,14 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
-def eye_kernel(mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
-    """Three words per triangle: the edge planes and m, one after the other."""
+def eye_kernel(
+    mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f), cleared: wp.array(dtype=wp.int32)
+):
+    """Three words per triangle: the edge planes and m, one after the other. ``cleared``: counters of the eye's rays."""
     at = wp.tid()
+    if at == 0:
+        for k in range(cleared.shape[0]):
+            cleared[k] = 0
     if entry(mesh.valid, at) == wp.uint8(0):
         return
     s = seen_from(entry(eye, 0), corners_at(mesh, at))

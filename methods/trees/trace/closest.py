@@ -23,10 +23,14 @@ from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, hit_weights, nearer, to_float32
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve
+from ..constants import BLOCK as THREADS
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
 from .traversal import make_closest, make_count
 from .undecided import Undecided
+
+BLOCK = wp.constant(THREADS)
+BLOCK_BITS = wp.constant(THREADS.bit_length() - 1)
 
 
 @wp.struct
@@ -47,9 +51,9 @@ class Listed:
 
 @wp.func
 def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1. Blocks of 128 threads."""
-    block = (thread >> 7) * part.shares + part.share
-    return tile_pixel((block << 7) | (thread & 127), camera.width, camera.height)
+    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1."""
+    block = (thread >> BLOCK_BITS) * part.shares + part.share
+    return tile_pixel((block << BLOCK_BITS) | (thread & (BLOCK - 1)), camera.width, camera.height)
 
 
 @wp.func
@@ -159,12 +163,59 @@ def write_weights(ray: Ray, pixel: wp.int32, mesh: Mesh, hits: Hits):
 
 
 @functools.cache
-def make_eye_kernel(exact: bool, packets: bool) -> Any:
-    """One thread per pixel, 8 x 4 per warp: the answer, and the origin of shadow rays."""
+def make_eye(exact: bool, packets: bool) -> Any:
+    """A function of a thread, 8 x 4 pixels per warp: the answer of its pixel, and the origin of shadow rays. Returns the
+    pixel, or -1."""
     closest, closest_holes = (make_closest("eye", exact, packets, holes) for holes in (False, True))
-    registers = EYE_REGISTERS if exact else REGISTERS
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    @wp.func(module="unique")
+    def trace_eye(
+        thread: wp.int32,
+        camera: Camera,
+        part: Part,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        mesh: Mesh,
+        alpha: Alpha,
+        undecided: Undecided,
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+    ) -> wp.int32:
+        at = pixel_at(camera, part, thread)
+        seen = at[0] >= 0
+        ray = eye_ray(camera, at)
+        if wp.static(effects.alpha):
+            found = closest_holes(seen, ray.origin, ray.direction, tree, records, undecided)
+        else:
+            found = closest(seen, ray.origin, ray.direction, tree, records, undecided)
+        if not seen:
+            return -1
+        pixel = at[1] * camera.width + at[0]
+        # Rays and corners are read again, so that no register holds them until here.
+        again = eye_ray(camera, at)
+        if wp.static(exact):
+            far = is_far(again.origin, entry(tree.extent, 0))
+            flat = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
+            if flat >= 0:
+                write_flat_start(eye_ray(camera, at), flat, pixel, mesh, starts)
+        else:
+            write_float32(found, again, pixel, hits, starts)
+        return pixel
+
+    return trace_eye
+
+
+@functools.cache
+def make_eye_kernel(exact: bool, packets: bool) -> Any:
+    """One thread per pixel: :func:`make_eye`."""
+    trace_eye = make_eye(exact, packets)
+
+    @wp.kernel(
+        enable_backward=False,
+        grid_stride=False,
+        module="unique",
+        cuda_max_registers=EYE_REGISTERS if exact else REGISTERS,
+    )
     def eye_kernel(
         camera: Camera,
         part: Part,
@@ -176,24 +227,7 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
     ):
-        at = pixel_at(camera, part, wp.tid())
-        seen = at[0] >= 0
-        pixel = at[1] * camera.width + at[0]
-        ray = eye_ray(camera, at)
-        if wp.static(effects.alpha):
-            found = closest_holes(seen, ray.origin, ray.direction, tree, records, undecided)
-        else:
-            found = closest(seen, ray.origin, ray.direction, tree, records, undecided)
-        if seen:
-            # Rays and corners are read again, so that no register holds them until here.
-            again = eye_ray(camera, at)
-            if wp.static(exact):
-                far = is_far(again.origin, entry(tree.extent, 0))
-                flat = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
-                if flat >= 0:
-                    write_flat_start(eye_ray(camera, at), flat, pixel, mesh, starts)
-            else:
-                write_float32(found, again, pixel, hits, starts)
+        trace_eye(wp.tid(), camera, part, tree, records, mesh, alpha, undecided, hits, starts)
 
     return eye_kernel
 

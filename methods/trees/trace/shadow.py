@@ -58,13 +58,69 @@ def hidden(
 
 
 @functools.cache
-def make_shadow_kernel(exact: bool, marks: bool) -> Any:
-    """One thread per pixel, 8 x 4 per warp, or per listed pixel: the shadow bit. Those of pixels that are not listed stay.
+def make_shadow(exact: bool, marks: bool) -> Any:
+    """A function of a pixel that writes its shadow bit.
 
-    ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, the kernel marks
-    them, too; else they are marked already. ``faces``: only those that face it do.
+    ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, they are marked,
+    too; else they are marked already. ``faces``: only those that face it do.
     """
     between, between_holes = (make_any(exact, holes) for holes in (False, True))
+
+    @wp.func(module="unique")
+    def trace_shadow(
+        pixel: wp.int32,
+        camera: Camera,
+        light: wp.int32,
+        faces: wp.bool,
+        lights: wp.array(dtype=wp.vec3f),
+        spots: wp.array2d(dtype=wp.float64),
+        front_facing: wp.array2d(dtype=wp.uint8),
+        tree: Tree,
+        planes: LightPlanes,
+        mesh: Mesh,
+        alpha: Alpha,
+        rays: Rays,
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+        undecided: Undecided,
+        receivers: wp.array2d(dtype=wp.uint8),
+        shadowed: wp.array2d(dtype=wp.uint8),
+    ):
+        hit = entry(hits.triangle, pixel)
+        wanted = hit >= 0
+        if wp.static(effects.receivers):
+            if wp.static(marks):
+                if wanted:
+                    seen = ray_of(camera, pixel)
+                    wanted = hit_receives(light, faces, seen, hit, mesh, lights, spots, front_facing)
+                set_entry(receivers, light, pixel, wp.uint8(wanted))
+            else:
+                wanted = wanted and entry(receivers, light, pixel) != wp.uint8(0)
+        found = wp.vec4i(-1, -1, -1, 0)
+        place = entry(lights, light)
+        if wanted:
+            start = entry(starts, pixel)
+            if wp.static(effects.alpha):
+                found = between_holes(start, place, hit, tree, planes, undecided)
+            else:
+                found = between(start, place, hit, tree, planes, undecided)
+        if wp.static(exact):
+            ray = ray_of(camera, pixel)
+            if wp.static(effects.bounced):
+                ray = ray_at(rays, pixel)
+            bit = hidden(found, ray, hit, place, mesh, alpha, undecided)
+        else:
+            bit = wp.uint8(found[3])
+        set_entry(shadowed, light, pixel, bit)
+
+    return trace_shadow
+
+
+@functools.cache
+def make_shadow_kernel(exact: bool, marks: bool) -> Any:
+    """One thread per pixel, 8 x 4 per warp, or per listed pixel: :func:`make_shadow`. The bits of pixels that are not listed
+    stay."""
+    trace_shadow = make_shadow(exact, marks)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def shadow_kernel(
@@ -97,31 +153,9 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
             if at[0] < 0:
                 return
             pixel = at[1] * camera.width + at[0]
-        hit = entry(hits.triangle, pixel)
-        wanted = hit >= 0
-        if wp.static(effects.receivers):
-            if wp.static(marks):
-                if wanted:
-                    seen = ray_of(camera, pixel)
-                    wanted = hit_receives(light, faces, seen, hit, mesh, lights, spots, front_facing)
-                set_entry(receivers, light, pixel, wp.uint8(wanted))
-            else:
-                wanted = wanted and entry(receivers, light, pixel) != wp.uint8(0)
-        found = wp.vec4i(-1, -1, -1, 0)
-        place = entry(lights, light)
-        if wanted:
-            start = entry(starts, pixel)
-            if wp.static(effects.alpha):
-                found = between_holes(start, place, hit, tree, planes, undecided)
-            else:
-                found = between(start, place, hit, tree, planes, undecided)
-        if wp.static(exact):
-            ray = ray_of(camera, pixel)
-            if wp.static(effects.bounced):
-                ray = ray_at(rays, pixel)
-            bit = hidden(found, ray, hit, place, mesh, alpha, undecided)
-        else:
-            bit = wp.uint8(found[3])
-        set_entry(shadowed, light, pixel, bit)
+        trace_shadow(
+            pixel, camera, light, faces, lights, spots, front_facing, tree, planes, mesh, alpha, rays, hits, starts,
+            undecided, receivers, shadowed,
+        )  # fmt: skip
 
     return shadow_kernel

@@ -20,6 +20,7 @@ from typing import Any
 
 import warp as wp
 
+from ..constants import BLOCK
 from ..native import BASICS, STACK
 from ..nodes import MEET, Tree
 from ..records.planes import LightPlanes
@@ -72,7 +73,7 @@ auto choose = [](bool second, bool) {{ return second; }};
 
 PACKET = f"""
 constexpr bool PACKET = true;
-__shared__ unsigned int stacks[4 * {STACK}];
+__shared__ unsigned int stacks[{BLOCK // 32} * {STACK}];
 volatile unsigned int* stack = stacks + {STACK} * (threadIdx.x >> 5);
 int held = 0;
 auto push = [&](unsigned int ref) {{
@@ -91,7 +92,7 @@ auto choose = [](bool second, unsigned int some) {{
 }};
 if (!seen) limit = -1.0f;
 """
-"""Blocks of 128 threads. A lane without a ray has a limit that no box is before."""
+"""A lane without a ray has a limit that no box is before."""
 
 TRAVERSE = """
 unsigned int now = PACKET || seen ? (unsigned int)tree.root.data[0] : NONE;

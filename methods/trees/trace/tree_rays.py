@@ -26,6 +26,7 @@ from .closest import Listed, make_eye_kernel, make_tests_kernel
 from .listed_rays import RECORDS, ListedRays
 from .shadow import make_shadow_kernel
 from .shares import Shares
+from .together import make_together_kernel
 from .undecided import Undecided
 
 SCENE = ("bvh", "points", "triangles")
@@ -42,14 +43,17 @@ class TreeRays:
 
     counts   int32 [bounces + 1, lights + 1, shares]: pairs left to float64, of the rays of each bounce (0: primary rays),
              then of the shadow rays of their hits to each light
-    pairs    vec2i [capacity] for each share: those beyond two of a ray, of one launch after another (:mod:`.undecided`)
+    pairs    vec2i [capacity] for each share: those beyond two of a ray, of one launch after another (:mod:`.undecided`);
+             or of the eye's rays and of the light's, if they are traced together
     starts   for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
     planes   for each light with shadows :class:`..records.planes.LightPlanes`
     marks    whether shadow rays mark the receivers (:func:`marks_receivers`)
+    joint    the light whose shadow rays are traced together with the primary rays (:mod:`.together`), or None
 
     ``precision``: "exact" or "float32" (holes, rays of an orthographic camera and to a directional light are exact in
     either case); ``packets``: of rays from the eye on a GPU; ``threads``: of a CPU; ``shares``: of a GPU; ``capacity``:
-    of the pairs. ``primary_starts``: those of the primary hits, if another method finds these."""
+    of the pairs. ``primary_starts``: those of the primary hits, if another method finds these. ``together``: whether a GPU
+    traces the rays of the eye and of a light in one launch, if there is one light and all hits receive it."""
 
     def __init__(
         self,
@@ -62,6 +66,7 @@ class TreeRays:
         shares: int,
         capacity: int,
         primary_starts: wp.array | None = None,
+        together: bool = False,
     ):
         self.frame, self.tree, self.effects = frame, tree, effects
         self.packets, self.threads = packets, threads
@@ -69,11 +74,15 @@ class TreeRays:
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         cuda = wp.get_device(frame.device).is_cuda
         self.marks = marks_receivers(cuda, effects)
+        self.joint = self._joint() if cuda and together else None
+        if self.joint is not None:
+            shares = 1
         self.shares = Shares(frame, shares if cuda else cpu_threads(threads, frame.device))
         count = frame.triangle_count
         with wp.ScopedDevice(frame.device):
             self.counts = wp.zeros((effects.bounces + 1, frame.light_count + 1, self.shares.count), dtype=wp.int32)
-            self.pairs = [wp.zeros(capacity, dtype=wp.vec2i) for _ in self.shares.parts]
+            lists = 2 if self.joint is not None else self.shares.count
+            self.pairs = [wp.zeros(capacity, dtype=wp.vec2i) for _ in range(lists)]
             self.starts = [wp.zeros(frame.pixels, dtype=wp.vec3f) for _ in range(effects.bounces)]
             if primary_starts is None:
                 primary_starts = wp.zeros(frame.pixels, dtype=wp.vec3f)
@@ -129,6 +138,13 @@ class TreeRays:
         its numbers end."""
         return self.exact or self.effects.is_directional(light)
 
+    def _joint(self) -> int | None:
+        """The only light with shadows, if its rays can be traced together with the eye's."""
+        e = self.effects
+        if e.orthographic or len(self.lights) != 1 or e.has_receivers(self.lights[0]):
+            return None
+        return self.lights[0] if self._exactly(self.lights[0]) == self.exact else None
+
     def record_passes(self) -> list[Pass]:
         """Records of the triangles for rays without a common origin and for the lights; they need no tree. Not those for the
         lights whose receivers another pass marks (:meth:`late_passes`)."""
@@ -147,28 +163,26 @@ class TreeRays:
         return self.effects.has_receivers(light) and not self.marks
 
     def _light_pass(self, light: int) -> Pass:
-        reads = ("points", "triangles", "extent", f"light/{light}")
+        reads = ("points", "triangles", f"light/{light}", *(("extent",) if self._exactly(light) else ()))
         made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
         return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
     def eye_passes(self) -> list[Pass]:
-        """Records of the triangles for the eye, and the counter of its rays. They need no tree."""
+        """Records of the triangles for the eye, and the counters of its rays cleared. They need no tree."""
         if self.effects.orthographic:
             return []
         f = self.frame
         self.eye_records = wp.zeros(3 * f.triangle_count, dtype=wp.vec4f, device=f.device)
-        reads = ("points", "triangles", "camera")
-        return [
-            Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records),
-            Pass("clear counts", "trace", (), ("primary counts",), self.counts[0, 0].zero_),
-        ]
+        reads, made = ("points", "triangles", "camera"), ("eye triangles", "primary counts")
+        return [Pass("eye: triangles", "trace", reads, made, self._eye_records)]
 
     def clear_passes(self) -> list[Pass]:
-        """Each light's counters, before the shadow rays of primary hits."""
+        """The counters of lights whose rays are exact, before the shadow rays of primary hits."""
         passes = []
         for i in self.lights:
-            name, made, launch = f"light {i}: clear counts", f"shadow counts/{i}", self.counts[0, 1 + i].zero_
-            passes.append(Pass(name, "shadow", (), (made,), launch, f"shadows/{i}"))
+            if self._exactly(i) and i != self.joint:
+                name, made, launch = f"light {i}: clear counts", f"shadow counts/{i}", self.counts[0, 1 + i].zero_
+                passes.append(Pass(name, "shadow", (), (made,), launch, f"shadows/{i}"))
         return passes
 
     def passes(self, primary: bool) -> list[Pass]:
@@ -176,12 +190,26 @@ class TreeRays:
         The records for each light come before its rays."""
         if self.effects.orthographic:
             passes = self._parallel_passes()
+        elif self.joint is not None:
+            passes = [self._joint_pass(self.joint)]
         else:
             passes = self.shares.passes(functools.partial(self._share_passes, primary))
         for late in self.late_passes():
             made = set(late.writes)
             passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)
         return passes
+
+    def _eye_reads(self) -> tuple[str, ...]:
+        """What primary rays read besides the scene."""
+        return ("eye triangles", "primary counts", *(("extent",) if self.exact else ()))
+
+    def _joint_pass(self, light: int) -> Pass:
+        """Primary rays, and the shadow rays of their hits to the only light."""
+        lit = (f"light/{light}", f"light triangles/{light}", "max_coordinate")
+        reads = (*SCENE, "camera", *self.effects.surface_reads(), *self._eye_reads(), *lit)
+        made = ("hits", "primary counts", f"shadowed/{light}")
+        launch = functools.partial(self._together, light)
+        return Pass(f"primary rays, and shadow rays of light {light}", "trace", reads, made, launch)
 
     def _share_passes(self, primary: bool, share: int) -> list[Pass]:
         """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
@@ -190,7 +218,7 @@ class TreeRays:
         hits, passes = "hits", []
         if primary:
             hits = f"hits of share{of}"
-            reads, found = (*seen, "eye triangles", "primary counts"), ("hits", hits, "primary counts")
+            reads, found = (*seen, *self._eye_reads()), ("hits", hits, "primary counts")
             passes.append(Pass(f"primary rays{of}", "trace", reads, found, run(self._primary, share)))
         for i in self.lights:
             counts, masks = f"shadow counts/{i}", self.effects.receiver_reads(i)
@@ -229,13 +257,15 @@ class TreeRays:
 
     def _eye_records(self) -> None:
         f = self.frame
-        kernel, inputs = (
-            (planes.eye_kernel, [f.mesh, f.eye]) if self.exact else (planes.float32_kernel, [f.mesh, 0, f.eye])
-        )
-        f.launch(kernel, f.triangle_count, inputs, [self.eye_records])
+        if self.exact:
+            cleared = self.counts[0, 0] if self.joint is None else self.counts[0].flatten()
+            f.launch(planes.eye_kernel, f.triangle_count, [f.mesh, f.eye], [self.eye_records, cleared])
+        else:
+            f.launch(planes.float32_kernel, f.triangle_count, [f.mesh, 0, f.eye], [self.eye_records])
 
-    def _undecided(self, bounce: int, slot: int, share: int) -> Any:
-        return filled(Undecided, count=self.counts[bounce, slot, share : share + 1], pairs=self.pairs[share])
+    def _undecided(self, bounce: int, slot: int, share: int, pairs: int | None = None) -> Any:
+        room = self.pairs[share if pairs is None else pairs]
+        return filled(Undecided, count=self.counts[bounce, slot, share : share + 1], pairs=room)
 
     def _primary(self, share: int) -> None:
         f = self.frame
@@ -244,6 +274,15 @@ class TreeRays:
         inputs = [*seen, f.mesh, f.alpha, self._undecided(0, 0, share)]
         outputs = [f.hits(0), self.starts[0]]
         f.launch(specialised(kernel, self.effects.switches()), self.shares.threads, inputs, outputs, constants.BLOCK)
+
+    def _together(self, light: int) -> None:
+        f, e = self.frame, self.effects
+        kernel = specialised(make_together_kernel(self.exact, self.packets), e.switches(light))
+        seen = [f.camera, self.shares.parts[0], self.tree, self.eye_records, f.mesh, f.alpha, self._undecided(0, 0, 0)]
+        lit = [light, e.facing, f.lights, f.spots, f.front_facing, self.planes[light], f.rays(0)]
+        inputs = [*seen, *lit, self._undecided(0, 1 + light, 0, pairs=1)]
+        outputs = [f.hits(0), self.starts[0], f.masks(0), f.bits(0)]
+        f.launch(kernel, self.shares.threads, inputs, outputs, constants.BLOCK)
 
     def _shadow(self, light: int, bounce: int, shares: Shares, share: int) -> None:
         f = self.frame

@@ -7,7 +7,7 @@ from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.trees.builders import hploc, lbvh, sort
 from shadowbench.methods.trees.constants import EYE_REGISTERS, MOST_KEPT, REGISTERS
-from shadowbench.methods.trees.trace import closest, shadow
+from shadowbench.methods.trees.trace import closest, shadow, together
 from tools.kernel_report import uses_of
 
 STACK_BYTES = 512
@@ -44,6 +44,8 @@ KERNELS = {
 EXACT, SHADOW = closest.make_eye_kernel(True, False), shadow.make_shadow_kernel(True, False)
 TRACED = {
     "exact": (EXACT, EXACT_BYTES + FLOAT64_BYTES),
+    "exact, together": (together.make_together_kernel(True, False), EXACT_BYTES + FLOAT64_BYTES + UNDECIDED_BYTES),
+    "float32, together": (together.make_together_kernel(False, False), STACK_BYTES),
     "exact packet": (closest.make_eye_kernel(True, True), FLOAT64_BYTES),
     "mirrored": (closest.make_listed_kernel(True), EXACT_BYTES),
     "mirrored shadow": (specialised(SHADOW, BOUNCED), EXACT_BYTES + UNDECIDED_BYTES),
@@ -59,6 +61,9 @@ TRACED = {
     "float32 shadow, marking": (specialised(shadow.make_shadow_kernel(False, True), MARKED), STACK_BYTES),
 }
 
+OF_THE_EYE = ("exact", "exact, together", "exact packet", "holes")
+"""Those with the hit points of the eye's rays in float64."""
+
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_kernels_compile_for_cuda(name):
@@ -69,7 +74,7 @@ def test_kernels_compile_for_cuda(name):
 def test_traced_kernels_spill_nothing(name):
     kernel, stack = TRACED[name]
     (use,) = uses_of(kernel.module).values()
-    assert use.registers <= (EYE_REGISTERS if name in ("exact", "exact packet", "holes") else REGISTERS)
+    assert use.registers <= (EYE_REGISTERS if name in OF_THE_EYE else REGISTERS)
     assert use.stack_bytes <= stack
 
 

@@ -4,7 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shadowbench.methods.trees.builders.sort import Sort
+import warp as wp
+from shadowbench.methods.trees.builders.sort import Sort, count_digits
+
+BLOCK = 256
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def count_kernel(
+    count: wp.int32,
+    passes: wp.int32,
+    nothing: wp.int32,
+    keys: wp.array(dtype=wp.int32),
+    state: wp.array(dtype=wp.int32),
+):
+    i = wp.tid()
+    key = nothing
+    if i < count:
+        key = keys[i]
+    count_digits(key, nothing, nothing, passes, state)
 
 
 @pytest.mark.parametrize("count", [1, 31, 2047, 2048, 2049, 70_000, 450_000])
@@ -19,6 +37,9 @@ def test_sorting_is_stable(count, bits, device):
         sort.unsorted.keys.assign(keys)
         sort.unsorted.values.assign(np.arange(count, dtype=np.int32))
         sort.state.zero_()
+        inputs = [count, sort.passes, nothing, sort.unsorted.keys]
+        threads = -(-count // BLOCK) * BLOCK
+        wp.launch(count_kernel, threads, inputs, [sort.state], device=device, block_dim=BLOCK)
         sort.launch()
         wanted = np.argsort(keys, kind="stable")[: (keys < nothing).sum()]
         assert sort.held.numpy()[0] == len(wanted)
