@@ -49,6 +49,10 @@ def report(folder: Folder, out: Out = None, site: Site = None, docs: Docs = None
         raise UserError(f"--out {path}: is a folder; name a file, such as {path / DEFAULT}")
     if site and site.is_dir() and any(site.iterdir()) and not path.is_file():
         raise UserError(f"--site {site}: has other files; name a new folder")
+    if site and DOCS.resolve() in (site.resolve(), *site.resolve().parents):
+        raise UserError(
+            f"--site {site}: make docs writes the documentation there, which is copied into a site; name another folder"
+        )
     from ..report import document
     from ..report.page import build
     from ..report.page import site as sites

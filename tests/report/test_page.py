@@ -115,6 +115,18 @@ def test_a_site_has_an_address_for_each_experiment(results, tmp_path, monkeypatc
     assert command(monkeypatch, results, "--site", tmp_path / "full") == 2
 
 
+def test_a_site_is_not_written_into_the_documentation(results, tmp_path, monkeypatch, capsys):
+    """It would be copied into itself, and its first page lost."""
+    monkeypatch.chdir(tmp_path)
+    manual = tmp_path / "build" / "site" / "index.html"
+    manual.parent.mkdir(parents=True)
+    manual.write_text("the documentation")
+    for place in ("build/site", "build/site/results"):
+        assert command(monkeypatch, results, "--site", place) == 2
+        assert "make docs writes" in capsys.readouterr().err
+    assert manual.read_text() == "the documentation"
+
+
 def test_columns_keep_what_is_not_known():
     import pandas as pd
 

@@ -206,6 +206,23 @@ def test_ties_are_drawn_as_ties_and_no_mark_hides_another(visit):
     assert all(label.rect["x"] > left for label in css(found, ".kinds .dot-label"))
 
 
+@pytest.fixture(scope="module")
+def near_wins(tmp_path_factory):
+    """Two methods that tie on a scene; the slower of them wins on another one."""
+    root = tmp_path_factory.mktemp("near-wins")
+    times = (("cloth", GRIDS, 0.5), ("cloth", HYBRID, 0.4995), ("buddha", GRIDS, 0.4), ("buddha", HYBRID, 0.9))
+    write_machine(root / "a", [record_of("frame_time", entry, scene, ms=ms) for scene, entry, ms in times], "A GPU")
+    with pytest.MonkeyPatch.context() as patch:
+        assert command(patch, root, "--out", root / "page.html") == 0
+    return root / "page.html"
+
+
+@pytest.mark.parametrize("page", ["near_wins"], indirect=True)
+def test_the_chart_of_the_fastest_has_the_least_times(visit):
+    """As the tables have them, whichever of two that tie wins more often."""
+    assert [label.text for label in css(visit(""), ".kinds .dot-label")] == ["0.504", "0.404"]
+
+
 @pytest.mark.parametrize("page", ["ties"], indirect=True)
 def test_the_folders_of_one_machine_are_one_column(visit):
     found = visit("view=machines")

@@ -31,13 +31,12 @@ const finding = (lead) => el("p.lead", {}, lead === folders[0] ? DATA.finding : 
 
 /** Of each scene and kind of structure the fastest point without a wrong answer, and one with wrong answers that is faster. */
 function fastest(own) {
-  const found = new Map(), wins = (p) => own.filter((q) => q.best && q.name === p.name).length;
+  const found = new Map();
   for (const p of own) {
     const key = `${p.where}\n${p.size}\n${p.kind}`;
     const pair = found.get(key) || {};
     const side = p.error === "✓" ? "right" : "other", before = pair[side];
-    // Of two that tie the one that wins more often.
-    if (!before || (before.best && p.best ? wins(p) > wins(before) : p.total_ms < before.total_ms)) pair[side] = p;
+    if (!before || p.total_ms < before.total_ms) pair[side] = p;
     found.set(key, pair);
   }
   return [...found.values()].flatMap(({ right, other }) => [right, !(right?.total_ms <= other?.total_ms) && other].filter(Boolean));
