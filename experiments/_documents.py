@@ -39,6 +39,11 @@ def finding(results: Results, folder: str) -> list[str]:
     return [ranking.finding(results.ranked(folder))]
 
 
+def headline(results: Results, folder: str) -> list[str]:
+    """The same in one sentence."""
+    return [f"**{ranking.headline(results.ranked(folder))}**"]
+
+
 def kinds(results: Results, folder: str) -> list[str]:
     """The fastest exact method of each kind on each scene, ms; one with wrong answers where it is faster than that."""
     import pandas as pd
@@ -226,6 +231,7 @@ def measured(points: document.DataFrame) -> dict[str, Any]:
 PARTS = {
     part.__name__: part
     for part in (
+        headline,
         finding,
         kinds,
         beside,

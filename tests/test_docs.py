@@ -110,8 +110,18 @@ def test_the_table_of_the_readme_has_six_columns_at_most():
     assert {line.count(" | ") for line in part.splitlines() if line.startswith("|")} == {5}
 
 
-def test_the_readme_fits_on_three_screens():
-    assert len((ROOT / "README.md").read_text().splitlines()) <= 3 * 40
+@pytest.mark.parametrize(("page", "screens"), [("README.md", 3), ("docs/findings.md", 4)])
+def test_a_page_is_as_short_as_it_says(page, screens):
+    assert len((ROOT / page).read_text().splitlines()) <= screens * 40
+
+
+def test_the_readme_has_its_finding_in_one_sentence():
+    part = next(
+        part
+        for part in documents.PART.finditer((ROOT / "README.md").read_text())
+        if part["name"].startswith("headline")
+    )
+    assert re.fullmatch(r"\*\*[^.]+(?:\.\d+[^.]*)*\.\*\*", part["text"].strip())
 
 
 def test_every_page_is_in_the_index():

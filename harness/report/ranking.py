@@ -164,19 +164,29 @@ def finding(table: DataFrame) -> str:
     return " ".join(filter(None, (winners(parts), nearest(table, parts), wrong_ones(table))))
 
 
-def winners(scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
+def headline(table: DataFrame) -> str:
+    """In one sentence which kind of structure is the fastest, and how near the others come."""
+    scenes = [own.to_dict("records") for _, own in settings(table)]
+    known = nearest_others(table, scenes).iloc[[0, -1]].to_dict("records")
+    times = dict.fromkeys(numbers.carried(row["times"], row["times_spread"]) for row in known)
+    first = winners(scenes, named=False).removesuffix(".")
+    return f"{first}; the nearest exact structure of another kind takes {' to '.join(times)} times as long."
+
+
+def winners(scenes: Sequence[Sequence[Mapping[str, Any]]], named: bool = True) -> str:
     """Which methods answer everything right the fastest, as a sentence. ``scenes``: the points of each, fastest first."""
     right = [[row for row in rows if row["exact"]] for rows in scenes]
     wins = [{r["label"]: r["method"] for r in rows if r is rows[0] or alike(rows[0], r)} for rows in right if rows]
     if not wins:
         return f"No method is known to have answered exactly on any of {len(scenes)} scenes."
-    return most_wins(wins, len(scenes))
+    return most_wins(wins, len(scenes), named=named)
 
 
-def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene") -> str:
+def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene", named: bool = True) -> str:
     """Which kinds of structure are the fastest on how many of ``count`` scenes, and which methods, as a sentence.
 
-    wins  of each scene the labels that win or tie, with their methods
+    wins   of each scene the labels that win or tie, with their methods
+    named  whether the methods of a kind are
     """
     # A method without a kind stands for itself.
     alone = {label for one in wins for label, method in one.items() if style.kind(method) == method}
@@ -189,17 +199,22 @@ def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene"
     ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""
     text = f"{first} {'is' if first in alone else 'are'} the fastest on {on}{''.join(beside)}, with every answer right"
     text = text if first in alone else text[0].upper() + text[1:]
-    return f"{text}{f': {which}{ties}' if set(labels) != set(kinds) else ties}."
+    return f"{text}{(f': {which}{ties}' if set(labels) != set(kinds) else ties) * named}."
 
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
     """The exact method that comes closest to the fastest of a scene and is of another kind, as a sentence; and the scene
     on which no other kind comes close."""
-    kinds = {rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]}
-    others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
-    known = others[others["times"].notna()].sort_values("times", kind="stable").drop_duplicates("setting")
+    known = nearest_others(table, scenes)
     text = told(known.head(1), "The nearest exact one of another kind, {} on {}, takes {} times as long")
     return text and text + told(known.tail(1), "; on {1} the nearest, {0}, {2}") * (len(known) > 1) + "."
+
+
+def nearest_others(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> DataFrame:
+    """Of each scene the fastest exact point that is of another kind than the fastest of all exact ones, nearest first."""
+    kinds = {rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]}
+    others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
+    return others[others["times"].notna()].sort_values("times", kind="stable").drop_duplicates("setting")
 
 
 def wrong_ones(table: DataFrame) -> str:
