@@ -30,8 +30,8 @@ NAME = "bvh2"
 SETTINGS = [
     {},
     {"builder": "lbvh", "SHARED_AREA": 0.0},
-    {"RADIUS": 8, "SHARES": 1},
-    {"primary": "packet", "RADIUS": 1, "SHARES": 4, "SHARED_AREA": 0.6},
+    {"builder": "hploc", "RADIUS": 8, "SHARES": 1},
+    {"primary": "packet", "builder": "hploc", "RADIUS": 1, "SHARES": 4, "SHARED_AREA": 0.6},
     {"update": "refit"},
     {"update": "static", "primary": "packet"},
 ]

@@ -9,15 +9,16 @@ from helpers.tuned_trees import built, children
 from numpy.typing import NDArray
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.methods.trees import constants
 from shadowbench.methods.trees.builders.sah import DEEP, sah_topology
 from shadowbench.methods.trees.native import INDEX, LEAF, NONE, PAIR, STACK
 
 BUILDS = [
     {"builder": "lbvh", "SHARED_AREA": 0.0},
     {"builder": "lbvh", "SHARED_AREA": 1000.0},
-    {"RADIUS": 1, "SHARED_AREA": 0.6},
-    {"RADIUS": 2, "SHARED_AREA": 0.0},
-    {"RADIUS": 8},
+    {"builder": "hploc", "RADIUS": 1, "SHARED_AREA": 0.6},
+    {"builder": "hploc", "RADIUS": 2, "SHARED_AREA": 0.0},
+    {"builder": "hploc", "RADIUS": 8},
     {"update": "refit"},
 ]
 
@@ -65,6 +66,8 @@ def scenes() -> dict[str, tuple[NDArray, NDArray]]:
     broken = soup(3, 400)[0].copy()
     broken[::21] = np.nan
     sets = {"soup": soup(5, 5000)[0], "one": one, "two": np.concatenate([one, one + 1.0])}
+    block = constants.CLIMB_BLOCK
+    sets |= {f"{count}": soup(count, count)[0] for count in (3, block - 1, block, block + 1, 2 * block + 1)}
     sets |= {"few": soup(6, 17)[0], "halved": halved, "nested": nested, "one centroid": same, "broken": broken}
     return {name: (points, np.arange(len(points)).reshape(-1, 3)) for name, points in sets.items()}
 
@@ -82,6 +85,12 @@ def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
 def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
     prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
     assert checked_depth(built(prepared, {"builder": "lbvh", "SHARED_AREA": 0.0}), prepared) <= 24 + 15
+
+
+@pytest.mark.parametrize(("count", "builder"), [(1, "lbvh"), (39, "lbvh"), (40, "hploc")])
+def test_the_builder_follows_the_number_of_triangles(count, builder, device):
+    prepared = make_scene(*soup(count, count), [(5.0, 4.0, 3.0)])
+    assert built(prepared, {"MANY_TRIANGLES": 40}, device).method.built()["tree"] == builder
 
 
 def test_nothing_valid_is_an_empty_tree(device):
