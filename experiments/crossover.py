@@ -19,7 +19,7 @@ from ..harness.report import document, numbers, panels, ranking, style
 from ..harness.runner.planning.experiment import Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
-from ._rivals import FEW, STRONGEST
+from ._rivals import FEW, STRONGEST, lights
 from .scaling import short
 
 AXES = {
@@ -325,6 +325,10 @@ EXPERIMENT = Experiment(
             ),
             ("1k", "10k", "100k", "1m", "10m"), "100k", (256, 512, 1024, 2048, 4096), (0, 1, 2, 4, 8, 16, 32, 64),
             (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100), ROOMS,
+        ),
+        "rooms": Preset(
+            1024, 1024, ROOMS, FEW, frames=1, samples=3, most=20, deviation=0.01, stage_samples=1, rounds=9, budget_s=3.0,
+            timeout_s=300.0, lightings=lights(1, 2, 4, 8, 16, 32, 64),
         ),
     },
     draw=draw,

@@ -51,7 +51,6 @@ METHODS = (OURS, *REBUILT[:2], HYBRID, RASTERISED, *FILTERED)
 SCENES = ("sibenik", "conference", "fairy", "buddha", "cloth")
 """Two rooms, two open scenes, and one that moves."""
 
-ERRORS = "soft_shadows_errors.csv"
 ERROR = ["rmse", "largest", "flip_error"]
 COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]
 
@@ -125,24 +124,28 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
 
 
 def after(options: Options, report: Silent) -> None:
-    """Untimed: the errors of every picture as CSV, and pictures of each scene side by side. Not made again while there."""
+    """Untimed: for each scene the errors of its pictures as CSV, and pictures side by side. Not made again while there."""
     import pandas as pd
 
-    path = options.out / ERRORS
-    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["scene"])
     for name in options.preset.scenes:
-        if name in set(known["scene"]):
+        path = beside(options.out, options.described(name).name, "csv")
+        if path.exists():
             continue
         report.doing(f"{name}: errors of its pictures")
         found: list[tuple[str, NDArray[np.uint8]]] = []
-        known = pd.concat([own for own in (known, pd.DataFrame(errors(options, name, found))) if len(own)])
-        save_png(side_by_side(found), options.out / f"soft_shadows-{name}.png")
-        known.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+        made = pd.DataFrame(errors(options, name, found))
+        save_png(side_by_side(found), path.with_suffix(".png"))
+        made.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def beside(folder: Path, scene: str, kind: str) -> Path:
+    """The file of a scene's errors or pictures. One each, so that results of several folders can be put together."""
+    return folder / f"soft_shadows-{scene}.{kind}"
 
 
 def after_s(options: Options) -> float:
     """Seconds of :func:`after`, roughly: as many frames as points, and the reference."""
-    return 0.0 if (options.out / ERRORS).exists() else 8.0 * len(options.preset.scenes)
+    return 8.0 * sum(not beside(options.out, name, "csv").exists() for name in options.preset.scenes)
 
 
 def side_by_side(found: list[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
@@ -168,8 +171,8 @@ def read(folder: Path) -> document.DataFrame:
 
     table = document.named(document.frames(folder))
     table = table.assign(exact=ranking.exact(table))
-    path = folder / ERRORS
-    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["scene", "picture", "targets", *ERROR])
+    found = [pd.read_csv(path) for path in sorted(folder.glob(beside(folder, "*", "csv").name))]
+    known = pd.concat(found) if found else pd.DataFrame(columns=["scene", "picture", "targets", *ERROR])
     table["picture"] = table["label"].where(table["known_inexact"] != "", EXACT)
     made = table.merge(known.astype({"targets": "Int64"}), on=["scene", "picture", "targets"], how="left").set_index(
         table.index
@@ -262,9 +265,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         )
         for column, title in (("front_exact", "exact methods"), ("front", "all methods, exact or not")):
             tables[f"Front of error over time, {title}"] = front_table(known[known[column]])
-    pictures = [
-        place for name in dict.fromkeys(done["scene"]) if (place := folder / f"soft_shadows-{name}.png").exists()
-    ]
+    pictures = [place for name in dict.fromkeys(done["scene"]) if (place := beside(folder, name, "png")).exists()]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, [*files, *pictures], quiet, notes)
 
 

@@ -42,5 +42,5 @@ def fewer_that_fit(prepared: Prepared, planned: Callable[[Prepared], object]) ->
             planned(under(prepared, replace(prepared.scene, lights=fewer)))
         except CapacityRejected:
             continue
-        return f"; {samples} targets of a light fit, of {most}"
-    return f"; not even one target of a light fits, of {most}" if most > 1 else ""
+        return f"; {numbered(samples, 'target')} of a light fit, of {most:,}"
+    return f"; not even one target of a light fits, of {most:,}" if most > 1 else ""

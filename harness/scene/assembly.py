@@ -222,5 +222,5 @@ def _moved(one: Any, matrix: MATRIX) -> Any:
     spot = one.spot and replace(
         one.spot, direction=to_vector(turn @ one.spot.direction), up=to_vector(turn @ one.spot.up)
     )
-    towards = one.towards and to_vector(turn @ one.towards)
-    return replace(one.resized(size), position=to_vector(place), spot=spot, towards=towards)
+    towards, across = (way and to_vector(turn @ way) for way in (one.towards, one.across))
+    return replace(one.resized(size), position=to_vector(place), spot=spot, towards=towards, across=across)

@@ -60,6 +60,10 @@ def listed(path: Path, where: str, tables: Any) -> list[Any]:
     return tables
 
 
+VECTORS = ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards", "across")
+"""Fields that are three numbers."""
+
+
 def made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
     """A frozen dataclass made from TOML values; the name of each field determines its type."""
     missing = dataclasses.MISSING
@@ -70,7 +74,7 @@ def made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
     for name, value in given.items():
         if value is None:  # of a light of the scene that this one is based on
             values[name] = None
-        elif name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards"):
+        elif name in VECTORS:
             values[name] = vector(path, f"{where}.{name}", value)
         elif name in ("shadows", "directional"):
             values[name] = typed(path, f"{where}.{name}", value, bool)

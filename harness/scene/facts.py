@@ -55,7 +55,7 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
 
 def light_facts(light: Light) -> dict[str, Any]:
     """A light for a record; without the fields of an area where it is a point."""
-    area = () if light.shape else ("shape", "size", "samples", "towards")
+    area = () if light.shape else ("shape", "size", "samples", "towards", "across")
     return {name: plain(value) for name, value in asdict(light).items() if name not in area}
 
 

@@ -77,6 +77,7 @@ class Light:
     size         side of a square, width and height of a rectangle, diameter of a disc or a sphere
     samples      number of targets, the points of its area that shadow rays are traced to (:mod:`.scene.targets`)
     towards      direction that a rectangle or a disc is perpendicular to; None: towards the scene's middle
+    across       direction that the width of a rectangle is measured along; None: horizontal
     """
 
     position: Vector
@@ -89,6 +90,7 @@ class Light:
     size: float | tuple[float, float] = 0.0
     samples: int = 1
     towards: Vector | None = None
+    across: Vector | None = None
 
     def __post_init__(self) -> None:
         if self.directional and (self.spot is not None or self.shape):

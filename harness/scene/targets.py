@@ -96,8 +96,9 @@ def plane_axes(light: Light, middle: F64, up: Vector) -> tuple[F64, F64]:
     normal = middle - light.position if light.towards is None else np.asarray(light.towards, dtype=np.float64)
     size = np.abs(normal).max()
     normal = np.asarray(up, dtype=np.float64) if not 0.0 < size < np.inf else normal / size
-    right = np.cross(normal, up)
-    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up) * np.linalg.norm(normal):
+    upwards = up if light.across is None else np.cross(light.across, normal)
+    right = np.cross(normal, upwards)
+    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(upwards) * np.linalg.norm(normal):
         right = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     top = np.cross(right, normal)
     return right / np.linalg.norm(right), top / np.linalg.norm(top)

@@ -149,7 +149,7 @@ def DomeLight "Sky" {{
     loaded = load(written(tmp_path, "a.usda", text))
     assert loaded.notes == (
         "lights not offered: 1 (DomeLight)",
-        "lights with an extent read as points: 1",
+        "lights with an area: 1; each shines from its middle unless it is given more targets",
         "tessellated gprims: 1 (32 segments around, 16 from pole to pole)",
         "subdivision surfaces read as their cages: 1",
         "draw modes not used: 1",

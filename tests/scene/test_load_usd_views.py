@@ -1,12 +1,14 @@
 """The cameras and lights that a USD stage holds."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.mesh_files import written
 from helpers.usd_stages import HEAD, mesh, moved_by, needs_usd
 from shadowbench.harness.scene.readers.load import load
+from shadowbench.harness.scene.targets import targets_of
 
 pytestmark = needs_usd
 
@@ -75,12 +77,65 @@ def test_a_distant_light_is_a_direction(tmp_path):
     assert light.spot is None
 
 
-@pytest.mark.parametrize("kind", ["SphereLight", "RectLight", "DiskLight", "CylinderLight"])
-def test_lights_with_an_extent_are_points(tmp_path, kind):
-    loaded = read(tmp_path, f'def {kind} "Lamp" {{\n{moved_by(1, 2, 3)}}}\n')
-    assert loaded.lights["Lamp"].position == (1, 2, 3)
-    assert not loaded.lights["Lamp"].directional
-    assert loaded.notes == ("lights with an extent read as points: 1",)
+def lamp(tmp_path, kind, place, more=""):
+    loaded = read(tmp_path, f'def {kind} "Lamp" {{\n{place}{more}}}\n')
+    return loaded.lights["Lamp"], loaded.notes
+
+
+AREA = ("lights with an area: 1; each shines from its middle unless it is given more targets",)
+POINT = ("lights with an extent read as points: 1",)
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "shape", "size"),
+    [
+        ("SphereLight", "    float inputs:radius = 0.25\n", "sphere", 0.5),
+        ("DiskLight", "    float inputs:radius = 2\n", "disc", 4.0),
+        ("RectLight", "    float inputs:width = 3\n    float inputs:height = 0.5\n", "rectangle", (3.0, 0.5)),
+        ("SphereLight", "", "sphere", 1.0),
+        ("RectLight", "", "rectangle", (1.0, 1.0)),
+    ],
+)
+def test_lights_with_an_extent_have_an_area(tmp_path, kind, more, shape, size):
+    """Radius, width and height are those of the prim, or the ones that the format says where it has none."""
+    light, notes = lamp(tmp_path, kind, moved_by(1, 2, 3), more)
+    assert (light.position, light.shape, light.size, light.samples) == ((1, 2, 3), shape, size, 1)
+    assert not light.directional
+    assert notes == AREA
+    (target,) = targets_of((light,), np.zeros(3), (0, 1, 0))
+    assert target.position == light.position, "one target: the light is that of a point"
+
+
+def test_a_rectangle_lies_as_its_prim_does(tmp_path):
+    """Turned and scaled by 2, 5, 7: its width along the prim's x, its height along what was y."""
+    light, _ = lamp(tmp_path, "RectLight", turned(-90, "Y"), "    float inputs:width = 3\n")
+    assert light.size == pytest.approx((6, 5))
+    places = np.array([one.position for one in targets_of((replace(light, samples=256),), np.zeros(3), (0, 1, 0))])
+    assert np.ptp(places[:, 0]) == pytest.approx(0, abs=1e-9)
+    assert np.ptp(places[:, 1]) == pytest.approx(5, rel=0.02)
+    assert np.ptp(places[:, 2]) == pytest.approx(6, rel=0.02)
+    down, _ = lamp(tmp_path, "RectLight", turned(-90, "X"), "    float inputs:width = 3\n")
+    places = np.array([one.position for one in targets_of((replace(down, samples=256),), np.zeros(3), (0, 1, 0))])
+    assert np.ptp(places[:, 0]) == pytest.approx(6, rel=0.02), "facing down, where nothing is horizontal alone"
+    assert np.ptp(places[:, 2]) == pytest.approx(5, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "more", "notes"),
+    [
+        ("CylinderLight", moved_by(1, 2, 3), "", POINT),
+        ("SphereLight", turned(0), "", POINT),  # stretched
+        ("DiskLight", turned(0), "", POINT),
+        ("SphereLight", moved_by(1, 2, 3), "    bool treatAsPoint = 1\n", ()),
+        ("SphereLight", moved_by(1, 2, 3), "    float inputs:radius = 0\n", POINT),
+        ("RectLight", moved_by(1, 2, 3), "    float inputs:width = nan\n", POINT),
+        ("DiskLight", moved_by(1, 2, 3), "    float inputs:radius = 3e38\n", POINT),
+    ],
+)
+def test_lights_without_a_known_area_are_points(tmp_path, kind, place, more, notes):
+    light, told = lamp(tmp_path, kind, place, more)
+    assert (light.position, light.shape) == ((1, 2, 3), "")
+    assert told == notes
 
 
 def test_a_shaped_light_is_a_spot(tmp_path):

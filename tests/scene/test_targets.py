@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,18 +10,19 @@ import pytest
 from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.commands.plan import frame_plan
-from shadowbench.harness.errors import UserError
+from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.effects.shading import shaded
 from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.room import fewer_that_fit
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.areas import CASES, area
 from shadowbench.harness.hardcases.case import ball, joined, plane, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.effects import Effects, Limits
 from shadowbench.harness.scene.facts import light_facts
 from shadowbench.harness.scene.overrides import Lighting
-from shadowbench.harness.scene.prepared import under
+from shadowbench.harness.scene.prepared import prepare, under
 from shadowbench.harness.scene.scene import SHAPES, Light
 from shadowbench.harness.scene.targets import target_places, targets_of, with_area
 
@@ -170,9 +172,26 @@ def test_more_targets_than_fit_are_refused_with_the_number_that_fits(tmp_path):
     wide = view_of(light_size=1.0, light_samples=1024)
     (found,) = frame_plan(str(tmp_path / "mesh.obj"), ["uniform_grid"], "4096x4096", "cpu", view=wide)["methods"]
     assert found["cannot"].startswith(
-        "rejected: the shadow bits of 1024 targets need 17,179,869,184 bytes; the limit is "
+        "rejected: the shadow bits of 1,024 targets need 17,179,869,184 bytes; the limit is "
     )
-    assert found["cannot"].endswith(", enough for 512; 512 targets of a light fit, of 1024")
+    assert found["cannot"].endswith(", enough for 512; 512 targets of a light fit, of 1,024")
+
+
+def test_targets_beyond_a_small_limit_are_refused_with_the_number_that_fits(tmp_path):
+    """64 of them at 4096 squared, with a quarter of a gibibyte."""
+    (tmp_path / "mesh.obj").write_text(TETRAHEDRON)
+    prepared = prepare(view_of(light_size=1.0, light_samples=64).resolved(tmp_path / "mesh.obj"))
+    limits = Limits(memory=256 << 20)
+
+    def planned(fewer):
+        Session(make_method("uniform_grid"), fewer, 4096, 4096, "cpu", limits=limits)
+
+    said = "the shadow bits of 64 targets need 1,073,741,824 bytes; the limit is 268,435,456, enough for 16"
+    with pytest.raises(CapacityRejected, match=said):
+        planned(prepared)
+    told = re.fullmatch(r"; (\d+) targets of a light fit, of 64", fewer_that_fit(prepared, planned))
+    assert told is not None
+    assert int(told[1]) in (8, 16)
 
 
 def test_plan_states_the_memory_of_shadow_bits(tmp_path):

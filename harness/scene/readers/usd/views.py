@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,9 @@ from ...scene import Camera, Light, Spot, Vector
 from .prims import Node, Prims
 
 _LIGHTS = (UsdLux.DistantLight, UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight, UsdLux.CylinderLight)
-"""What can be a point or a direction; a light with an extent stands at its centre."""
+"""What can be a point, an area or a direction; a light with an extent stands at its centre."""
+
+_LARGEST = float(np.finfo(np.float32).max)
 
 
 def cameras(prims: Prims, time: float, notes: list[str]) -> dict[str, Camera]:
@@ -38,9 +41,13 @@ def lights(prims: Prims, time: float, notes: list[str]) -> dict[str, Light]:
     ]
     made = [(node, _light(node.prim, prims.matrix(i), time)) for i, node in found]
     _note_lost(notes, "lights", (node for node, light in made if light is None))
-    spread = sum(not node.prim.IsA(UsdLux.DistantLight) for node, light in made if light is not None)
-    if spread:
-        notes.append(f"lights with an extent read as points: {spread}")
+    near = [(node.prim, light) for node, light in made if light is not None and not light.directional]
+    areas = sum(bool(light.shape) for _, light in near)
+    points = sum(not light.shape and not _is_point(prim, time) for prim, light in near)
+    if areas:
+        notes.append(f"lights with an area: {areas}; each shines from its middle unless it is given more targets")
+    if points:
+        notes.append(f"lights with an extent read as points: {points}")
     return _named([(node, light) for node, light in made if light is not None])
 
 
@@ -76,8 +83,40 @@ def _light(prim: Any, matrix: NDArray[np.float64], time: float) -> Light | None:
         angle = float(shaping.GetShapingConeAngleAttr().Get(time))
         if 0.0 < angle < 90.0:
             spot = Spot(_vector(-back), angle, falloff=max(0.0, float(shaping.GetShapingFocusAttr().Get(time))))
-    position = back if distant else place
-    return Light(_vector(position), True, _vector(color), float(strength), spot, distant)
+    if distant:
+        return Light(_vector(back), True, _vector(color), float(strength), directional=True)
+    light = Light(_vector(place), True, _vector(color), float(strength), spot)
+    return light if _is_point(prim, time) else _with_extent(light, prim, matrix, time)
+
+
+def _is_point(prim: Any, time: float) -> bool:
+    """Whether a light has no extent, by what its prim says."""
+    return prim.IsA(UsdLux.SphereLight) and bool(UsdLux.SphereLight(prim).GetTreatAsPointAttr().Get(time))
+
+
+def _with_extent(light: Light, prim: Any, matrix: NDArray[np.float64], time: float) -> Light:
+    """The light with the area of its prim; a point where it has none, or where a disc or a sphere is stretched."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        scale = np.linalg.norm(matrix[:3, :3], axis=1)
+    shape, sides, axes = "", np.zeros(2), 2
+    if prim.IsA(UsdLux.RectLight):
+        own = UsdLux.RectLight(prim)
+        shape, sides = "rectangle", np.array([own.GetWidthAttr().Get(time), own.GetHeightAttr().Get(time)])
+    elif prim.IsA(UsdLux.DiskLight):
+        shape, sides = "disc", np.full(2, 2.0 * UsdLux.DiskLight(prim).GetRadiusAttr().Get(time))
+    elif prim.IsA(UsdLux.SphereLight):
+        shape, sides, axes = "sphere", np.full(3, 2.0 * UsdLux.SphereLight(prim).GetRadiusAttr().Get(time)), 3
+    size = sides * scale[:axes]
+    flat = shape == "rectangle"
+    across, back = _unit(matrix[0, :3]), _unit(matrix[2, :3])
+    known = back is not None and (across is not None or not flat)
+    if not known or not 0.0 < size.min() <= size.max() < _LARGEST or not (flat or np.allclose(size, size[0])):
+        return light
+    return replace(
+        light, shape=shape, size=(float(size[0]), float(size[1])) if flat else float(size[0]),
+        towards=None if shape == "sphere" or back is None else _vector(-back),
+        across=_vector(across) if flat and across is not None else None,
+    )  # fmt: skip
 
 
 def _named(made: list[tuple[Node, Any]]) -> dict[str, Any]:
