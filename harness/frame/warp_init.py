@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import platform
 import sys
 import tempfile
+from hashlib import sha256
 from pathlib import Path
 
 import warp as wp
@@ -42,6 +44,28 @@ def start_warp() -> None:
     place = Path(wp.config.kernel_cache_dir)
     if not os.access(place, os.W_OK | os.X_OK):
         raise _unwritable(place, "no permission")
+    _share_headers(place)
+
+
+def _share_headers(place: Path) -> None:
+    """Let all processes that compile kernels for the CPU use one precompiled copy of Warp's headers, beside the kernels.
+
+    By itself Warp makes a copy for each process, in three seconds. A copy holds for one installation on one machine;
+    Warp replaces one that does not fit.
+    """
+    from warp._src.context import runtime  # no public name says where the copy is
+
+    if not hasattr(runtime, "get_clang_pch_dir"):
+        return  # another version of Warp: each process makes its own
+    installed = Path(wp.__file__).parent / "native" / "builtin.h"
+    about = f"{platform.node()} {installed} {installed.stat().st_mtime_ns}"
+    folder = place / f"wp_headers_{sha256(about.encode()).hexdigest()[:8]}"
+
+    def headers() -> str:
+        folder.mkdir(exist_ok=True)  # again, where it was cleared meanwhile
+        return str(folder)
+
+    runtime.get_clang_pch_dir = headers
 
 
 def kernel_cache() -> Path:
