@@ -38,6 +38,8 @@ WORK = [
 FRAME = ["frame", "total_ms", "iqr_ms", "true_errors", *(f"{part}_ms" for part in PART_COLUMNS.values()), *WORK]
 COLUMNS = [*document.COMMON, "frame", "turn", *WORK]
 TIMES = {"fastest": "min", "median": "median", "slowest": "max"}
+TAILS = {"p95_ms": "95", "p99_ms": "99"}
+"""Percentiles of the samples of all places, per cent."""
 PAPER_SAYS = "The paper moves its lights too, and rebuilds everything each frame; it shows no path."
 
 
@@ -75,6 +77,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     places = count.where(left_out == 0, count + " of " + (made["count"] + left_out).astype(str))
     shown = {"places": places.where(made["count"] > 0, paths["status"].first())}
     shown |= {name: numbers.carry(made[x], around) for name, x in TIMES.items()}
+    shown |= {f"{name} % within": numbers.carry(paths[x].first(), around) for x, name in TAILS.items()}
     shown["slowest over fastest"] = numbers.carry(made["ratio"], made["ratio_spread"])
     shown["frames with wrong answers"] = paths["wrong"].sum().where(made["count"] > 0)
     body = pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()

@@ -161,7 +161,7 @@ def place_text(place: Sequence[float], exact: bool = False) -> str:
 
 BALLS = (
     "procedural, with about N triangles, such as {0} or balls-2m; {0}-seen10: the ground is seen by 10 % of the pixels; "
-    "{0}-moving30: 30 % of the triangles move"
+    "{0}-moving30: 30 % of the triangles move; {0}-swirl50: all is deformed, its middle turns by half a turn"
 )
 
 

@@ -45,7 +45,7 @@ def test_moving_has_a_row_a_frame(tmp_path):
     ]
     for i, frame in enumerate(records[0]["frames"]):
         frame["total_ms"] = [10.0 + i] * 2
-    assert "| 8 | 10.0 | 13.5 | 17.0 | 1.70 | 0 |" in report_of("moving", tmp_path, records)
+    assert "| 8 | 10.0 | 13.5 | 17.0 | 17.0 | 17.0 | 1.70 | 0 |" in report_of("moving", tmp_path, records)
     assert len(csv_of("moving", tmp_path)) == 8 * len(records)
     assert "turns of the light" in (tmp_path / "moving.svg").read_text()
 

@@ -26,6 +26,8 @@ OURS, TREE, LOOSE = (
         ("balls-2m-seen5", balls.Name(2_000_000, seen=0.05)),
         ("balls-300-moving0", balls.Name(300, moving=0.0)),
         ("balls-1k-seen100-moving30", balls.Name(1000, 1.0, 0.3)),
+        ("balls-1k-swirl150", balls.Name(1000, swirl=1.5)),
+        ("balls-1k-moving30-swirl5", None),
         ("balls-1k-seen0", None),
         ("balls-1k-seen101", None),
         ("balls-1k-moving30-seen5", None),
@@ -54,6 +56,18 @@ def test_about_that_share_of_the_triangles_moves(percent, share):
     assert moved[geometry.faces].any(axis=1).mean() == pytest.approx(share, abs=0.03)
     heights = (geometry.positions(0)[:, 1], geometry.positions(10)[:, 1])
     np.testing.assert_array_equal(*heights)
+
+
+def test_a_swirl_turns_the_middle_and_leaves_the_rim():
+    geometry = balls.scene("balls-3k-swirl25").geometry()
+    first, last = geometry.positions(0), geometry.positions(balls.FRAMES - 1)
+    away = np.hypot(first[:, 0], first[:, 2])
+    turned = np.degrees(np.angle((last[:, 0] + 1j * last[:, 2]) * (first[:, 0] - 1j * first[:, 2])))
+    some = away > 0.0
+    expected = 90.0 * np.clip(1 - away / balls.HALF, 0, None)
+    np.testing.assert_allclose(np.abs(turned)[some], expected[some], atol=1e-3)
+    np.testing.assert_allclose(np.hypot(last[:, 0], last[:, 2]), away, atol=1e-5)
+    np.testing.assert_array_equal(first[:, 1], last[:, 1])
 
 
 def test_the_sweeps_cross_in_one_setting():

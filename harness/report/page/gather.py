@@ -44,7 +44,7 @@ TEXTS = {
     **{name: (name, "", numbers.TIME) for name in "spread q1_ms q3_ms between_ms wall_ms compile_s".split()},
     **{f"{name}_mrays_per_s": (f"{name}_mrays_per_s", "rate", "") for name in ("primary", "shadow", "frame")},
     "memory_bytes": ("memory_mb", "", ""), "wrong_per_frame": ("wrong_per_frame", "", numbers.COUNT),
-    "flip": ("flip", "", ""),
+    **{name: (name, "", "") for name in "flip p95_ms p99_ms pair_ms energy_mj sah_cost".split()},
 }  # fmt: skip
 """Numbers that the page shows as :mod:`.report.numbers` writes them, in columns "text.NAME": column, spread, form."""
 

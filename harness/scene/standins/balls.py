@@ -4,7 +4,8 @@ They are used to measure how time grows with the number of triangles. Ten millio
 balls occlude one another and cast shadows on one another and on the ground.
 
 A name gives the number of triangles, and may give what share of the pixels sees the ground and what share of the
-triangles moves, in per cent: ``balls-300k``, ``balls-300k-seen10``, ``balls-300k-moving30``.
+triangles moves, in per cent: ``balls-300k``, ``balls-300k-seen10``, ``balls-300k-moving30``. Or all is deformed, by a dial:
+in ``balls-300k-swirl50`` the middle turns by 50 % of a full turn, the parts farther out by less, the rim not at all.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ..scene import Camera, Geometry, Light, Moves, Scene
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?))?")
+NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?)|-swirl([1-9]\d{0,2}))?")
 EXAMPLE = "balls-300k"
 BALLS = 24
 GROUND_SHARE = 0.4
@@ -39,12 +40,14 @@ class Name:
 
     count   triangles, about
     seen    share of the pixels that see the ground, 0..1; None: as :data:`CAMERA` sees it
-    moving  share of the triangles that move, 0..1; None: the scene has one frame
+    moving  share of the triangles that move, 0..1; None: the scene has one frame, unless it is swirled
+    swirl   turns of the middle over the frames; None: not swirled
     """
 
     count: int
     seen: float | None = None
     moving: float | None = None
+    swirl: float | None = None
 
 
 def read_name(name: str) -> Name | None:
@@ -53,8 +56,7 @@ def read_name(name: str) -> Name | None:
     if not match:
         return None
     count = int(match[1]) * {"": 1, "k": 1000, "m": 1_000_000}[match[2] or ""]
-    seen, moving = (None if share is None else int(share) / 100 for share in match.groups()[2:])
-    return Name(count, seen, moving)
+    return Name(count, *(None if share is None else int(share) / 100 for share in match.groups()[2:]))
 
 
 def count_of(name: str) -> int | None:
@@ -70,7 +72,7 @@ def scene(name: str) -> Scene:
     return Scene(
         name=name,
         title=f"Balls {name.removeprefix('balls-').replace('-', ', ')}",
-        geometry=functools.partial(moving_geometry, known.count, known.moving),
+        geometry=functools.partial(moving_geometry, known.count, known.moving, known.swirl),
         camera=CAMERA if known.seen is None else camera_for(known.seen),
         lights=(Light((-5.0, 9.0, 4.0)),),
         notes="balls over rolling ground: the same surfaces at every triangle count",
@@ -114,12 +116,16 @@ def camera_for(seen: float) -> Camera:
     return closer(low)
 
 
-def moving_geometry(count: int, moving: float | None) -> Geometry:
-    """The geometry, of which a share turns about the vertical through the middle, each ball at its own speed.
+def moving_geometry(count: int, moving: float | None, swirl: float | None = None) -> Geometry:
+    """The geometry, of which a share turns about the vertical through the middle, each ball at its own speed; or all of
+    it, the less the farther out.
 
     Balls move first; with a share above theirs the ground turns as well.
     """
     still = geometry(count)
+    if swirl is not None:
+        inward = np.clip(1.0 - np.hypot(*still.positions(0)[:, [0, 2]].T) / HALF, 0.0, None)
+        return turned(still, 2 * np.pi * swirl * inward, Moves("deforming"))
     if moving is None:
         return still
     around, side = divisions(count)
@@ -131,6 +137,11 @@ def moving_geometry(count: int, moving: float | None) -> Geometry:
     speeds[ground_size : ground_size + balls * size] = np.repeat(turns[:balls], size)
     if moving > 1 - GROUND_SHARE:
         speeds[:ground_size] = np.radians(90.0)
+    return turned(still, speeds, Moves("rigid"))
+
+
+def turned(still: Geometry, speeds: F64, moves: Moves) -> Geometry:
+    """Each vertex turns about the vertical through the middle, by so many radians over the frames."""
 
     def positions(frame: int) -> NDArray[np.floating]:
         angle = (speeds * (frame / (FRAMES - 1))).astype(np.float32)
@@ -138,7 +149,7 @@ def moving_geometry(count: int, moving: float | None) -> Geometry:
         sin, cos = np.sin(angle), np.cos(angle)
         return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
 
-    return Geometry(still.faces, positions, FRAMES, Moves("rigid"))
+    return Geometry(still.faces, positions, FRAMES, moves)
 
 
 def divisions(count: int) -> tuple[int, int]:
