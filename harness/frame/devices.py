@@ -11,6 +11,7 @@ import warp as wp
 
 from ..errors import UserError
 from ..scene.scene import Scene
+from .cards import UNITS, has_ray_tracing_units
 from .method import Method
 from .registry import make_method
 from .warp_init import start_warp
@@ -50,29 +51,11 @@ def device_title(device: str) -> str:
     return str(wp.get_device(device).name) if device.startswith("cuda") else cpu_model()
 
 
-WITHOUT_RAY_TRACING_UNITS = {80, 90, 100, 103}
-"""Compute capabilities of data-centre cards (A100, H100, H200, B200, B300): no ray tracing units. Those of other cards since
-Turing have them, apart from cards of :data:`TURING` without RTX in their names."""
-
-TURING = 75
-TURING_WITH_UNITS = ("RTX", "T4")
-"""Words of the names of Turing's cards that have ray tracing units; GTX 16, MX 450 and T400 to T1200 have none."""
-
-
-def ray_tracing_units(device: str) -> bool | None:
-    """Whether a GPU has units that trace rays, by its compute capability and its name (no call of CUDA says so); None for
-    kinds of chips that are not known here, such as those of embedded modules."""
+def units_of(device: str) -> dict[str, str]:
+    """Whether a GPU has ray tracing units, as a fact that records and tables show (:data:`.cards.UNITS`)."""
     known = wp.get_device(device)
-    return has_ray_tracing_units(int(known.arch), str(known.name)) if known.is_cuda else False
-
-
-def has_ray_tracing_units(capability: int, name: str) -> bool | None:
-    """:func:`ray_tracing_units` of a chip, its compute capability given as 89 for 8.9."""
-    if capability < TURING or capability in WITHOUT_RAY_TRACING_UNITS:
-        return False
-    if capability == TURING:
-        return any(word in name.split() for word in TURING_WITH_UNITS)
-    return True if capability in (86, 89, 120) else None
+    has = has_ray_tracing_units(int(known.arch), str(known.name)) if known.is_cuda else False
+    return {UNITS: {True: "yes", False: "none", None: "unknown"}[has]}
 
 
 @functools.cache

@@ -19,6 +19,8 @@ function openDetails(p) {
         ["rounds", p.rounds > 1 ? `${p.rounds}, range between them ${textOf(p, "between_ms")} ms` : String(p.rounds)],
         ["samples a frame", whole(p.samples)], ["frames", `${p.frames}${p.frames_left_out ? `, ${p.frames_left_out} left out` : ""}`],
         ["on the host's clock", `${textOf(p, "wall_ms")} ms`], ["rays", `${textOf(p, "frame_mrays_per_s")} Mrays/s`],
+        ["submitted by the host in", known(p["text.submitted_ms"]) ? `${textOf(p, "submitted_ms")} ms` : ""],
+        ["one of 20 in a row", known(p["text.row_ms"]) ? `${textOf(p, "row_ms")} ms` : ""],
         ["compiled in", known(p["text.compile_s"]) ? `${textOf(p, "compile_s")} s` : ""], ["stopped by", p.stopped_by]]),
       stageBars(p)),
       p.done && el("section", {}, el("h3", {}, "Answers"), facts([
