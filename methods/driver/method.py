@@ -13,7 +13,7 @@ from typing import Any
 import warp as wp
 
 from ...harness.errors import UserError
-from ...harness.frame.devices import ray_tracing_units
+from ...harness.frame.devices import units_of
 from ...harness.frame.effects.mirrors import traced_bounces
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
@@ -120,9 +120,8 @@ class Driver(BaseMethod):
         what = {"build": self.build.build, "origin": self.trace.origin}
         if not self._alias:
             return what
-        units = {True: "yes", False: "none", None: "unknown"}[ray_tracing_units(self._alias)]
         api = f"OptiX {driver.optix_version(self._alias)}"
-        return what | {"api": api, "slangpy": driver.version(), "ray tracing units": units}
+        return what | {"api": api, "slangpy": driver.version(), **units_of(self._alias)}
 
     def _closest(self, bounce: int = 0) -> None:
         self._launch(None, bounce)
