@@ -14,7 +14,7 @@ LOOKS = {
     "kdtree": ("#999933", "p"),
     "shadow_map": ("#DDCC77", "h"),
     "accuracy_ladder": ("#661100", "d"),
-    "driver": ("#117733", "h"),
+    "driver": ("#117733", "H"),
 }
 """The colour and the marker of each method in every drawing. The first eight are distinct with every common colour vision
 (Okabe and Ito's colours, a wine red, a brown); a method that is not listed gets one from its name."""
