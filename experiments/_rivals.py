@@ -40,6 +40,12 @@ GRIDS = (
     Entry("two_level_grid", {}, "two-level grid"),
 )
 
+DRIVER = (
+    Entry("driver", {"origin": "plain"}, "driver built"),
+    Entry("driver", {"origin": "plain", "build": "update"}, "driver updated"),
+)
+"""The driver's ray tracing, with shadow rays as engines write them, in float32: built for a fast build, or updated."""
+
 FEW = (OURS, HYBRID, RASTERISED, *REBUILT[:2], REFITTED[1], GRIDS[0])
 """The fastest of each kind, which can win: measured where minutes count."""
 
@@ -55,6 +61,8 @@ REBUILDS = {
     **dict.fromkeys([entry.label for entry in REBUILT], "rebuilds its tree"),
     **dict.fromkeys([entry.label for entry in REFITTED], "refits its tree"),
     **dict.fromkeys([entry.label for entry in GRIDS], "rebuilds its grids"),
+    "driver built": "rebuilds its tree",
+    "driver updated": "refits its tree",
     **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
 }
 """What a method does in each frame before it traces, by label; the last three are in earlier records only."""

@@ -23,6 +23,7 @@ METHODS = (
     *REBUILD,
     *_rivals.REFITTED,
     *_rivals.GRIDS,
+    *_rivals.DRIVER,
 )
 
 RATIO = ["times_fastest_exact", "low", "high"]

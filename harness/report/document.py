@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
+from ..frame.cards import UNITS
 from ..results.means import points
 from ..results.schema import folders_with_records, place_name
 from ..results.table import TEXTS, samples, stage_ms, tidy
@@ -208,7 +209,8 @@ def write(
 
 def validity(table: DataFrame) -> list[str]:
     """What a reader must know of the points behind a table before comparing them; a line each."""
-    return [line for line in (*views(table), *left_out(table), *compare.apart(table), effort(table)) if line]
+    lines = (*views(table), *left_out(table), *hardware(table), *compare.apart(table), effort(table))
+    return [line for line in lines if line]
 
 
 def views(table: DataFrame) -> list[str]:
@@ -221,6 +223,13 @@ def left_out(table: DataFrame) -> list[str]:
     """One line per scene of whose file something was left out or approximated."""
     known = table[table["left_out"] != ""].groupby("title", sort=False)["left_out"].unique()
     return [f"{title}, as read: {' | '.join(found)}." for title, found in known.items()]
+
+
+def hardware(table: DataFrame) -> list[str]:
+    """One line per device of which a method tells whether it has ray tracing units."""
+    units = table["built"].astype(str).str.extract(rf"{UNITS} (\w+)", expand=False)
+    told = table.assign(units=units).dropna(subset=["units"]).drop_duplicates(["device_name", "units"])
+    return [f"{UNITS.capitalize()} of {row.device_name}: {row.units}." for row in told.itertuples()]
 
 
 def where(table: DataFrame) -> str:

@@ -47,7 +47,12 @@ class Prepared(TypedDict):
     method: _Planned
 
 
-class _Sampled(TypedDict):
+class _Submitted(TypedDict, total=False):
+    submitted_ms: list[Ms]
+    row_ms: list[Ms]
+
+
+class _Sampled(_Submitted):
     frame: Count
     started: float
     total_ms: list[Ms]

@@ -166,6 +166,8 @@ class Frame:
     """One frame of a point: its samples, what it needed, and the judge's score of its answers.
 
     total_ms     samples of the whole frame on the device's clock; ``wall_ms`` on the host's; ``round``: whose they are
+    submitted_ms  of frames that are no graph on a GPU, the host's time to submit one, one sample per round; ``row_ms``: the
+                 device's time for one of several in a row
     passes       samples pass by pass, measured apart; ``stage_round``: the round of each sample of a pass
     started      when the frame's samples began, seconds since the epoch, one per round; ``stopped_by``: what ended them
     counters     work counters by name
@@ -192,6 +194,8 @@ class Frame:
     counters: dict[str, Annotated[float, 0.0]] | None = field(default_factory=dict)
     hits: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
     shadow_rays: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
+    submitted_ms: list[Ms] | None = field(default=None, metadata=OMITTED)
+    row_ms: list[Ms] | None = field(default=None, metadata=OMITTED)
     flip: Annotated[float, 0.0] | None = field(default=None, metadata=OMITTED)
     flip_missing: str | None = field(default=None, metadata=OMITTED)
     costs: list[Costs] | None = field(default=None, metadata=OMITTED)
@@ -335,6 +339,9 @@ def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, Frame]:
             frame.total_ms += part["total_ms"]
             frame.wall_ms += part["wall_ms"]
             frame.round += [event["round"]] * len(part["total_ms"])
+            for name in ("submitted_ms", "row_ms"):
+                if name in part:
+                    setattr(frame, name, [*(getattr(frame, name) or ()), *part[name]])
             frame.started.append(part["started"])
             frame.stopped_by.append(part["stopped_by"])
             frame.regrown = max(frame.regrown, part["regrown"])

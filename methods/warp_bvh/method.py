@@ -23,9 +23,9 @@ from ..common.misses import miss_passes, write_misses
 from ..common.parameters import check_choices, refuse_static
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from ..rays.launches import PixelRays, shadow_ray_passes
+from ..rays.mesh_triangles import TreeTriangles, may_be_hit
 from ..rays.offset import launch_shadow_origins
 from .mesh_kernels import make_mesh_shadow_kernel, mesh_primary_kernel
-from .triangles import TreeTriangles, may_be_hit
 
 UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
 CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")

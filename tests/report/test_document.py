@@ -72,6 +72,19 @@ def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch):
     assert said in (tmp_path / "table1.md").read_text()
 
 
+def test_a_table_says_whether_a_card_has_ray_tracing_units(tmp_path, capsys):
+    made = [noisy("frame_time", label, ms) for label, ms in (("ray grids", 1.0), ("mesh rebuilt", 3.0))]
+    write_records(tmp_path / "untold", made)
+    show("frame_time", tmp_path / "untold")
+    assert "ray tracing units" not in capsys.readouterr().out
+    made[1]["method"]["built"] = {"api": "OptiX 9.0", "ray tracing units": "none"}
+    write_records(tmp_path / "told", made)
+    show("frame_time", tmp_path / "told")
+    line = f"Ray tracing units of {made[1]['method']['device_name']}: none."
+    assert line in capsys.readouterr().out.replace("\n", " ")
+    assert line in (tmp_path / "told/frame_time.md").read_text()
+
+
 def test_a_finding_names_the_least_and_the_greatest_and_lists_no_range():
     """With the digits that the spread of a mean carries; a name that fewer scenes have is left out."""
     rows = [("a", 2.345, 0.3), ("a", 2.345, 0.3), ("b", 0.5, 0.0), ("b", 0.5, 0.0), ("c", 9.0, 0.0)]

@@ -89,6 +89,7 @@ def test_a_card_is_paired_by_its_number_and_the_number_is_not_kept(monkeypatch):
     monkeypatch.setattr(environment.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=told))
     found = environment.gpus()
     assert [card["smi"]["driver_version"] for card in found] == ["0.0", "1.0"]
+    assert [card["ray_tracing_units"] for card in found] == [False, False]
     assert "GPU-" not in json.dumps(found)
 
 

@@ -12,7 +12,7 @@ from shadowbench.harness import files
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.journal import Journal
 from shadowbench.harness.results.means import points
-from shadowbench.harness.results.record import PassTimes, make_record
+from shadowbench.harness.results.record import PassTimes, as_read, make_record
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.results.table import table_of
 
@@ -72,6 +72,20 @@ def test_rounds_are_joined_in_their_order_and_nothing_is_dropped():
     assert (whole.status, whole.peak_rss_bytes, whole.load_s) == ("ok", 101, 0.25)
     assert whole.method["built"] == {"kind": "lbvh"}
     assert whole.stopped_by == "samples"
+
+
+def test_what_the_host_does_is_joined_by_round_and_has_columns():
+    first, second = round_event(0, [1.0]), round_event(1, [2.0])
+    graphs = made([first, second, finished_event()])
+    for event, submitted in ((first, 0.5), (second, 1.5)):
+        event["frames"][0] |= {"submitted_ms": [submitted], "row_ms": [submitted + 0.25]}
+    launched = made([first, second, finished_event()])
+    assert (launched.frames[0].submitted_ms, launched.frames[0].row_ms) == ([0.5, 1.5], [0.75, 1.75])
+    (row,) = points(table_of([as_read(launched)])).to_dict("records")
+    assert (row["submitted_ms"], row["row_ms"]) == (1.0, 1.25)
+    (row,) = points(table_of([as_read(graphs)])).to_dict("records")
+    assert np.isnan([row["submitted_ms"], row["row_ms"]]).all()
+    assert "row_ms" not in graphs.to_json()["frames"][0]
 
 
 def test_a_point_that_never_ran_has_a_record_too():

@@ -109,6 +109,19 @@ def test_counts_of_samples(device, capturable):
 
 
 @pytest.mark.parametrize("capturable", [True, False])
+def test_the_part_of_the_host_is_told_apart_where_it_launches_pass_by_pass(device, capturable):
+    method = Spinner()
+    method.capturable = capturable
+    measured = sample_frame(session(method, device), Sampling(samples=2, most=2, stage_samples=1))
+    if device == "cpu" or capturable:
+        assert measured.row == {}
+    else:
+        assert {name: len(ms) for name, ms in measured.row.items()} == {"submitted_ms": 1, "row_ms": 1}
+        assert 0 < measured.row["submitted_ms"][0] < max(measured.wall_ms)
+        assert measured.row["row_ms"][0] > 0
+
+
+@pytest.mark.parametrize("capturable", [True, False])
 def test_passes_add_up_to_the_whole_frame(device, capturable, monkeypatch):
     if device == "cpu":  # a clock of its own: on a busy machine a sleep may last longer than it was asked to
         now = [time.perf_counter()]

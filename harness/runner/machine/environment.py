@@ -17,10 +17,11 @@ import shadowbench
 import warp as wp
 
 from ...files import digest, write_atomic
+from ...frame.cards import has_ray_tracing_units
 from ...frame.devices import cpu_model
 from ...results.folder import read_json
 
-PACKAGES = ("warp-lang", "numpy", "embreex", "trimesh", "pandas", "scipy", "pillow", "usd-core")
+PACKAGES = ("warp-lang", "numpy", "embreex", "trimesh", "pandas", "scipy", "pillow", "usd-core", "slangpy")
 DISTRIBUTION = "shadowbench-rt"
 """The name under which this package is installed."""
 
@@ -82,6 +83,7 @@ def gpus() -> list[dict[str, Any]]:
     """One entry per CUDA device, with the data of Warp and nvidia-smi; empty without devices."""
     found = [
         {"alias": device.alias, "name": device.name, "arch": device.arch, "sms": device.sm_count}
+        | {"ray_tracing_units": has_ray_tracing_units(device.arch, device.name)}
         for device in wp.get_cuda_devices()
     ]
     # The UUID matches the two lists. It is not stored, because it identifies a single card.

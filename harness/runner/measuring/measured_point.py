@@ -175,6 +175,7 @@ class MeasuredPoint:
                     "started": measured.started,
                     "total_ms": measured.total_ms,
                     "wall_ms": measured.wall_ms,
+                    **measured.row,
                     "passes": measured.passes,
                     "stopped_by": measured.stopped_by,
                     "regrown": regrown,

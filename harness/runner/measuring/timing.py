@@ -4,7 +4,8 @@ CPU: a clock around the whole frame; in other samples, a clock around each pass.
 events outside it. It is replayed back to back, so that the queue is never empty and launch latency is not counted. Wall
 time, from an idle device to an idle device, is measured in separate samples. The time of a pass is the difference of two
 prefix graphs (passes 0..k from a reset state), so that the passes add up to the whole frame. Methods that cannot be
-captured are launched directly between synchronisations.
+captured are launched directly between synchronisations; how long the host takes to submit a frame, and frames in a row,
+tell the host's part apart.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class FrameSamples:
     """The samples of one frame in one round, milliseconds.
 
     ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair per sample.
-    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``.
+    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``. ``row``: see :func:`_row`.
     """
 
     total_ms: list[float] = field(default_factory=list)
@@ -57,6 +58,7 @@ class FrameSamples:
     passes: list[dict[str, Any]] = field(default_factory=list)
     stopped_by: str = ""
     started: float = 0.0
+    row: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, pairs: list[tuple[float, float]]) -> None:
         """Add samples of whole frames, rounded to nanoseconds, which is finer than any clock used."""
@@ -80,6 +82,7 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
             batch = min(sampling.samples, sampling.most - len(result.total_ms))
             done = _take_batch(take, batch, deadline, result)
             result.stopped_by = stop_reason(result.total_ms, sampling, done)
+        result.row = _row(session, sampling.budget_s, result.wall_ms[-1])
         result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
         deadline = time.perf_counter() + 0.25 * sampling.budget_s
         for _ in range(sampling.stage_samples):
@@ -171,6 +174,28 @@ def _eager_whole(device: Any, session: PassRunner) -> tuple[float, float]:
         wp.synchronize_device(device)
         wall = (time.perf_counter() - start) * 1e3
         return wp.get_event_elapsed_time(before, after, synchronize=False), wall
+
+
+ROW = 20
+"""Most frames that :func:`_row` launches."""
+
+
+def _row(session: PassRunner, budget_s: float, lasts_ms: float) -> dict[str, list[float]]:
+    """Of frames that the host launches pass by pass on a GPU, milliseconds of one: ``submitted_ms`` of the host, to submit
+    it; ``row_ms`` of the device, where :data:`ROW` follow one another without a wait. Of other frames: nothing."""
+    device = wp.get_device(session.device)
+    if not device.is_cuda or session.replays:
+        return {}
+    count = max(1, min(ROW, int(0.25e3 * budget_s / max(lasts_ms, 1e-3))))
+    with wp.ScopedDevice(device):
+        before, after = _events(device, 2)
+        session.run()  # the device is at work when the first event comes
+        wp.record_event(before)
+        submitted = sum(_clock(session.run) for _ in range(count))
+        wp.record_event(after)
+        wp.synchronize_device(device)
+        row = wp.get_event_elapsed_time(before, after, synchronize=False)
+    return {"submitted_ms": [round(submitted / count, 6)], "row_ms": [round(row / count, 6)]}
 
 
 def _stages(session: PassRunner) -> list[float]:

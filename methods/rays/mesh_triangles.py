@@ -1,4 +1,4 @@
-"""Which triangles a wp.Mesh holds, and its indices: one rule for the tree that is built and for the one that is refitted.
+"""Which triangles a library's tree holds, and its indices: one rule for a tree that is built and for one that is refitted.
 
 Triangles that no ray can hit are left out, so that they cost nothing. If the tree lives over an animation, a triangle that
 is valid in some frame stays in it; while it is invalid it is one point, its first finite vertex, in the build and in every

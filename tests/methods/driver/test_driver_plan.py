@@ -1,0 +1,203 @@
+"""What the method asks slangpy for, without a GPU: refusals, passes, arguments, memory. A recording stands for slangpy."""
+
+from __future__ import annotations
+
+import re
+import sys
+from enum import IntFlag
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.holed_scenes import holed
+from helpers.mirror_scenes import hall_of_mirrors
+from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.runner.source.closure import further_sources, source_files
+from shadowbench.harness.scene.effects import Limits
+from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.methods import driver
+from shadowbench.methods.driver import device, structure
+from shadowbench.methods.rays.offset import SHADOW_END
+
+SHADERS = Path(device.__file__).with_name("rays.slang").read_text(encoding="utf-8")
+UNIFORMS = set(re.findall(r"^uniform .*?(\w+);", SHADERS, re.M))
+SIZES = {"acceleration_structure_size": 1000, "scratch_size": 64, "update_scratch_size": 32}
+
+
+class Flags(IntFlag):
+    none, allow_update, prefer_fast_trace, prefer_fast_build = 0, 1, 4, 8
+
+
+class Recording:
+    """What slangpy was asked for. ``arguments``: of each root object; ``memory``: of each buffer; ``builds``: in order."""
+
+    def __init__(self) -> None:
+        self.arguments: list[dict] = []
+        self.memory: list[np.ndarray] = []
+        self.slangpy, self.device = MagicMock(), MagicMock()
+        self.slangpy.AccelerationStructureBuildFlags = Flags
+        self.slangpy.AccelerationStructureBuildDesc = lambda facts: SimpleNamespace(**facts)
+        self.slangpy.ShaderCursor.side_effect = lambda root: self.arguments.append({}) or self.arguments[-1]
+        self.device.get_acceleration_structure_sizes.return_value = SimpleNamespace(**SIZES)
+        self.device.create_buffer.side_effect = self._buffer
+
+    def _buffer(self, size: int, usage: object) -> SimpleNamespace:
+        self.memory.append(np.zeros(size, dtype=np.uint8))
+        return SimpleNamespace(device_address=self.memory[-1].ctypes.data, size=size)
+
+    @property
+    def builds(self) -> list:
+        encoder = self.device.create_command_encoder.return_value
+        return [call.kwargs for call in encoder.build_acceleration_structure.call_args_list]
+
+
+@pytest.fixture
+def recording(monkeypatch) -> Recording:
+    made = Recording()
+    monkeypatch.setitem(sys.modules, "slangpy", made.slangpy)
+    for module in (device, structure):
+        monkeypatch.setattr(module, "device_of", lambda alias: made.device)
+        monkeypatch.setattr(module, "submit", lambda alias, encoder: None)
+    monkeypatch.setattr(device, "pipeline_of", lambda alias, holes: ("program", "pipeline", "table"))
+    return made
+
+
+def still(count: int = 60) -> Prepared:
+    return make_scene(*soup(3, count), [(0.1, 0.2, 3.0), (2.0, 0.2, 0.1)])
+
+
+def moving(frames: int = 3) -> Prepared:
+    vertices, faces = soup(3, 20)
+    geometry = Geometry(faces.astype(np.int32), lambda k: vertices + 0.1 * k, frames)
+    return prepare(Scene("moving", "Moving", lambda: geometry, Camera((0, 0, 3), (0, 0, 0)), (Light((1.0, 2.0, 3.0)),)))
+
+
+def session(prepared: Prepared, settings: dict[str, str] | None = None, limits: Limits | None = None) -> Session:
+    return Session(make_method("driver", settings or {}), prepared, 8, 6, "cpu", limits=limits)
+
+
+def test_values_that_are_not_known_are_refused():
+    with pytest.raises(UserError, match="build must be one of fast-build, fast-trace, update, static"):
+        make_method("driver", {"build": "fast"})
+    with pytest.raises(UserError, match="origin must be one of exact, plain"):
+        make_method("driver", {"origin": "near"})
+
+
+def test_a_cpu_is_refused_and_each_thing_that_a_machine_lacks_is_named(monkeypatch, tmp_path):
+    method, scene = make_method("driver", {}), still().scene
+
+    def reason() -> str | None:
+        device.missing.cache_clear()
+        return method.applies(scene, "cuda:0")
+
+    assert method.applies(scene, "cpu") == "runs on cuda only"
+    monkeypatch.setattr(
+        device.importlib.metadata, "version", MagicMock(side_effect=device.importlib.metadata.PackageNotFoundError)
+    )
+    assert reason() == "the package slangpy is not installed; pip install 'shadowbench-rt[driver]'"
+    monkeypatch.setattr(device.importlib.metadata, "version", lambda name: "0.43.1")
+    monkeypatch.setitem(device.OPTIX, sys.platform, str(tmp_path / "libnone.so"))
+    assert re.search(r"libnone.so is missing; install the driver .*NVIDIA_DRIVER_CAPABILITIES=all", reason() or "")
+    monkeypatch.setattr(device.ctypes, "CDLL", lambda name: None)
+    monkeypatch.setattr(device.sys, "platform", "linux")
+    monkeypatch.setattr(device, "_toolkits", lambda: [tmp_path])
+    assert re.search(r"cuda_runtime.h .* install the toolkit .* CUDA_PATH", reason() or "")
+    (tmp_path / "include").mkdir()
+    (tmp_path / "include/cuda_runtime.h").write_text("")
+    assert reason() is None
+    device.missing.cache_clear()
+
+
+def test_records_depend_on_the_shaders():
+    found = further_sources(driver.Driver, source_files(driver.Driver))
+    assert [Path(name).name for name in found] == ["rays.slang"]
+
+
+def test_the_shaders_have_the_constants_and_entry_points_of_the_method():
+    assert SHADOW_END == 1 - 2.0**-22
+    assert "SHADOW_END = 1.0f - 0x1p-22f;" in SHADERS
+    fields = re.search(r"struct Hit\s*{(.*?)}", SHADERS, re.S)
+    assert fields
+    assert 4 * fields[1].count(";") == device.PAYLOAD
+    entries = re.findall(r'\[shader\("(\w+)"\)\]\s*void (\w+)', SHADERS)
+    assert [name for kind, name in entries if kind == "raygeneration"] == list(device.RAY_GENERATION)
+    assert {name for kind, name in entries if kind != "raygeneration"} == {"missed", "found", "holed"}
+
+
+@pytest.mark.parametrize("origin", ["exact", "plain"])
+def test_every_argument_is_one_of_the_shaders_and_every_one_of_theirs_is_set(recording, origin):
+    given: set[str] = set()
+    for prepared in (still(), holed()[0], hall_of_mirrors(1)):
+        own = session(prepared, {"origin": origin})
+        own.load(prepared.moment(0, 8, 6))
+        own.run()
+        own.run()
+        method = own.method
+        rays = [(None, b) for b in range(own.effects.bounces + 1)]
+        lights = [(i, b) for _, b in rays for i, wanted in enumerate(own.effects.shadows) if wanted]
+        assert set(method._arguments) == {*rays, *lights}  # made once, not in every frame
+        given = given.union(*recording.arguments)
+    assert given == UNIFORMS
+
+
+@pytest.mark.parametrize(
+    ("build", "passes", "flags"),
+    [("fast-build", "build", 8), ("fast-trace", "build", 4), ("update", "update", 5), ("static", None, 4)],
+)
+def test_what_is_built_when(recording, build, passes, flags):
+    prepared = still()
+    own = session(prepared, {"build": build})
+    assert [p.name for p in own.passes if p.part == "build"] == ([passes] if passes else [])
+    first, top = recording.builds
+    assert (first["desc"].flags, first["src"]) == (flags, None)
+    assert first["desc"].mode == recording.slangpy.AccelerationStructureBuildMode.build
+    own.load(prepared.moment(0, 8, 6))
+    own.run()
+    later = recording.builds[2:]
+    assert len(later) == (2 if passes else 0)
+    if passes:
+        updated = build == "update"
+        modes = recording.slangpy.AccelerationStructureBuildMode
+        assert later[0]["desc"].mode == (modes.update if updated else modes.build)
+        assert later[0]["src"] is (first["dst"] if updated else None)
+        assert later[1]["dst"] is top["dst"] is own.method._structure.top
+
+
+def test_builds_read_the_points_of_the_frame(recording):
+    prepared = moving()
+    own = session(prepared)
+    count = prepared.vertex_count
+    for frame in (0, 2):
+        moment = prepared.moment(frame, 8, 6)
+        own.load(moment)
+        own.run()
+        np.testing.assert_array_equal(recording.memory[0].view(np.float32).reshape(count, 3), moment.points)
+    np.testing.assert_array_equal(recording.memory[1].view(np.int32).reshape(-1, 3), prepared.faces)
+
+
+def test_static_is_refused_for_a_mesh_that_moves(recording):
+    with pytest.raises(UserError, match=r"driver\.build=static: moving moves over 3 frames; choose fast-build"):
+        session(moving(), {"build": "static"})
+
+
+def test_memory_of_the_driver_counts_and_is_limited(recording):
+    prepared = still()
+    own = session(prepared)
+    vertices, indices = 12 * prepared.vertex_count, 12 * prepared.triangle_count
+    assert own.method.held_bytes() == vertices + indices + 2 * (1000 + 64)
+    with pytest.raises(CapacityRejected, match=r"the limit is 2,000"):
+        session(prepared, limits=Limits(memory=2000))
+
+
+def test_a_mesh_that_no_ray_can_hit_asks_the_driver_for_nothing(recording):
+    odd = make_scene([[np.nan] * 3, [0, 0, 1], [0, 1, 0]], [[0, 1, 2]], [(0.0, 0.0, 2.0)])
+    own = session(odd)
+    assert not recording.builds
+    assert own.method.held_bytes() == 0
+    assert (own.answers(odd.moment(0, 8, 6))["triangle"] == -1).all()
