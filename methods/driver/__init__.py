@@ -1,4 +1,4 @@
-"""The driver's own ray tracing, OptiX, through slangpy: in hardware where the card has units for it."""
+"""The driver's own ray tracing, by OptiX or Vulkan, through slangpy: in hardware where the card has units for it."""
 
 from .method import Driver
 

@@ -1,4 +1,4 @@
-"""A device of slangpy in Warp's own CUDA context, the pipeline of its shaders, and what a machine may lack for them."""
+"""A device of slangpy by OptiX or Vulkan, the pipeline of its shaders, and what a machine may lack for them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from typing import Any
 import warp as wp
 
 from ...harness.errors import UserError, one_line
+from ...harness.frame.cards import UNITS
+from ...harness.frame.devices import units_of
 
 RAY_GENERATION = ("closest", "shadow")
 """The entry points of ``rays.slang`` that make rays, in the order of the shader table."""
@@ -20,26 +22,31 @@ RAY_GENERATION = ("closest", "shadow")
 PAYLOAD = 16
 """Bytes of ``Hit`` in ``rays.slang``."""
 
-OPTIX = {"linux": "libnvoptix.so.1", "win32": "nvoptix.dll"}
-"""The library of the driver in which OptiX is."""
+LIBRARIES = {
+    "optix": {"linux": "libnvoptix.so.1", "win32": "nvoptix.dll"},
+    "vulkan": {"linux": "libvulkan.so.1", "win32": "vulkan-1.dll"},
+}
+"""The library in which an API is: a part of the NVIDIA driver, and Vulkan's loader."""
 
 
 @functools.cache
-def missing() -> str | None:
-    """What this machine lacks, with what to install; None if nothing is known to be missing."""
+def missing(api: str) -> str | None:
+    """What this machine lacks for an API, with what to install; None if nothing is known to be missing."""
     try:
         importlib.metadata.version("slangpy")
     except importlib.metadata.PackageNotFoundError:
         return "the package slangpy is not installed; pip install 'shadowbench-rt[driver]'"
-    library = OPTIX.get(sys.platform, "OptiX")
+    library = LIBRARIES[api].get(sys.platform, "")
     try:
         ctypes.CDLL(library)
     except OSError:
+        if api == "vulkan":
+            return f"Vulkan's library {library} is missing; install the loader (libvulkan1) and the GPU's driver"
         return (
             f"the NVIDIA driver's library {library} is missing; install the driver with its graphics part (in a "
             "container: NVIDIA_DRIVER_CAPABILITIES=all)"
         )
-    if sys.platform == "linux" and not any(_has_headers(folder) for folder in _toolkits()):
+    if api == "optix" and sys.platform == "linux" and not any(_has_headers(folder) for folder in _toolkits()):
         return (
             "cuda_runtime.h of a CUDA toolkit is not found; install the toolkit (NVRTC and headers suffice) and set "
             "CUDA_PATH to its folder"
@@ -60,37 +67,37 @@ def _has_headers(toolkit: Path) -> bool:
 
 
 @functools.cache
-def device_of(alias: str) -> Any:
-    """The slangpy device of a CUDA device of Warp, in Warp's context. It lives as long as the process.
+def device_of(api: str, alias: str) -> Any:
+    """The slangpy device: for OptiX in the context of a CUDA device of Warp, for Vulkan the first that it finds. It lives
+    as long as the process.
 
     Raises :class:`UserError` where the driver offers no ray tracing.
     """
     import slangpy
 
-    wp.zeros(1, device=alias)  # the context exists
-    try:
-        with wp.ScopedDevice(alias):
-            made = slangpy.Device(
-                type=slangpy.DeviceType.cuda,
-                existing_device_handles=slangpy.get_cuda_current_context_native_handles(),
-                enable_rhi_validation=False,
-                enable_hot_reload=False,
+    kind, own = slangpy.DeviceType.vulkan, {}
+    with wp.ScopedDevice(alias):
+        if api == "optix":
+            wp.zeros(1)  # Warp's context exists
+            kind, own = (
+                slangpy.DeviceType.cuda,
+                {"existing_device_handles": slangpy.get_cuda_current_context_native_handles()},
             )
-    except RuntimeError as error:
-        raise UserError(f"driver: slangpy makes no device ({one_line(error)}); update the NVIDIA driver") from error
+        try:
+            made = slangpy.Device(type=kind, enable_rhi_validation=False, enable_hot_reload=False, **own)
+        except RuntimeError as error:
+            raise UserError(f"driver: slangpy makes no device ({one_line(error)}); update the GPU's driver") from error
     if not made.has_feature(slangpy.Feature.ray_tracing):
-        raise UserError(
-            "driver: the driver offers no OptiX that slangpy knows (8.0, 8.1, 9.0); update the NVIDIA driver"
-        )
+        raise UserError(f"driver: {made.info.adapter_name} offers no ray tracing by {api}; update the GPU's driver")
     return made
 
 
 @functools.cache
-def pipeline_of(alias: str, holes: bool) -> tuple[Any, Any, Any]:
+def pipeline_of(api: str, alias: str, holes: bool) -> tuple[Any, Any, Any]:
     """Program, pipeline and shader table of ``rays.slang`` on a device; ``holes``: with the any-hit shader."""
     import slangpy
 
-    device = device_of(alias)
+    device = device_of(api, alias)
     file = Path(__file__).with_name("rays.slang")
     module = device.load_module_from_source("shadowbench_rays", file.read_text(encoding="utf-8"), file)
     names = (*RAY_GENERATION, "missed", "found", *(("holed",) if holes else ()))
@@ -104,8 +111,8 @@ def pipeline_of(alias: str, holes: bool) -> tuple[Any, Any, Any]:
         )
     except RuntimeError as error:
         raise UserError(
-            f"driver: the shaders do not compile here ({one_line(error)}); set CUDA_PATH to a CUDA toolkit that the "
-            "driver supports"
+            f"driver: the shaders do not compile here ({one_line(error)}); for OptiX, set CUDA_PATH to a CUDA toolkit "
+            "that the driver supports"
         ) from error
     table = device.create_shader_table(
         program=program,
@@ -116,20 +123,15 @@ def pipeline_of(alias: str, holes: bool) -> tuple[Any, Any, Any]:
     return program, pipeline, table
 
 
-def submit(alias: str, encoder: Any) -> None:
-    """Submit what an encoder holds to the current stream of Warp. The host does not wait."""
+def facts_of(api: str, alias: str) -> dict[str, str]:
+    """API, adapter, version of slangpy, and whether rays are traced by units of the hardware, for records and tables."""
     import slangpy
 
-    stream = slangpy.NativeHandle.from_cuda_stream(wp.get_stream(alias).cuda_stream)
-    device_of(alias).submit_command_buffer(encoder.finish(), cuda_stream=stream)
-
-
-def version() -> str:
-    """The version of slangpy."""
-    return importlib.metadata.version("slangpy")
-
-
-def optix_version(alias: str) -> str:
-    """The version of OptiX that a device uses."""
-    number = int(device_of(alias).info.optix_version)
-    return f"{number // 10000}.{number % 10000 // 100}"
+    device = device_of(api, alias)
+    number = int(device.info.optix_version)
+    if api == "optix":
+        own = {"api": f"OptiX {number // 10000}.{number % 10000 // 100}"} | units_of(alias)
+    else:
+        software = device.has_feature(slangpy.Feature.software_device)
+        own = {"api": "Vulkan", "adapter": device.info.adapter_name, UNITS: "none" if software else "unknown"}
+    return own | {"slangpy": importlib.metadata.version("slangpy")}

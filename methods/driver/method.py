@@ -1,4 +1,4 @@
-"""OptiX as a method: acceleration structures and pipelines of the driver, through slangpy, on Warp's arrays and stream.
+"""OptiX and Vulkan as a method: acceleration structures and pipelines of the driver, through slangpy, on Warp's arrays.
 
 The shaders are in ``rays.slang``. Each launch is recorded and submitted by the host, which also copies its arguments, so
 that a frame is no CUDA graph.
@@ -13,7 +13,6 @@ from typing import Any
 import warp as wp
 
 from ...harness.errors import UserError
-from ...harness.frame.devices import units_of
 from ...harness.frame.effects.mirrors import traced_bounces
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
@@ -26,7 +25,12 @@ from ..rays.launches import shadow_ray_passes
 from ..rays.mesh_triangles import TreeTriangles, may_be_hit
 from ..rays.offset import launch_shadow_origins
 from . import device as driver
+from .memory import CopiedMemory, SharedMemory
 from .structure import Structure
+
+APIS = ("optix", "vulkan")
+HITS = ("hit_triangle", "hit_t", "hit_u", "hit_v")
+"""The arguments of ``rays.slang`` that rays write and shadow rays read."""
 
 BUILDS = ("fast-build", "fast-trace", "update", "static")
 ORIGINS = MappingProxyType(
@@ -44,12 +48,15 @@ class Build:
     build  "fast-build": built in each frame, preferring the speed of the build; "fast-trace": preferring the speed of
            rays; "update": that of the animation's first frame, preferring the speed of rays, updated in each frame;
            "static": built once, preferring the speed of rays, for geometry that does not move
+    api    "optix": on NVIDIA's GPUs, with Warp's own arrays; "vulkan": on the first device that Vulkan finds, beside Warp on
+           the CPU. Its passes hold copies of their arrays to the device and of the answers back
     """
 
     build: str = "fast-build"
+    api: str = "optix"
 
     def __post_init__(self) -> None:
-        check_choices(self, build=BUILDS)
+        check_choices(self, build=BUILDS, api=APIS)
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,7 @@ class Driver(BaseMethod):
     """See the module. Its tests are the driver's own, float32 and watertight; nobody outside knows more of them."""
 
     name = "driver"
-    title = "Driver (OptiX)"
+    title = "Driver's ray tracing"
     simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     capturable = False
     devices = ("cuda",)
@@ -82,26 +89,34 @@ class Driver(BaseMethod):
     def __init__(self, build: Build | None = None, trace: Trace | None = None):
         super().__init__(build, trace)
         self.known_inexact = f"float32, texels of holes too; {ORIGINS[self.trace.origin]}"
-        self._structure: Structure | None = None
-        self._alias = ""
+        self.devices = ("cuda",) if self.build.api == "optix" else ("cpu",)  # type: ignore[misc]
+        self._memory: SharedMemory | CopiedMemory | None = None
 
     def applies(self, scene: Scene, device: str) -> str | None:
-        return super().applies(scene, device) or driver.missing()
+        if self.build.api == "vulkan" and device.startswith("cuda"):
+            return "by Vulkan it runs beside Warp on the CPU; give --device cpu"
+        return super().applies(scene, device) or driver.missing(self.build.api)
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         build, prepared = self.build.build, frame.prepared
         if build == "static" and prepared.moves:
             moves = f"{prepared.scene.name} moves over {prepared.frame_count} frames"
             raise UserError(f"driver.build=static: {moves}; choose fast-build, fast-trace or update")
-        self._frame, self._effects, self._structure = frame, effects, None
+        self._frame, self._effects, self._memory = frame, effects, None
         self._triangles = TreeTriangles(frame, may_be_hit(prepared))
         if self._triangles.count == 0:
             return miss_passes(frame, effects)
-        self._alias = frame.device
         exact = self.trace.origin == "exact"
         self._starts = wp.zeros(frame.pixels if exact else 0, dtype=wp.vec3f, device=frame.device)
-        self._structure = Structure(frame, self._triangles, build, effects.alpha, limits.memory)
-        self._pipeline = driver.pipeline_of(frame.device, effects.alpha)
+        self._device = driver.device_of(self.build.api, frame.device)
+        self._pipeline = driver.pipeline_of(self.build.api, frame.device, effects.alpha)
+        shared = self.build.api == "optix"
+        self._memory = (
+            SharedMemory(self._device, limits.memory, frame.device)
+            if shared
+            else CopiedMemory(self._device, limits.memory)
+        )
+        self._structure = Structure(frame, self._triangles, build, effects.alpha, self._memory)
         self._arguments: dict[tuple[int | None, int], Any] = {}
         passes = []
         if build != "static":
@@ -114,14 +129,11 @@ class Driver(BaseMethod):
         return passes
 
     def held_bytes(self) -> int:
-        return 0 if self._structure is None else self._structure.held
+        return 0 if self._memory is None else self._memory.held
 
     def built(self) -> dict[str, Any]:
         what = {"build": self.build.build, "origin": self.trace.origin}
-        if not self._alias:
-            return what
-        api = f"OptiX {driver.optix_version(self._alias)}"
-        return what | {"api": api, "slangpy": driver.version(), **units_of(self._alias)}
+        return what | ({} if self._memory is None else driver.facts_of(self.build.api, self._frame.device))
 
     def _closest(self, bounce: int = 0) -> None:
         self._launch(None, bounce)
@@ -133,62 +145,67 @@ class Driver(BaseMethod):
 
     def _launch(self, light: int | None, bounce: int) -> None:
         """Trace the rays of a bounce, or the shadow rays of its hits to a light."""
-        frame, (_, pipeline, table) = self._frame, self._pipeline
+        frame, (program, pipeline, table), memory = self._frame, self._pipeline, self._memory
+        assert memory is not None
         which = light, bounce
         if which not in self._arguments:  # addresses never change while a frame lives
-            self._arguments[which] = self._arguments_of(light, bounce)
-        encoder = driver.device_of(frame.device).create_command_encoder()
+            self._arguments[which] = self._bound(program, self._values(light, bounce))
+        arguments, reads, writes = self._arguments[which]
+        encoder = self._device.create_command_encoder()
         with encoder.begin_ray_tracing_pass() as rays:
-            rays.bind_pipeline(pipeline, table, self._arguments[which])
+            rays.bind_pipeline(pipeline, table, arguments)
             shader = driver.RAY_GENERATION.index("closest" if light is None else "shadow")
             rays.dispatch_rays(shader, [frame.width, frame.height, 1])
-        driver.submit(frame.device, encoder)
+        memory.submit(encoder, reads, writes)
 
-    def _arguments_of(self, light: int | None, bounce: int) -> Any:
-        """The arguments of ``rays.slang``, under their names there."""
+    def _bound(self, program: Any, values: dict[str, Any]) -> tuple[Any, list[wp.array], list[wp.array]]:
+        """The arguments of ``rays.slang`` as slangpy takes them; the arrays that it reads, and those that it writes."""
         import slangpy
 
+        assert self._memory is not None
+        made = self._device.create_root_shader_object(program)
+        cursor = slangpy.ShaderCursor(made)
+        reads, writes = [], []
+        for name, value in values.items():
+            if not isinstance(value, wp.array):
+                cursor[name] = value
+                continue
+            cursor[name] = self._memory.address(value)
+            if name == "shadowed" or (name in HITS and "light" not in values):
+                writes.append(value)
+            elif name not in HITS:
+                reads.append(value)
+        return made, reads, writes
+
+    def _values(self, light: int | None, bounce: int) -> dict[str, Any]:
+        """The arguments of ``rays.slang``, under their names there."""
         frame, effects = self._frame, self._effects
         rays, hits, tabled = frame.rays(bounce), frame.hits(bounce), frame.tabled(bounce)
-        assert self._structure is not None
         values: dict[str, Any] = {
             "structure": self._structure.top,
             "width": frame.width,
             "tabled": tabled,
-            "eye": frame.eye.ptr,
-            "columns": frame.column.ptr,
-            "rows": frame.row.ptr,
-            "names": self._triangles.names.ptr or 0,
-            "hit_triangle": hits.triangle.ptr,
-            "hit_t": hits.t.ptr,
-            "hit_u": hits.u.ptr,
-            "hit_v": hits.v.ptr,
+            "eye": frame.eye,
+            "columns": frame.column,
+            "rows": frame.row,
+            "names": self._triangles.names,
+            **dict(zip(HITS, (hits.triangle, hits.t, hits.u, hits.v), strict=True)),
             "holes": effects.alpha,
         }
         if tabled:
-            values |= {"origins": rays.origin.ptr, "directions": rays.direction.ptr, "active": rays.active.ptr}
+            values |= {"origins": rays.origin, "directions": rays.direction, "active": rays.active}
         if effects.alpha:
-            rows, columns = frame.alpha.opaque.shape
-            values |= {
-                "masked": frame.alpha.masked.ptr,
-                "texture_points": frame.alpha.coordinates.ptr,
-                "opaque": frame.alpha.opaque.ptr,
-                "texture_rows": rows,
-                "texture_columns": columns,
-            }
+            mask = frame.alpha
+            values |= {"masked": mask.masked, "texture_points": mask.coordinates, "opaque": mask.opaque}
+            values |= dict(zip(("texture_rows", "texture_columns"), mask.opaque.shape, strict=True))
         if light is not None:
-            masks = frame.masks(bounce)
             values |= {
                 "plain": self.trace.origin == "plain",
-                "light": frame.lights[light : light + 1].ptr,
-                "starts": self._starts.ptr or 0,
-                "points": frame.points.ptr,
-                "corners": frame.triangles.ptr,
-                "receivers": masks[light].ptr if effects.has_receivers(light) else 0,
-                "shadowed": frame.bits(bounce)[light].ptr,
+                "light": frame.lights[light : light + 1],
+                "starts": self._starts,
+                "points": frame.points,
+                "corners": frame.triangles,
+                "receivers": frame.masks(bounce)[light] if effects.has_receivers(light) else 0,
+                "shadowed": frame.bits(bounce)[light],
             }
-        made = driver.device_of(frame.device).create_root_shader_object(self._pipeline[0])
-        cursor = slangpy.ShaderCursor(made)
-        for name, value in values.items():
-            cursor[name] = value
-        return made
+        return values

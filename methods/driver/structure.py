@@ -6,10 +6,9 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ..rays.mesh_triangles import TreeTriangles
-from .device import device_of, submit
+from .memory import CopiedMemory, SharedMemory
 
 
 class Structure:
@@ -17,22 +16,22 @@ class Structure:
 
     build  "fast-build", "fast-trace", "update" or "static" (:class:`.method.Build`)
     holes  whether a hit is asked for by the any-hit shader
-    most   bytes that it may hold; raises :class:`CapacityRejected` if it needs more
+    memory where vertices, indices, both levels and their scratch memory are
     top    what rays are traced through
-    held   bytes on the device: vertices, indices, both levels and their scratch memory
     """
 
-    def __init__(self, frame: Frame, triangles: TreeTriangles, build: str, holes: bool, most: int):
+    def __init__(
+        self, frame: Frame, triangles: TreeTriangles, build: str, holes: bool, memory: SharedMemory | CopiedMemory
+    ):
         import slangpy
 
-        self._frame, self._triangles = frame, triangles
-        self._device = device = device_of(frame.device)
+        self._frame, self._triangles, self._memory = frame, triangles, memory
+        self._device = device = memory.device
         self._update = build == "update"
-        self._usage = slangpy.BufferUsage
         flags, geometry_flags = slangpy.AccelerationStructureBuildFlags, slangpy.AccelerationStructureGeometryFlags
-        self.held, self._most = 0, most
-        self._vertices, self._vertex_array = self._input(len(frame.points), wp.vec3f)
-        self._indices, self._index_array = self._input(len(triangles.indices), wp.int32)
+        self._vertices = memory.buffer(12 * len(frame.points), inputs=True)
+        corners = 3 * memory.triangles(triangles.count, len(frame.points))
+        self._indices = memory.buffer(4 * corners, inputs=True)
         geometry = slangpy.AccelerationStructureBuildInputTriangles(
             {
                 "vertex_buffers": [self._vertices],
@@ -41,7 +40,7 @@ class Structure:
                 "vertex_stride": 12,
                 "index_buffer": self._indices,
                 "index_format": slangpy.IndexFormat.uint32,
-                "index_count": len(triangles.indices),
+                "index_count": corners,
                 "flags": geometry_flags.none if holes else geometry_flags.opaque,
             }
         )
@@ -57,7 +56,7 @@ class Structure:
         self._copy(points)
         encoder = device.create_command_encoder()
         encoder.build_acceleration_structure(desc=first, dst=self._bottom, src=None, scratch_buffer=self._scratch)
-        submit(frame.device, encoder)
+        memory.submit(encoder)
 
         self._instances = device.create_acceleration_structure_instance_list(1)
         self._instances.write(
@@ -74,44 +73,26 @@ class Structure:
         over = {"inputs": [self._instances.build_input_instances()], "flags": flags.prefer_fast_build}
         self._over = slangpy.AccelerationStructureBuildDesc(over)
         self.top, self._top_scratch = self._level(self._over)
-        device.wait()  # slangpy uploads the instance on a stream of its own
+        memory.wait()  # slangpy uploads the instance on a stream of its own
         encoder = device.create_command_encoder()
         self._build_top(encoder)
-        submit(frame.device, encoder)
-        wp.synchronize_device(frame.device)  # the handle of the structure is final, and ``points`` may go
-
-    def _buffer(self, size: int, usage: Any) -> Any:
-        """A buffer of so many bytes, counted."""
-        self._take(size)
-        return self._device.create_buffer(size=size, usage=usage)
-
-    def _take(self, size: int) -> None:
-        self.held += size
-        if self.held > self._most:
-            raise CapacityRejected(f"needs {self.held:,} bytes; the limit is {self._most:,}")
-
-    def _input(self, count: int, kind: Any) -> tuple[Any, wp.array]:
-        """A buffer of elements that builds read, and the array of Warp that is the same memory."""
-        usage = self._usage
-        size = count * wp.types.type_size_in_bytes(kind)
-        buffer = self._buffer(
-            size, usage.shader_resource | usage.unordered_access | usage.acceleration_structure_build_input
-        )
-        return buffer, wp.array(ptr=buffer.device_address, dtype=kind, shape=count, device=self._frame.device)
+        memory.submit(encoder)
+        memory.wait()  # the handle of the structure is final, and ``points`` may go
 
     def _level(self, desc: Any) -> tuple[Any, Any]:
         """An acceleration structure that fits what ``desc`` builds, and scratch memory for builds and updates."""
         sizes = self._device.get_acceleration_structure_sizes(desc)
-        self._take(sizes.acceleration_structure_size)
+        self._memory.take(sizes.acceleration_structure_size)
         made = self._device.create_acceleration_structure(size=sizes.acceleration_structure_size)
-        return made, self._buffer(max(sizes.scratch_size, sizes.update_scratch_size), self._usage.unordered_access)
+        return made, self._memory.buffer(max(sizes.scratch_size, sizes.update_scratch_size))
 
     def _copy(self, points: wp.array) -> None:
-        """Copy vertices and indices to where the driver reads them, on the device."""
-        wp.copy(self._vertex_array, points, count=len(points))
-        wp.copy(self._index_array, self._triangles.indices)
+        """Copy vertices and indices to where the driver reads them."""
+        self._memory.fill(self._vertices, points)
+        self._memory.fill(self._indices, self._triangles.indices)
 
     def _build_top(self, encoder: Any) -> None:
+        encoder.global_barrier()  # the level below is built
         encoder.build_acceleration_structure(desc=self._over, dst=self.top, src=None, scratch_buffer=self._top_scratch)
 
     def renew(self) -> None:
@@ -125,4 +106,4 @@ class Structure:
             desc=self._renewed, dst=self._bottom, src=source, scratch_buffer=self._scratch
         )
         self._build_top(encoder)
-        submit(self._frame.device, encoder)
+        self._memory.submit(encoder)

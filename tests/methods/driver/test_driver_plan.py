@@ -22,7 +22,7 @@ from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.methods import driver
-from shadowbench.methods.driver import device, structure
+from shadowbench.methods.driver import device, memory
 from shadowbench.methods.rays.offset import SHADOW_END
 
 SHADERS = Path(device.__file__).with_name("rays.slang").read_text(encoding="utf-8")
@@ -61,10 +61,9 @@ class Recording:
 def recording(monkeypatch) -> Recording:
     made = Recording()
     monkeypatch.setitem(sys.modules, "slangpy", made.slangpy)
-    for module in (device, structure):
-        monkeypatch.setattr(module, "device_of", lambda alias: made.device)
-        monkeypatch.setattr(module, "submit", lambda alias, encoder: None)
-    monkeypatch.setattr(device, "pipeline_of", lambda alias, holes: ("program", "pipeline", "table"))
+    monkeypatch.setattr(device, "device_of", lambda api, alias: made.device)
+    monkeypatch.setattr(device, "pipeline_of", lambda api, alias, holes: ("program", "pipeline", "table"))
+    monkeypatch.setattr(memory.SharedMemory, "submit", lambda self, encoder, reads=(), writes=(): encoder.finish())
     return made
 
 
@@ -96,14 +95,19 @@ def test_a_cpu_is_refused_and_each_thing_that_a_machine_lacks_is_named(monkeypat
         device.missing.cache_clear()
         return method.applies(scene, "cuda:0")
 
+    by_vulkan = make_method("driver", {"api": "vulkan"})
+    assert by_vulkan.applies(scene, "cuda:0") == "by Vulkan it runs beside Warp on the CPU; give --device cpu"
+
     assert method.applies(scene, "cpu") == "runs on cuda only"
     monkeypatch.setattr(
         device.importlib.metadata, "version", MagicMock(side_effect=device.importlib.metadata.PackageNotFoundError)
     )
     assert reason() == "the package slangpy is not installed; pip install 'shadowbench-rt[driver]'"
     monkeypatch.setattr(device.importlib.metadata, "version", lambda name: "0.43.1")
-    monkeypatch.setitem(device.OPTIX, sys.platform, str(tmp_path / "libnone.so"))
+    for library in device.LIBRARIES.values():
+        monkeypatch.setitem(library, sys.platform, str(tmp_path / "libnone.so"))
     assert re.search(r"libnone.so is missing; install the driver .*NVIDIA_DRIVER_CAPABILITIES=all", reason() or "")
+    assert re.search(r"libnone.so is missing; install the loader", by_vulkan.applies(scene, "cpu") or "")
     monkeypatch.setattr(device.ctypes, "CDLL", lambda name: None)
     monkeypatch.setattr(device.sys, "platform", "linux")
     monkeypatch.setattr(device, "_toolkits", lambda: [tmp_path])
@@ -143,6 +147,7 @@ def test_every_argument_is_one_of_the_shaders_and_every_one_of_theirs_is_set(rec
         lights = [(i, b) for _, b in rays for i, wanted in enumerate(own.effects.shadows) if wanted]
         assert set(method._arguments) == {*rays, *lights}  # made once, not in every frame
         given = given.union(*recording.arguments)
+        assert all(isinstance(value, int | bool | MagicMock) for one in recording.arguments for value in one.values())
     assert given == UNIFORMS
 
 
