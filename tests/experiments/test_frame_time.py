@@ -42,6 +42,19 @@ def test_no_method_is_the_base_unless_it_wins(tmp_path, capsys):
         assert places == sorted(places), "the report ends with the methods sorted by time"
 
 
+def test_the_part_of_the_host_is_told_of_frames_that_are_no_graph(tmp_path):
+    made = [timed(OURS, "cloth", 1.0, 1.0), timed(MESH, "cloth", 10.0, 10.2)]
+    write_records(tmp_path / "graphs", made)
+    show("frame_time", tmp_path / "graphs", quiet=True)
+    assert "the host launches" not in (tmp_path / "graphs/frame_time.md").read_text()
+    made[1]["frames"][0] |= {"row_ms": [7.0, 8.0], "submitted_ms": [2.0, 3.0]}
+    write_records(tmp_path / "launched", made)
+    show("frame_time", tmp_path / "launched", quiet=True)
+    text = (tmp_path / "launched/frame_time.md").read_text()
+    (row,) = [line for line in text[text.index("the host launches") :].splitlines() if "| 7.50 | 2.50 |" in line]
+    assert "mesh rebuilt" in row
+
+
 def test_a_ratio_is_over_the_frames_that_both_have(tmp_path):
     """Means over unlike frames would say 2.5."""
     ours, peer = record_of("frame_time", OURS, frames=3, ms=1.0), record_of("frame_time", MESH, ms=5.0)
