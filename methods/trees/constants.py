@@ -8,8 +8,7 @@ results/notebook.md ("pairs", "exact"). A dash: the value was taken from the sou
     KEY_BITS           24       bits          of the Morton keys that leaves are sorted by                   tried
     RADIUS             2        places        on either side, where H-PLOC looks for a cluster to merge      tried
     SHARED_AREA        1.25     ratio         of a common box to both boxes, up to which a leaf is shared    pairs
-    BLOCK              128      threads       of a block that traces, a power of two                         tried
-    CLIMB_BLOCK        256      threads       of a block that makes or refits a tree                         -
+    BLOCK              128      threads       of a block that builds or traces, a power of two               tried
     REGISTERS          48       a thread      of the kernels that trace                                      tried, exact
     EYE_REGISTERS      56       a thread      ... of rays from the eye, with their hit points in float64     exact
     RESOLVE_REGISTERS  96       a thread      of the kernel of the hit points of listed rays                 tried
@@ -29,7 +28,6 @@ KEY_BITS = 24
 RADIUS = 2
 SHARED_AREA = 1.25
 BLOCK = 128
-CLIMB_BLOCK = 256
 REGISTERS = 48
 EYE_REGISTERS = 56
 RESOLVE_REGISTERS = 96
