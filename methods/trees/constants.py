@@ -14,6 +14,7 @@ results/notebook.md ("pairs", "exact"). A dash: the value was taken from the sou
     RESOLVE_REGISTERS  96       a thread      of the kernel of the hit points of listed rays                 tried
     RECORD_REGISTERS   64       a thread      of the kernels that make records, which memory limits          -
     SHARES             2        parts         of the pixels that a GPU traces at once                        tried, exact
+    TOGETHER           True     -             whether rays to a single light and the eye's are traced at once        tried
     PACKETS            10       pixels        for each triangle, from which on primary rays are traced in packets    -
     MOST_KEPT          14       triangles     undecided, that a ray keeps before it enters them in a list    -
     UNDECIDED          262,144  pairs         that there is room for at first, or half the pixels            -
