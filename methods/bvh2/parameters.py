@@ -9,7 +9,7 @@ from ..common.parameters import check_choices
 from ..trees.builders import BUILDERS, UPDATES
 
 PRECISIONS = ("exact", "float32")
-PRIMARIES = ("packet", "single")
+PRIMARIES = ("auto", "packet", "single")
 
 FLOAT32_INEXACT = "float32 triangle tests without a bound; shadow rays end 1e-4 of their length before the hit point"
 
@@ -42,12 +42,13 @@ class Trace:
     precision  "exact": float32 tests with a bound on their error, float64 for what they leave undecided; "float32": the
                same tree as it is usually traced, with its errors. Scenes with holes, rays of an orthographic
                camera and shadow rays of a directional light are traced exactly in either case
-    primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own
+    primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own; "auto":
+               packets where the mesh has fewer than one triangle for every ten pixels
     threads    of a CPU: each traces a share of the pixels; 0: one for each core that this process may use, at most 16
     """
 
     precision: str = "exact"
-    primary: str = "single"
+    primary: str = "auto"
     threads: int = 0
 
     def __post_init__(self) -> None:

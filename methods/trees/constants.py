@@ -8,13 +8,14 @@ results/notebook.md ("pairs", "exact"). A dash: the value was taken from the sou
     KEY_BITS           24       bits          of the Morton keys that leaves are sorted by                   tried
     RADIUS             2        places        on either side, where H-PLOC looks for a cluster to merge      tried
     SHARED_AREA        1.25     ratio         of a common box to both boxes, up to which a leaf is shared    pairs
-    BLOCK              128      threads       of a block that traces, a power of two                         tried
-    CLIMB_BLOCK        256      threads       of a block that makes or refits a tree                         -
+    BLOCK              128      threads       of a block that builds or traces, a power of two               tried
     REGISTERS          48       a thread      of the kernels that trace                                      tried, exact
     EYE_REGISTERS      56       a thread      ... of rays from the eye, with their hit points in float64     exact
     RESOLVE_REGISTERS  96       a thread      of the kernel of the hit points of listed rays                 tried
     RECORD_REGISTERS   64       a thread      of the kernels that make records, which memory limits          -
     SHARES             2        parts         of the pixels that a GPU traces at once                        tried, exact
+    TOGETHER           True     -             whether rays to a single light and the eye's are traced at once        tried
+    PACKETS            10       pixels        for each triangle, from which on primary rays are traced in packets    -
     MOST_KEPT          14       triangles     undecided, that a ray keeps before it enters them in a list    -
     UNDECIDED          262,144  pairs         that there is room for at first, or half the pixels            -
     SORT_THREADS       256      threads       of a block that sorts                                          -
@@ -29,13 +30,13 @@ KEY_BITS = 24
 RADIUS = 2
 SHARED_AREA = 1.25
 BLOCK = 128
-CLIMB_BLOCK = 256
 REGISTERS = 48
 EYE_REGISTERS = 56
 RESOLVE_REGISTERS = 96
 RECORD_REGISTERS = 64
 SHARES = 2
 TOGETHER = True
+PACKETS = 10
 MOST_KEPT = 14
 UNDECIDED = 262_144
 SORT_THREADS = 256

@@ -168,6 +168,18 @@ def test_cells_where_few_and_many_faces_have_other_numbers():
 
 
 @pytest.mark.slow
+def test_trees_are_those_of_a_cpu():
+    """Of a block's leaves, one less, one more and several blocks."""
+    program = EMULATED / "tree_hashes.py"
+    on_cpu = subprocess.run([sys.executable, str(program)], capture_output=True, text=True, check=True)
+    found = [
+        [line for line in out.splitlines() if "{" in line] for out in (on_cpu.stdout, emulated(str(program)).stdout)
+    ]
+    assert len(found[0]) == 21
+    assert found[0] == found[1]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "old", "new"),
     [

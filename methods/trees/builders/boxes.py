@@ -7,7 +7,7 @@ is that of one exchange after another. A node is numbered by the last leaf of it
 
 from __future__ import annotations
 
-from ..constants import CLIMB_BLOCK
+from ..constants import BLOCK
 
 BOXES = """
 auto clear = [&](float* box) { for (int k = 0; k < 6; k++) box[k] = k < 3 ? 3.4e38f : -3.4e38f; };
@@ -58,7 +58,7 @@ auto take_box = [&](int k, float* b) {
 multiprocessors do not see."""
 
 NEAR = (
-    f"constexpr int BLOCK = {CLIMB_BLOCK};"
+    f"constexpr int BLOCK = {BLOCK};"
     + """
 __shared__ float near_box[12][BLOCK];
 __shared__ int arrived[BLOCK];

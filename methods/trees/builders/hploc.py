@@ -26,7 +26,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-from ..constants import CLIMB_BLOCK
+from ..constants import BLOCK
 from .climb import make_builder
 
 CLUSTERS = 16
@@ -39,7 +39,7 @@ HEIGHT_BIT = 25
 
 SHARED = (
     f"""
-constexpr int CLUSTERS = {CLUSTERS}, BLOCK = {CLIMB_BLOCK}, HEIGHT_BIT = {HEIGHT_BIT};
+constexpr int CLUSTERS = {CLUSTERS}, BLOCK = {BLOCK}, HEIGHT_BIT = {HEIGHT_BIT};
 constexpr unsigned int TALL = {TALL}u, NAME = (1u << HEIGHT_BIT) - 1u;
 struct Cluster {{ float box[6]; unsigned int ref, name; }};
 """

@@ -73,6 +73,6 @@ tree.root.data[0] = (int)ref;
 
 @functools.cache
 def make_lbvh_kernel() -> Any:
-    """One thread per leaf in key order, in blocks of :data:`..constants.CLIMB_BLOCK` threads on a GPU."""
+    """One thread per leaf in key order, in blocks of :data:`..constants.BLOCK` threads on a GPU."""
     near = f"\n#if defined(__CUDA_ARCH__)\n{NEAR}{CLIMB_NEAR}\n#endif\n"
     return make_builder(EXCHANGED + START + near + CLIMB_ON)

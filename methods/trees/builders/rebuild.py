@@ -66,6 +66,6 @@ class Rebuilt:
         f.launch(key_kernel, -(-f.triangle_count // (2 * block)) * block, inputs, outputs, block)
 
     def _tree(self) -> None:
-        f, block = self.frame, constants.CLIMB_BLOCK
+        f, block = self.frame, constants.BLOCK
         inputs, outputs = [self.leaves, f.mesh], [self.scratch, self.flags, self.tree]
         f.launch(MAKERS[self.builder](), -(-f.triangle_count // block) * block, inputs, outputs, block)

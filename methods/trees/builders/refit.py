@@ -16,7 +16,7 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh, filled
 from ....harness.frame.schedule.passes import Pass
 from ...gpu.entries import entry
-from ..constants import CLIMB_BLOCK
+from ..constants import BLOCK
 from ..native import BASICS
 from ..nodes import WRITE, Tree, empty_tree, padding
 from .boxes import BOXES, EXCHANGED, NEAR
@@ -42,14 +42,23 @@ float box[6];
 clear(box);
 if (counts) box_of_triangle(triangle, box);
 if (slot < 0) tree.root.data[0] = counts ? (int)LEAF : (int)NONE;
+// Read before the sibling is waited for.
+int above = -1;
+unsigned int own = NONE, sibling = NONE;
+auto look_up = [&]() {
+    above = topology.node_parent.data[slot >> 1];
+    own = (unsigned int)topology.refs.data[slot];
+    sibling = (unsigned int)topology.refs.data[slot ^ 1];
+};
+if (slot >= 0) look_up();
 auto join_sibling = [&](const float* sibling_box) {
     int node = slot >> 1;
-    unsigned int own = (unsigned int)topology.refs.data[slot], sibling = (unsigned int)topology.refs.data[slot ^ 1];
     if (slot & 1) put_node((float*)tree.nodes.data, node, pad, sibling_box, sibling, box, own);
     else put_node((float*)tree.nodes.data, node, pad, box, own, sibling_box, sibling);
     join(box, sibling_box);
-    slot = topology.node_parent.data[node];
+    slot = above;
     if (slot < 0) tree.root.data[0] = node;
+    else look_up();
 };
 """
 
@@ -125,7 +134,7 @@ def refit_kernel(
     flags: wp.array(dtype=wp.int32),
     tree: Tree,
 ):
-    """One thread per place in the tree's order, in blocks of :data:`..constants.CLIMB_BLOCK` on a GPU."""
+    """One thread per place in the tree's order, in blocks of :data:`..constants.BLOCK` on a GPU."""
     refit(wp.tid(), count, padding(entry(tree.max_coordinate, 0)), topology, mesh, scratch, flags, tree)
 
 
@@ -170,5 +179,5 @@ class Refitted:
         f = self.frame
         inputs = [f.triangle_count, self.topology, f.mesh]
         outputs = [self.scratch, self.flags, self.tree]
-        threads = -(-f.triangle_count // CLIMB_BLOCK) * CLIMB_BLOCK
-        f.launch(refit_kernel, threads, inputs, outputs, CLIMB_BLOCK)
+        threads = -(-f.triangle_count // BLOCK) * BLOCK
+        f.launch(refit_kernel, threads, inputs, outputs, BLOCK)

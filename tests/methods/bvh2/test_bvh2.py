@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.drawn_examples import EXAMPLES, some
 from helpers.effect_scenes import all_mirrors
@@ -75,6 +76,22 @@ def test_settings_change_no_bit(device):
     for other in others:
         for key, values in first.items():
             np.testing.assert_array_equal(other[key], values, key)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"primary": "packet"}, {"precision": "float32", "primary": "single"}], ids=str
+)
+def test_rays_to_a_single_light_are_the_same_in_a_launch_with_the_eyes(settings, device):
+    prepared = make_scene(*soup(7, 300), [(5.0, 4.0, 3.0)])
+    answers = []
+    for together in (True, False):
+        with tuned({"TOGETHER": together, **settings}) as given:
+            session = Session(make_method(NAME, given), prepared, 33, 21, device)
+            answers.append(session.answers(prepared.moment(0, 33, 21)))
+        assert (session.method._rays.joint == 0) == (together and wp.get_device(device).is_cuda)
+    for key, values in answers[0].items():
+        np.testing.assert_array_equal(answers[1][key], values, key)
+    assert answers[0]["shadowed"].any()
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])

@@ -66,7 +66,7 @@ def scenes() -> dict[str, tuple[NDArray, NDArray]]:
     broken = soup(3, 400)[0].copy()
     broken[::21] = np.nan
     sets = {"soup": soup(5, 5000)[0], "one": one, "two": np.concatenate([one, one + 1.0])}
-    block = constants.CLIMB_BLOCK
+    block = constants.BLOCK
     sets |= {f"{count}": soup(count, count)[0] for count in (3, block - 1, block, block + 1, 2 * block + 1)}
     sets |= {"few": soup(6, 17)[0], "halved": halved, "nested": nested, "one centroid": same, "broken": broken}
     return {name: (points, np.arange(len(points)).reshape(-1, 3)) for name, points in sets.items()}
