@@ -165,12 +165,16 @@ def finding(table: DataFrame) -> str:
 
 
 def headline(table: DataFrame) -> str:
-    """In one sentence which kind of structure is the fastest, and how near the others come."""
+    """In one sentence which kind of structure is the fastest, and how near others come; :func:`finding` of few scenes."""
     scenes = [own.to_dict("records") for _, own in settings(table)]
-    known = nearest_others(table, scenes).iloc[[0, -1]].to_dict("records")
-    times = dict.fromkeys(numbers.carried(row["times"], row["times_spread"]) for row in known)
-    first = winners(scenes, named=False).removesuffix(".")
-    return f"{first}; the nearest exact structure of another kind takes {' to '.join(times)} times as long."
+    if len(scenes) <= MOST_TOLD:
+        return finding(table)
+    first, known = winners(scenes, named=False), nearest_others(table, scenes)
+    if known.empty:
+        return first
+    ends = known.iloc[[0, -1]].to_dict("records")
+    times = " to ".join(dict.fromkeys(numbers.carried(row["times"], row["times_spread"]) for row in ends))
+    return f"{first.removesuffix('.')}; the nearest exact structure of another kind takes {times} times as long."
 
 
 def winners(scenes: Sequence[Sequence[Mapping[str, Any]]], named: bool = True) -> str:

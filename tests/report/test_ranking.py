@@ -134,4 +134,5 @@ def test_what_is_not_built_for_what_has_moved_is_said(tmp_path):
 
 
 def test_nothing_measured_is_said(tmp_path):
-    assert said(tmp_path, made("a", 1.0, status="failed")) == "Nothing was measured."
+    table = ranked(tmp_path, made("a", 1.0, status="failed"))
+    assert ranking.finding(table) == ranking.headline(table) == "Nothing was measured."

@@ -78,7 +78,7 @@ def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> 
     return {
         "title": title,
         "version": shadowbench.__version__,
-        "finding": ranking.finding(ranking.ranked(sources[0].frames)),
+        "finding": ranking.headline(ranking.ranked(sources[0].frames)),
         "folders": about,
         "points": columns(every.reindex(columns=[*POINT, *(name for name in every if name.startswith("text."))])),
         "frames": columns(pd.concat(frames, ignore_index=True)),

@@ -52,14 +52,21 @@ function kinds(own, lead) {
     rows.set(name, [...(rows.get(name) || []), p]);
   }
   const most = 12, shownRows = [...rows].slice(0, most);
-  // A mark that would lie on the one before it is lower.
-  const low = (p, before) => before && axis.place(p.total_ms) - axis.place(before.total_ms) < 2.2;
+  // A mark that would lie on another one is lower, else higher.
+  const heights = (row) => {
+    const last = [], levels = [50, 22, 78];
+    return row.map((p) => {
+      const left = axis.place(p.total_ms), free = levels.findIndex((_, i) => !(left - last[i] < 2.2));
+      last[Math.max(free, 0)] = left;
+      return { left, bottom: levels[Math.max(free, 0)] };
+    });
+  };
   const looks = new Map(shownRows.flatMap(([, row]) => row).map((p) => [`${p.kind}\n${p.method}`, p]));
   return section("The fastest of each kind of structure, ms a frame", null,
     el("ul.legend.flow", {}, [...looks.values()].sort((a, b) => a.kind.localeCompare(b.kind)).map((p) => el("li", {}, swatch(p.method), `${p.kind}: ${p.method}`)), el("li", {}, el("i.dot.bad.still"), "some answers are wrong")),
     el("div.kinds", { role: "group", "aria-label": "Time of the fastest of each kind on each scene" },
       shownRows.map(([name, row]) => el("div.kind-row", {}, el("div.kind-name", {}, name), el("div.track", {}, axis.ticks.map(([at]) => { const line = el("i.rule"); line.style.left = `${at}%`; return line; }),
-        row.sort((a, b) => a.total_ms - b.total_ms).map((p, i) => dot(p, { left: axis.place(p.total_ms), bottom: low(p, row[i - 1]) ? 22 : 50 }, p.best ? textOf(p, "total_ms") : ""))))),
+        heights(row.sort((a, b) => a.total_ms - b.total_ms)).map((place, i) => dot(row[i], place, row[i].best ? textOf(row[i], "total_ms") : ""))))),
       el("div.kind-row", {}, el("div.kind-name"), el("div.track.ticks", {}, tickMarks(axis, "x")))),
     el("p.note", {}, `${lead.where}. Numbers: the fastest without a wrong answer, and what ties with it. Of each kind the fastest such method; a crossed ring is faster but wrong. `, rows.size > most ? `${whole(rows.size - most)} more are in the tables. ` : "", el("a", { href: address({ view: "table", t: lead.name }) }, "All methods"), "."),
     validNote(lead.valid));
