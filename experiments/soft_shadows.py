@@ -332,12 +332,12 @@ EXPERIMENT = Experiment(
             rounds=1, budget_s=2.0, lightings=targets(1, 4, 16),
         ),
         "short": Preset(
-            1024, 1024, SCENES, METHODS[:-1], frames=1, samples=3, most=5, stage_samples=1, rounds=2, budget_s=0.2,
+            1024, 1024, SCENES, METHODS[:-1], frames=1, samples=3, most=5, stage_samples=0, rounds=2, budget_s=0.2,
             timeout_s=300.0, lightings=targets(1, 4, 16, 64),
         ),
         "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=1, rounds=9,
-            budget_s=5.0, timeout_s=600.0, lightings=targets(1, 2, 4, 8, 16, 32, 64),
+            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=0, rounds=9,
+            budget_s=20.0, timeout_s=600.0, lightings=targets(1, 2, 4, 8, 16, 32, 64),
         ),
     },
     draw=draw,
