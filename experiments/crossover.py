@@ -327,7 +327,7 @@ EXPERIMENT = Experiment(
             (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100), ROOMS,
         ),
         "rooms": Preset(
-            1024, 1024, ROOMS, FEW, frames=1, samples=3, most=20, deviation=0.01, stage_samples=1, rounds=9, budget_s=3.0,
+            1024, 1024, ROOMS, FEW, frames=1, samples=3, most=20, deviation=0.01, stage_samples=0, rounds=9, budget_s=9.0,
             timeout_s=300.0, lightings=lights(1, 2, 4, 8, 16, 32, 64),
         ),
     },

@@ -222,7 +222,7 @@ def _series(record: Record) -> list[_Samples]:
     found = []
     for frame in record.measured:
         lines = [("frame", "", frame.round, frame.total_ms), ("wall", "", frame.round, frame.wall_ms)]
-        lines += [(step.part, step.name, frame.stage_round, step.ms) for step in frame.passes]
+        lines += [(step.part, step.name, frame.stage_round, step.ms) for step in frame.passes if step.ms]
         for part, name, rounds, ms in lines:
             numbers = np.array(rounds, dtype=np.int64)
             found.append(_Samples(record.key, frame.frame, part, name, numbers, np.array(ms, dtype=np.float64)))
@@ -335,7 +335,8 @@ def _times(frame: Frame) -> dict[str, Any]:
     counters = {f"counter.{name}": value for name, value in (frame.counters or {}).items()}
     parts = {column: [step for step in steps if step.part == part] for part, column in PART_COLUMNS.items()}
     sums = {column: float(sum(medians[step.name] for step in own)) for column, own in parts.items()}
-    if min(sums.values()) < -BACKWARDS * middle:
+    untimed = bool(frame.passes) and not steps
+    if untimed or min(sums.values()) < -BACKWARDS * middle:
         unknown = (f"{column}_{kind}" for column in parts for kind in ("ms", "iqr_ms"))
         return row | dict.fromkeys(unknown, math.nan) | counters
     row |= {f"pass.{step.part}.{step.name}": medians[step.name] for step in steps}

@@ -57,6 +57,17 @@ def test_where_a_tree_overtakes_the_grids_is_a_number_with_its_spread(tmp_path):
     )
 
 
+def test_a_method_that_may_take_a_grid_is_no_tree(tmp_path):
+    """``hybrid`` took grids here, and was a little faster than ours: no tree overtakes anything."""
+    made = records(2.0)
+    for one in [record for record in made if record["method"]["label"] == OURS.label]:
+        ms = 0.99 * one["frames"][0]["total_ms"][0]
+        lighting = soft_shadows.targets(one["scene"]["lights"][0]["samples"])[0]
+        made.append(record_of("soft_shadows", soft_shadows.HYBRID, one["scene"]["name"], lighting, ms=ms))
+        made[-1]["scene"]["lights"] = one["scene"]["lights"]
+    assert "not up to 16 on " in report_of("soft_shadows", tmp_path, made)
+
+
 @pytest.mark.parametrize(("tree", "words"), [(2.0, "not up to 16 on "), (-2.5, "at 1 already on ")])
 def test_a_tree_that_never_or_always_wins_is_said(tmp_path, tree, words):
     if tree < 0:  # a tree that takes less than the grids from the beginning

@@ -84,6 +84,21 @@ def test_parts_are_missing_where_their_times_contradict_each_other(records, tmp_
     assert table.drop(index=records[0]["key"])["trace_ms"].notna().all()
 
 
+def test_parts_are_missing_where_no_pass_was_timed(records, tmp_path):
+    """A frame of very many passes; they are not 0, and its own time stands."""
+    frame = records[0]["frames"][0]
+    frame["passes"] = [{**step, "ms": []} for step in frame["passes"]]
+    frame["stage_round"] = []
+    place = write_records(tmp_path, records)
+    table = tidy(place)
+    (row,) = table[(table["key"] == records[0]["key"]) & (table["frame"] == frame["frame"])].to_dict("records")
+    assert all(np.isnan(row[f"{part}_ms"]) for part in ("build", "trace", "light_build", "shadow"))
+    assert row["total_ms"] == np.median(frame["total_ms"])
+    assert stage_ms(table, "trace").isna().sum() == 1
+    own = samples(place).query("key == @records[0]['key'] and frame == @frame['frame']")
+    assert set(own["part"]) == {"frame", "wall"}
+
+
 def test_samples_in_long_form(records, tmp_path):
     found = samples(write_records(tmp_path, records[:1]))
     frames = records[0]["frames"]

@@ -13,6 +13,7 @@ import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.runner.machine.environment import clock_state
+from shadowbench.harness.runner.measuring import timing
 from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.runner.measuring.timing import CompileClock, Sampling, sample_frame, stop_reason
@@ -106,6 +107,15 @@ def test_counts_of_samples(device, capturable):
     assert min(measured.total_ms) > 0
     assert measured.stopped_by == "samples"
     assert abs(measured.started - time.time()) < 60
+
+
+def test_passes_of_a_captured_frame_that_has_too_many_are_not_timed_one_by_one(device, monkeypatch):
+    """Their prefixes take a time that grows with the square of their number."""
+    monkeypatch.setattr(timing, "MOST_PREFIXES", 2)
+    measured = sample_frame(session(Spinner(), device), Sampling(samples=1, most=1, stage_samples=3))
+    counts = [len(one["ms"]) for one in measured.passes]
+    assert counts == ([3, 3, 3] if device == "cpu" else [0, 0, 0])
+    assert len(measured.total_ms) == 1
 
 
 @pytest.mark.parametrize("capturable", [True, False])
