@@ -96,6 +96,7 @@ class BoxTree:
     padding      of the boxes, in units of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are
     box          float32 [6]: the box of all triangles, as :func:`.bounds.launch_bounds` writes it
     records      the triangles as a query reads them
+    bvh          the wp.Bvh
     """
 
     def __init__(self, frame: Frame, constructor: str, leaf_size: int, padding: float = PADDED_UNITS):
@@ -109,11 +110,11 @@ class BoxTree:
             self._lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
             self._uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
             self.records = filled(CornerRecords, corners=wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f))
-        self._bvh = wp.Bvh(self._lowers, self._uppers, constructor=constructor, leaf_size=leaf_size)
+        self.bvh = wp.Bvh(self._lowers, self._uppers, constructor=constructor, leaf_size=leaf_size)
 
     def boxes(self, kind: Any = Boxes, **fields: Any) -> Any:
         """What a kernel takes: :class:`Boxes`, or another struct with more ``fields``."""
-        return filled(kind, tree=int(self._bvh.id), records=self.records, **fields)
+        return filled(kind, tree=int(self.bvh.id), records=self.records, **fields)
 
     def passes(self) -> list[Pass]:
         """Boxes, then the tree: the resource "bvh"."""
@@ -126,4 +127,4 @@ class BoxTree:
         launch_boxes(self._frame, self.box, self._lowers, self._uppers, self.records, self._padding)
 
     def _rebuild(self) -> None:
-        self._bvh.rebuild(self._constructor)
+        self.bvh.rebuild(self._constructor)

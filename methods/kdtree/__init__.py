@@ -25,6 +25,7 @@ from ..gpu.reserve import BEYOND
 from ..rays.structure import Built, RayStructure
 from .large import advance_kernel, distribute_kernel, divide_kernel, gather_kernel, list_kernel, root_kernel
 from .nodes import COUNTERS, LARGE_DEPTH, LONGEST, MEMBERS_USED, NODES_USED, SMALL, Large, Refs, Roots, Tree
+from .quality import expected
 from .small import CANDIDATES, MEMBER_CHUNK, NODE_CHUNK, WIDTH, Scratch, finish_kernel, small_kernel
 from .traversal import make_kernels
 
@@ -118,7 +119,7 @@ class KdTree(RayStructure):
             Pass("large nodes", "build", (*geometry, "pairs"), ("small roots",), self._divide, loops=True),
             Pass("small nodes", "build", ("pairs", "small roots"), ("kd-tree",), self._small),
         ]
-        tree = filled(Tree, nodes=self._nodes, members=self._members, box=self._box)
+        self._built = tree = filled(Tree, nodes=self._nodes, members=self._members, box=self._box)
         return Built(passes, tree, ("kd-tree",), make_kernels())
 
     def _blocks(self, frame: Frame) -> int:
@@ -149,6 +150,7 @@ class KdTree(RayStructure):
             "nodes": large + int(counted[NODES_USED]),
             "leaf members": int(counted[MEMBERS_USED]),
             "longest list": int(counted[LONGEST]),
+            **expected(self._built),
         }
 
     def _root(self) -> None:

@@ -26,6 +26,7 @@ from ..rays.launches import PixelRays, shadow_ray_passes
 from ..rays.mesh_triangles import TreeTriangles, may_be_hit
 from ..rays.offset import launch_shadow_origins
 from .mesh_kernels import make_mesh_shadow_kernel, mesh_primary_kernel
+from .quality import expected
 
 UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
 CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")
@@ -161,8 +162,10 @@ class WarpBvh(BaseMethod):
         return what | (self._bands.built() if self._bands is not None else {})
 
     def counters(self) -> dict[str, int]:
-        """Tests of the exact variant; a wp.Mesh has no counters to read."""
-        return {} if self._rays is None else self._rays.counters()
+        """Tests of the exact variant, which a wp.Mesh does not count; and how good the tree is."""
+        if self._tree is not None and self._rays is not None:
+            return {**self._rays.counters(), **expected(self._tree.bvh)}
+        return {} if self._mesh is None else expected(self._mesh)
 
     def _make_mesh(self, points: wp.array, indices: wp.array) -> wp.Mesh:
         return wp.Mesh(points, indices, bvh_constructor=self._constructor, bvh_leaf_size=self.build.leaf_size or None)
