@@ -55,7 +55,8 @@ PLANTED = [
 @pytest.mark.parametrize(("name", "planted", "found"), PLANTED)
 def test_a_planted_number_is_found(name, planted, found):
     """A whole number, a ratio, a share, a number in words; on a page of results, of a method, of a command."""
-    assert rule.undrawn(name, f"{text_of(name)}\n{planted}\n") == [found]
+    text = text_of(name)
+    assert sorted(rule.undrawn(name, f"{text}\n{planted}\n")) == sorted([*rule.undrawn(name, text), found])
 
 
 @pytest.mark.parametrize(
