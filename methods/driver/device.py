@@ -75,6 +75,7 @@ def device_of(api: str, alias: str) -> Any:
     """
     import slangpy
 
+    slangpy.Logger.get().level = slangpy.LogLevel.error  # it writes warnings to where results are written
     kind, own = slangpy.DeviceType.vulkan, {}
     with wp.ScopedDevice(alias):
         if api == "optix":

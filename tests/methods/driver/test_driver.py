@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import warp as wp
@@ -125,6 +128,15 @@ def test_frames_of_a_moving_mesh(build, at):
         got = session.answers(moment)
         assert (got["triangle"] != wanted["triangle"]).mean() <= 0.01, frame
         assert (got["shadowed"] != wanted["shadowed"]).mean() <= 0.02, frame
+
+
+def test_it_writes_nothing_to_where_results_are_written(at):
+    code = f"start_warp(); device.device_of({at[0]['api']!r}, {at[1]!r})"
+    names = (
+        "from shadowbench.harness.frame.warp_init import start_warp; from shadowbench.methods.driver import device; "
+    )
+    done = subprocess.run([sys.executable, "-c", names + code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
 
 
 def test_what_it_says_of_itself(at):
