@@ -73,15 +73,6 @@ def test_reports_show_only_pictures_that_are_there(folder):
             assert (folder / shown).is_file(), f"{name} shows {shown}"
 
 
-@pytest.mark.parametrize("place", sorted({folder.parent for folder in FOLDERS}), ids=lambda path: path.name)
-def test_the_claims_are_those_of_the_records(place, tmp_path):
-    again = tmp_path / place.name
-    shutil.copytree(place, again, ignore=shutil.ignore_patterns("*.png", "*.svg"))
-    before = texts(again)
-    show("claims", again, quiet=True)
-    assert texts(again) == before
-
-
 @pytest.mark.parametrize(
     "path",
     sorted(path for folder in FOLDERS for path in folder.glob("environments/*.json")),
