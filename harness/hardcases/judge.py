@@ -171,8 +171,8 @@ def counts_of(answers: Answers, lights: int) -> Counts:
     return Counts(int((answers["triangle"] >= 0).sum()), shadowed)
 
 
-def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = False) -> Finding:
-    """Run a method on a case, twice: the classes of its answers, and whether both runs gave the same bits.
+def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = False, twice: bool = True) -> Finding:
+    """Run a method on a case: the classes of its answers, and, if ``twice``, whether another run gave the same bits.
 
     ``every_bit``: wrong shadow bits count even if the method declares shadows as outside.
     """
@@ -190,7 +190,7 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
         for earlier in trial.before:
             session.answers(earlier)
         answers = session.answers(moment)
-        again = session.answers(moment)
+        again = session.answers(moment) if twice else answers
     except CapacityRejected as error:
         finding.status, finding.reason = "outside", f"rejected: {error}"
         return finding

@@ -11,11 +11,12 @@ from helpers.devices import needs_gpu
 from helpers.effect_scenes import (
     BEHIND,
     EYE,
+    FEW_CELLS,
+    GIVEN,
     LAMPS,
     POINT,
     SIZE,
     SPOT,
-    WITH_TREE,
     all_mirrors,
     launches,
     scene,
@@ -234,13 +235,13 @@ def test_pass_graph_on_a_small_frame():
 # --- what a captured graph leaves out ------------------------------------------------------------------------------
 
 VARIANTS = [
-    *((name, WITH_TREE.get(name, {})) for name in method_names()),
+    *((name, GIVEN.get(name, {})) for name in method_names()),
     ("hybrid", {"shadows": "grid"}),
     ("warp_bvh", {"update": "bvh_rebuild"}),
-    ("perspective_spherical", {"sort": "radix", "balancing": "algorithm-1"}),
-    ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3"}),
-    ("perspective_spherical", {"triangle_chunk": "2", "clamp": "scene"}),
-    ("perspective_spherical", {"staging": "none", "light_map": "cube"}),
+    ("perspective_spherical", {"sort": "radix", "balancing": "algorithm-1", **FEW_CELLS}),
+    ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3", **FEW_CELLS}),
+    ("perspective_spherical", {"triangle_chunk": "2", "clamp": "scene", **FEW_CELLS}),
+    ("perspective_spherical", {"staging": "none", "light_map": "cube", **FEW_CELLS}),
     ("ray_grids", {"trial": "region=triangles"}),
 ]
 

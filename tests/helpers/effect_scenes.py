@@ -18,13 +18,16 @@ EYE = Camera((0.0, 0.6, 3.0), (0.0, 0.0, 0.0))
 POINT = Light((1.5, 3.0, 1.0))
 BEHIND = Light((0.5, -0.2, -4.0))
 SPOT = replace(POINT, spot=Spot((-1.5, -3.0, -1.0), 12.0))
-WITH_TREE = {"hybrid": {"shadows": "tree"}}
-"""Settings of a method whose default may take another way: with a grid the passes of hybrid are those of ray_grids."""
+FEW_CELLS = {"light_tiles": "32", "light_slices": "8"}
+
+GIVEN = {"hybrid": {"shadows": "tree"}, "shadow_map": {"size": "64"}, "perspective_spherical": FEW_CELLS}
+"""Settings of a method whose default may take another way, or long: with a grid the passes of hybrid are those of ray_grids,
+and maps and grids of lights are made for larger images."""
 
 LAMPS = {
     "bvh rebuilt in place": ("warp_bvh", {"update": "bvh_rebuild"}),
-    "grids clamped to the scene": ("perspective_spherical", {"clamp": "scene"}),
-    **{name: (name, WITH_TREE.get(name, {})) for name in method_names()},
+    "grids clamped to the scene": ("perspective_spherical", {"clamp": "scene", **FEW_CELLS}),
+    **{name: (name, GIVEN.get(name, {})) for name in method_names()},
 }
 EXACT = [
     "uniform_grid", "bvh rebuilt in place", "perspective_spherical", "ray_grids", "grids clamped to the scene",

@@ -21,6 +21,9 @@ def judged(name: str) -> Judged:
 EVERYTHING = os.environ.get("SHADOWBENCH_SWEEP") == "all"
 """Whether nobody takes turns: every method, setting and place for each case. ``make fuzz`` asks for it; it takes an hour."""
 
+LONG = ("P17 1023x769", "P29", "P31", "P52", "S16", "S31", "S35")
+"""Cases, by how their names begin, that take a third of the time of all: they run once where the others run twice."""
+
 EXACT_SETTINGS: dict[str, dict[str, str]] = {"warp_bvh": {"update": "bvh_rebuild"}, "hybrid": {"shadows": "tree"}}
 """Settings that make a method exact whose defaults are not; or that take the way for which these cases are meant."""
 

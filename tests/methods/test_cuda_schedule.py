@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, all_mirrors, scene
+from helpers.effect_scenes import BEHIND, GIVEN, POINT, SPOT, all_mirrors, scene
 from helpers.planned_for_cuda import plan_for_cuda
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import graphs
@@ -22,7 +22,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 
 VARIANTS: list[tuple[str, dict[str, str]]] = [
-    *((name, WITH_TREE.get(name, {})) for name in method_names()),
+    *((name, GIVEN.get(name, {})) for name in method_names()),
     ("bvh2", {"precision": "float32"}),
     ("bvh2", {"update": "refit"}),
     ("ray_grids", {"trial": "shares=3"}),

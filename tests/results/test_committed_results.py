@@ -1,6 +1,7 @@
 """The results that are kept: drawing them again changes nothing, and they name no machine of anybody's.
 
-Numbers and texts are compared. Pictures are not: their bytes depend on the versions of matplotlib and of its fonts.
+Numbers and texts are compared. Pictures are not: their bytes depend on the versions of matplotlib and of its fonts. They are
+put together, and not painted, which takes a third of the time.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.results.schema import ARCHIVE
 from shadowbench.harness.runner.machine import environment as environment
@@ -34,6 +37,14 @@ def texts(folder: Path) -> dict[str, str]:
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir()) if path.suffix in TEXTS}
 
 
+def unpainted(figure: Figure, path: Path, **_: object) -> None:
+    """In place of ``savefig``."""
+    if path.suffix == ".png":
+        Image.new("RGB", (1, 1)).save(path)
+    else:
+        path.write_text("<svg/>")
+
+
 def experiment_of(folder: Path) -> str:
     """What its first record says, without checking the others: drawing them does."""
     packed = folder / "records" / ARCHIVE
@@ -44,7 +55,8 @@ def experiment_of(folder: Path) -> str:
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
-def test_drawing_kept_records_again_changes_no_table(folder, tmp_path):
+def test_drawing_kept_records_again_changes_no_table(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(Figure, "savefig", unpainted)
     again = copied(folder, tmp_path)
     before = texts(again)
     files = show(experiment_of(folder), again, quiet=True)
@@ -59,15 +71,6 @@ def test_reports_show_only_pictures_that_are_there(folder):
     for name, text in texts(folder).items():
         for shown in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text):
             assert (folder / shown).is_file(), f"{name} shows {shown}"
-
-
-@pytest.mark.parametrize("place", sorted({folder.parent for folder in FOLDERS}), ids=lambda path: path.name)
-def test_the_claims_are_those_of_the_records(place, tmp_path):
-    again = tmp_path / place.name
-    shutil.copytree(place, again, ignore=shutil.ignore_patterns("*.png", "*.svg"))
-    before = texts(again)
-    show("claims", again, quiet=True)
-    assert texts(again) == before
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,6 @@ import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.method_trials import TRIALS, assert_exact, lattice, trace
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.methods.accuracy_ladder.kernels import make_kernels
-from tools.kernel_report import uses_of
 
 NAME = "accuracy_ladder"
 
@@ -64,13 +62,6 @@ def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     below = best < len(faces)
     assert bool((~bits & wanted & below).any()) == leak
     assert (make_method(NAME, settings).known_inexact is None) == (origin == "hit_point")
-
-
-@pytest.mark.parametrize("test", ["exact", "woop_float64"])
-def test_the_rungs_compile_for_cuda(test):
-    kernels = make_kernels(test, test == "exact")
-    assert all(uses_of(kernel.module) for kernel in kernels)
-    assert len(kernels) == 2
 
 
 @pytest.mark.parametrize("key", ["padding", "fast_math"])

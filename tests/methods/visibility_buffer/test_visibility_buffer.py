@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import TRIALS, assert_exact, trace
 from helpers.streams import trial
@@ -75,10 +76,18 @@ def test_tiles_that_hold_nothing_are_left_out():
         assert 0 < counts[f"{stream} chunks"] < 8 * counts[f"{stream} items"], stream  # of 32 tiles an item
 
 
-def test_queues_grow_and_the_frame_is_repeated(device):
-    prepared = small_and_large()
+def test_queues_grow_and_the_frame_is_repeated(device, monkeypatch):
+    """Whatever the memory of the queues held before: they are not cleared."""
+    prepared, empty = small_and_large(), wp.empty
+
+    def used(*given, **named):
+        array = empty(*given, **named)
+        array.fill_(0x7B7B7B7B)
+        return array
+
     tiny = trial(**TILES, items=1, chunks=1, undecided=1)
     _, _, roomy = trace(NAME, trial(**TILES), prepared, 40, 40, device)
+    monkeypatch.setattr(wp, "empty", used)
     session, _, tight = trace(NAME, tiny, prepared, 40, 40, device)
     assert session.regrown >= 1
     for key, values in roomy.items():
