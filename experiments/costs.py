@@ -14,7 +14,13 @@ from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from . import _rivals
 from ._paper import SCENES
 
-METHODS = (*_rivals.FEW, _rivals.REFITTED[0], *_rivals.REBUILT[3:], Entry("warp_bvh", {}, "mesh rebuilt"))
+METHODS = (
+    *_rivals.FEW,
+    _rivals.REFITTED[0],
+    *_rivals.REBUILT[3:],
+    Entry("warp_bvh", {}, "mesh rebuilt"),
+    _rivals.DRIVER[0],
+)
 COLUMNS = [*document.COMMON, *NUMBERS, *MISSING, *LATENCIES, "watts", "in_flight_gain", "memory_bytes"]
 SHOWN = {
     "title": "scene", "label": "method", "ms": "ms", "error": "answers", "energy_mj": "energy, mJ", "watts": "power, W",
@@ -47,9 +53,7 @@ def lacking(table: document.DataFrame) -> list[str]:
     """One line per cost and reason that it is missing, with the methods."""
     groups = [(said, table[table[column] != ""].groupby(column, sort=False)) for column, said in LACKING.items()]
     return [
-        f"{said} of {sentences.listed(list(own['label'].unique()))}: {reason}."
-        for said, found in groups
-        for reason, own in found
+        f"{said} of {'; '.join(own['label'].unique())}: {reason}." for said, found in groups for reason, own in found
     ]
 
 

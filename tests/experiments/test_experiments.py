@@ -29,7 +29,7 @@ def test_every_experiment_of_the_paper_is_there_and_helpers_are_not():
     assert not [name for name in experiment_names() if name.startswith("_")]
 
 
-SHARED = "frame_time table1 two_lights effects moving crossover scaling reflection advise".split()
+SHARED = "frame_time table1 two_lights effects moving crossover scaling reflection advise costs kept_trees".split()
 
 
 def test_a_method_with_its_settings_has_one_name_in_all_tables():

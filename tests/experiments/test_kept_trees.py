@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 from helpers.experiment_records import csv_of, record_of, report_of
 from shadowbench.experiments.kept_trees import FIRST, KEPT, LIGHTINGS, METHODS, REBUILT, STATIC
+from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.run import Run
 
 FRAMES = 12
 
@@ -69,3 +75,18 @@ def test_nothing_measured(tmp_path):
     assert "Nothing was measured." in report_of(
         "kept_trees", tmp_path, [record_of("kept_trees", FIRST, status="failed")]
     )
+
+
+def test_it_runs(tmp_path):
+    """Ages and qualities come from real records: a tree is the best at its own frame."""
+    options = plan_run(
+        "kept_trees", preset="quick", device="cpu", out=tmp_path, size="8x8", scenes=["balls-300-swirl50"]
+    )
+    preset = dataclasses.replace(options.preset, methods=METHODS[:3])
+    Run(dataclasses.replace(options, preset=preset, score=False), Silent()).go()
+    show("kept_trees", tmp_path, quiet=True)
+    rows = csv_of("kept_trees", tmp_path)
+    assert [row["age"] for row in rows if row["label"] == KEPT[0].label] == [str(k) for k in range(-5, 16)]
+    cost = {(row["label"], row["frame"]): float(row["sah_cost"]) for row in rows}
+    assert cost[KEPT[0].label, "5"] < cost[FIRST.label, "5"]
+    assert cost[KEPT[0].label, "0"] > cost[FIRST.label, "0"]

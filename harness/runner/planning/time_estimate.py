@@ -43,6 +43,9 @@ ANSWERS_S = 1.0
 ROUND_S = 0.2
 """Seconds of the samples of a point per frame and round on a GPU, roughly; they do not depend on the scene."""
 
+COSTS = 2.2
+"""Seconds for each that a preset asks for its costs: idle, replayed, alone and together in flight."""
+
 UNKNOWN = 100_000
 """Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
 
@@ -83,7 +86,7 @@ def guess(scene: str, preset: Preset, lights: int, device: str, rate: float | No
     if device.startswith("cuda"):
         pixels = more * frames * preset.width * preset.height / 2**20
         shared += REFERENCE_S * pixels
-        sampling = ROUND_S * frames * preset.rounds if rate is None else rate * work
+        sampling = (ROUND_S + COSTS * preset.costs_s) * frames * preset.rounds if rate is None else rate * work
         return ONCE_S + shared / methods + ANSWERS_S * pixels + min(sampling, preset.budget_s)
     runs = 1 + preset.samples + preset.stage_samples + 1
     seconds = CPU_S * runs * work * more if rate is None else OVERHEAD * rate * work
