@@ -151,12 +151,19 @@ def after_s(options: Options) -> float:
     return 8.0 * sum(not beside(options.out, name, "csv").exists() for name in options.preset.scenes)
 
 
+TILE = 320
+"""Largest height of a picture in a sheet, pixels: sheets are kept with the results."""
+
+
 def side_by_side(found: list[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
-    """Pictures with captions in one sheet, three across; large ones are shown at half their size, small ones enlarged."""
-    side = found[0][1].shape[0]
-    step, times = 1 + (side > 512), max(1, 256 // side)
+    """Pictures with captions in one sheet, three across; large ones are shown smaller, small ones enlarged."""
+    from PIL import Image
+
+    high, wide = found[0][1].shape[:2]
+    times = max(1, 256 // high)
+    size = (wide * TILE // high, TILE) if high > TILE else (wide * times, high * times)
     tiles = [
-        captioned(picture[::step, ::step].repeat(times, axis=0).repeat(times, axis=1), "", text)
+        captioned(np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BOX)), "", text)
         for text, picture in found
     ]
     high = max(len(tile) for tile in tiles)
