@@ -97,7 +97,7 @@ def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_pat
         return replace(known, score=replace(known.score, true_errors=len(asked)))
 
     monkeypatch.setattr(score, "score_answers", count)
-    grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu")
+    grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu", {})
     other = {**answers, "shadowed": answers["shadowed"].copy()}
     other["shadowed"][0, 5] ^= 1
     found = []
