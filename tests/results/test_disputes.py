@@ -42,7 +42,7 @@ def graded_record(key: str, graded: list[dict]) -> dict:
 def grade(ball, folder, key, answers, wrong_maps=False):
     """One point scored by a grader of its own, as where a run goes on after it was stopped."""
     hand_over(handed_path(folder, key, 0), answers)
-    grader = Grader(ball.prepared, {0: ball.moment}, "ball", folder, "cpu")
+    grader = Grader(ball.prepared, {0: ball.moment}, "ball", folder, "cpu", {})
     graded = grader.grade(key, False, True, folder / "picture.png", "ball", wrong_maps)
     (folder / "records").mkdir(exist_ok=True)
     (folder / "records" / f"{key}.json").write_text(json.dumps(graded_record(key, graded)))
