@@ -1,6 +1,6 @@
 """The exact referee: closest hits, tie sets and shadow bits for the same float32 inputs, and the class of an answer.
 
-A float64 filter with a proven error bound (:mod:`.judge.filter_kernels`) leaves a few candidate triangles per ray; integer
+A float64 filter with a proven error bound (:mod:`.judge.filters`) leaves a few candidate triangles per ray; integer
 arithmetic (:mod:`.judge.arithmetic`) decides among them. The class says whether the rounding of a float32 triangle test
 can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near an edge the ray must be.
 """
@@ -18,6 +18,7 @@ from . import arithmetic as exact
 from .candidates import BATCH, Candidates
 from .decisions import Decisions
 from .distances import edge_distance, plane_distance, triangle_distance
+from .duplicates import lowest_duplicates
 from .hits import Exact, Hits
 from .holes import Holes
 from .lists import Lists, Segments
@@ -62,28 +63,10 @@ class Referee:
 
     @cached_property
     def duplicate_of(self) -> NDArray[np.int32]:
-        """The lowest index of a valid triangle with the same three positions, int32 [triangle_count].
-
-        A triangle with holes has no duplicates.
-        """
-        corners = self.points[self.faces] + np.float32(0.0)  # -0 becomes +0
-        bits = corners.view(np.uint32).astype(np.uint64)
-        mixed = bits[..., 0] * np.uint64(0x9E3779B97F4A7C15)
-        mixed += (bits[..., 1] ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed += (bits[..., 2] ^ (mixed >> np.uint64(31))) * np.uint64(0x94D049BB133111EB)
-        mixed ^= mixed >> np.uint64(32)
-        # A sum, so that the order of the vertices does not matter; collisions are found by comparing.
-        _, first, inverse = np.unique(mixed.sum(axis=1), return_index=True, return_inverse=True)
-        lowest = first[inverse.ravel()].astype(np.int32)
-        rows = np.nonzero(lowest != np.arange(len(lowest)))[0]
-        mine, theirs = (
-            np.take_along_axis(corners[k], np.argsort(mixed[k], axis=1)[..., None], axis=1)
-            for k in (rows, lowest[rows])
-        )
-        same = (mine == theirs).all(axis=(1, 2)) & self.valid[rows] & self.valid[lowest[rows]]
-        same &= ~self.holes.masked(rows) & ~self.holes.masked(lowest[rows])
-        lowest[rows[~same]] = rows[~same]  # at worst a duplicate is judged exactly instead of by this table
-        return lowest
+        """The lowest index of a valid triangle with the same three positions, int32 [triangle_count]. A triangle with holes
+        has no duplicates."""
+        single = ~self.valid | self.holes.masked(np.arange(len(self.faces)))
+        return lowest_duplicates(self.points[self.faces], single)
 
     # --- exact answers ---
 

@@ -10,6 +10,8 @@ import pytest
 from helpers.second_opinion import random_trial
 from shadowbench.harness import api
 from shadowbench.harness.judge import candidates, lists
+from shadowbench.harness.judge.arithmetic import edge_bound
+from shadowbench.harness.judge.distances import triangle_distance
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.runner.planning.run_options import dealt
@@ -40,6 +42,27 @@ def test_lights_judged_together_have_the_verdicts_of_each_alone(monkeypatch, see
     some = random.uniform(size=bits.shape) < 0.5
     expected = np.where(some, classes, Verdict.OK)
     np.testing.assert_array_equal(referee.classify_shadows(hits, lights, bits, np.array(alone), some), expected)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_no_triangle_within_the_bound_of_a_lit_segment_is_left_out(seed):
+    """The filter drops what certainly passes farther away; here every triangle is measured."""
+    points, faces, origins, directions, lights = random_trial(np.random.default_rng(seed), 80)
+    referee = Referee(points, faces, np.ones(len(faces)))
+    hits = referee.closest(origins, directions)
+    seen, corners = set(), points[faces].astype(np.float64)
+    for light in lights:
+        lit = np.nonzero((hits.triangle >= 0) & (referee.occluders(hits, light) < 0))[0]
+        classes = referee.classify_shadow(hits, light, np.ones(len(hits), dtype=np.uint8))
+        held = candidates.in_planes(points[faces], light)
+        for i in lit.tolist():
+            others = np.setdiff1d(np.nonzero(~held)[0], hits.ties[i])
+            p, q = (np.broadcast_to(one, (len(others), 3)) for one in (hits.points[i], light.astype(np.float64)))
+            away, share = triangle_distance(p, q, corners[others])
+            near = (away <= edge_bound(p, p + share[:, None] * (q - p))).any()
+            assert classes[i] == (Verdict.EDGE if near else Verdict.ACNE)
+            seen.add(bool(near))
+    assert seen == {True, False}
 
 
 def test_parts_hold_every_ray_once(monkeypatch):

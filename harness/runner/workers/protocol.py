@@ -93,7 +93,8 @@ class _Room(TypedDict):
     room: float
 
 
-class _Prepared(Prepared, _Room): ...
+class _Prepared(Prepared, _Room):
+    answers: str
 
 
 class _Scored(Finished):
