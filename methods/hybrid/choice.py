@@ -29,6 +29,10 @@ SHARED = 48
 lights are enclosed: found at 4 and 16 lights in rooms of 82 to 285 thousand triangles at 1024x1024 on one H200. In open
 scenes a walk takes longer than a grid, so that no number of lights pays for the build."""
 
+SPARSE = 3.5
+"""Pixels per triangle below which no number of enclosed lights pays for the tree: a walk to each light then takes longer
+than its grid (found in rooms at 512x512 with 4 to 64 targets, on one H200)."""
+
 LOOKED_FROM = 4
 """Lights from which triangles are looked at, at most."""
 
@@ -43,7 +47,7 @@ def chosen(frame: Frame, effects: Effects) -> str:
     casting = [i for i, wanted in enumerate(effects.shadows) if wanted]
     most: float = OPEN
     if mean_layers(frame, casting[:: max(1, -(-len(casting) // LOOKED_FROM))]) > MOST_LAYERS:
-        most = ENCLOSED if len(casting) == 1 else SHARED / len(casting)
+        most = ENCLOSED if len(casting) == 1 else max(SHARED / len(casting), SPARSE)
     return "grid" if frame.triangle_count * most > frame.pixels else "tree"
 
 

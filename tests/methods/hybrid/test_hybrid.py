@@ -118,6 +118,11 @@ def test_lights_share_a_tree_from_48_pixels_a_triangle_over_their_number_on(ligh
     assert taken(shells(2, [(0.01 * i, 0.02, 0.03) for i in range(lights)]), 64, height) == wanted
 
 
+@pytest.mark.parametrize(("width", "wanted"), [(55, "grid"), (56, "tree")])
+def test_no_number_of_lights_takes_a_tree_below_three_and_a_half_pixels_a_triangle(width, wanted):
+    assert taken(shells(2, [(0.01 * i, 0.02, 0.03) for i in range(20)]), width, 1) == wanted
+
+
 def test_layers_from_afar_are_those_of_parallel_rays():
     # Parallel rays cross an octahedron twice in its shadow, of area sqrt(3) along a diagonal; the sphere around its box
     # has 3 pi.
