@@ -14,7 +14,7 @@ from ..harness.report.documents import Results
 from ..harness.report.page.gather import PARTS as PARTS_OF_A_FRAME
 from ..harness.report.page.gather import machine_of, written
 from ..harness.results.folder import read_environment
-from . import _rivals, effects
+from . import _rivals, effects, soft_shadows
 from .accuracy.hard_cases import read_hard
 from .claims import CLAIMS
 
@@ -205,6 +205,38 @@ def verdicts(results: Results, machine: str) -> list[str]:
     return [f"{holds} hold, {fails} do not, {open_} cannot be told."]
 
 
+def soft(results: Results, folder: str) -> list[str]:
+    """A soft shadow by the number of targets, on each scene: the error of its picture, what the fastest exact grid and tree
+    take, and what a filtered map takes, with its error."""
+    import pandas as pd
+
+    table = document.measured(soft_shadows.read(results.folder / folder))
+    rows = []
+    for (title, targets), own in table.groupby(["title", "targets"], sort=False):
+        if targets not in SHOWN_TARGETS:
+            continue
+        best = own[own["exact"]].sort_values("total_ms")
+        error = best["rmse"].dropna().map(percent).head(1)
+        row = {"scene": str(title), "targets": int(targets), "error of the light": next(iter(error), "-")}
+        for name, labels in (("grid, ms", soft_shadows.GRIDS), ("tree, ms", soft_shadows.TREES)):
+            row[name] = next(iter(best["ms"][best["label"].isin(labels)]), "-")
+        for entry in soft_shadows.FILTERED:
+            mapped = own[own["label"] == entry.label].to_dict("records")
+            row[f"{entry.label}, ms (error)"] = (
+                ", ".join(f"{one['ms']} ({percent(one['rmse'])})" for one in mapped) or "-"
+            )
+        rows.append(row)
+    return marked(pd.DataFrame(rows).sort_values(["scene", "targets"], kind="stable"))
+
+
+SHOWN_TARGETS = (1, 4, 16, 64)
+
+
+def percent(share: float) -> str:
+    """A share of the light as text; "-" where it is not known."""
+    return f"{100 * share:.2g} %" if share == share else "-"
+
+
 def folders(results: Results, name: str) -> list[str]:
     """The folders of a machine: what was measured, when, and with which version of the first of its methods."""
     import pandas as pd
@@ -244,5 +276,6 @@ PARTS = {
         claims,
         verdicts,
         folders,
+        soft,
     )
 }

@@ -26,7 +26,7 @@ WITH_TREE = Entry("hybrid", {"shadows": "tree"}, "hybrid with its tree")
 
 TREES, GRIDS = (REBUILT[0].label, WITH_TREE.label), (OURS.label,)
 FILTERED = tuple(
-    Entry("shadow_map", {"size": "2048", "filter": "soft", "spread": spread}, f"filtered map, {name}")
+    Entry("shadow_map", {"size": "2048", "filter": "soft", "spread": spread}, f"{name} filtered map")
     for name, spread in (("narrow", "0.25"), ("wide", "1"))
 )
 METHODS = (OURS, *REBUILT[:2], HYBRID, WITH_TREE, RASTERISED, *FILTERED)
@@ -131,7 +131,7 @@ def finding(done: document.DataFrame) -> str:
     mapped = known[known["label"].isin([entry.label for entry in FILTERED]) & (known["targets"] == most)]
     if len(mapped):
         least = mapped.groupby("label")["rmse"].mean()
-        text += f", that of a {least.idxmin()} by {100 * least.min():.2g} %"
+        text += f", that of the {least.idxmin()} by {100 * least.min():.2g} %"
     return text + "."
 
 
