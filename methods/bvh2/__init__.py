@@ -57,14 +57,12 @@ class BinaryTree(BaseMethod):
         self._tree = tree = tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
         first, grows, beside = tree.passes()
         trace = self.trace
-        few = constants.PACKETS * frame.triangle_count < frame.pixels
-        packets = few if trace.primary == "auto" else trace.primary == "packet"
         self._rays = rays = TreeRays(
             frame,
             tree.tree,
             effects,
             trace.precision,
-            packets,
+            trace.primary == "packet",
             trace.threads,
             constants.SHARES,
             self._capacity,
