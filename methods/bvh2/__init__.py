@@ -57,12 +57,14 @@ class BinaryTree(BaseMethod):
         self._tree = tree = tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
         first, grows, beside = tree.passes()
         trace = self.trace
+        loose = trace.precision == "float32" and constants.PACKETS * frame.triangle_count < frame.pixels
+        packets = loose if trace.primary == "auto" else trace.primary == "packet"
         self._rays = rays = TreeRays(
             frame,
             tree.tree,
             effects,
             trace.precision,
-            trace.primary == "packet",
+            packets,
             trace.threads,
             constants.SHARES,
             self._capacity,

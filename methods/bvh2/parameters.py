@@ -9,7 +9,7 @@ from ..common.parameters import check_choices
 from ..trees.builders import BUILDERS, UPDATES
 
 PRECISIONS = ("exact", "float32")
-PRIMARIES = ("packet", "single")
+PRIMARIES = ("auto", "packet", "single")
 
 FLOAT32_INEXACT = "float32 triangle tests without a bound; shadow rays end 1e-4 of their length before the hit point"
 
@@ -21,7 +21,7 @@ class Build:
     update      "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of one frame of the
                 animation, its boxes refitted each frame; "static": that tree, for geometry that does not move
     builder     of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al.
-                2024); "auto": lbvh below 30,000 triangles
+                2024); "auto": lbvh below 50,000 triangles
     tree_frame  of a refitted tree: the frame that it is made of, 0 is the first
     """
 
@@ -42,12 +42,13 @@ class Trace:
     precision  "exact": float32 tests with a bound on their error, float64 for what they leave undecided; "float32": the
                same tree as it is usually traced, with its errors. Scenes with holes, rays of an orthographic
                camera and shadow rays of a directional light are traced exactly in either case
-    primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own
+    primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own; "auto":
+               packets in float32 where there is less than one triangle for every four pixels
     threads    of a CPU: each traces a share of the pixels; 0: one for each core that this process may use, at most 16
     """
 
     precision: str = "exact"
-    primary: str = "single"
+    primary: str = "auto"
     threads: int = 0
 
     def __post_init__(self) -> None:
