@@ -1,7 +1,8 @@
 """Constants that the speed of trees depends on, and no answer.
 
-The last column says where other values were measured, in whole frames on an H200: results/notebook-methods.md ("tried", "small")
-or results/notebook.md ("pairs", "exact"). A dash: the value was taken from the source named in the code, or never varied.
+The last column says where other values were measured, in whole frames on an H200: results/notebook-methods.md ("tried" and
+"small") or results/notebook.md ("pairs", "exact"). A dash: the value was taken from the source named in the code, or never
+varied.
 
     constant           value    unit          what it is                                                     measured
     MANY_TRIANGLES     50,000   triangles     from which on H-PLOC makes the tree, below LBVH                  small
