@@ -11,7 +11,6 @@ import warp as wp
 
 from ..errors import UserError
 from ..scene.scene import Scene
-from .cards import UNITS, has_ray_tracing_units
 from .method import Method
 from .registry import make_method
 from .warp_init import start_warp
@@ -49,13 +48,6 @@ def placed_method(
 def device_title(device: str) -> str:
     """The product name of a device."""
     return str(wp.get_device(device).name) if device.startswith("cuda") else cpu_model()
-
-
-def units_of(device: str) -> dict[str, str]:
-    """Whether a GPU has ray tracing units, as a fact that records and tables show (:data:`.cards.UNITS`)."""
-    known = wp.get_device(device)
-    has = has_ray_tracing_units(int(known.arch), str(known.name)) if known.is_cuda else False
-    return {UNITS: {True: "yes", False: "none", None: "unknown"}[has]}
 
 
 @functools.cache

@@ -13,8 +13,7 @@ from typing import Any
 import warp as wp
 
 from ...harness.errors import UserError, one_line
-from ...harness.frame.cards import UNITS
-from ...harness.frame.devices import units_of
+from ...harness.frame.cards import UNITS, has_ray_tracing_units
 
 RAY_GENERATION = ("closest", "shadow")
 """The entry points of ``rays.slang`` that make rays, in the order of the shader table."""
@@ -131,7 +130,9 @@ def facts_of(api: str, alias: str) -> dict[str, str]:
     device = device_of(api, alias)
     number = int(device.info.optix_version)
     if api == "optix":
-        own = {"api": f"OptiX {number // 10000}.{number % 10000 // 100}"} | units_of(alias)
+        card = wp.get_device(alias)
+        has = {True: "yes", False: "none", None: "unknown"}[has_ray_tracing_units(int(card.arch), str(card.name))]
+        own = {"api": f"OptiX {number // 10000}.{number % 10000 // 100}", UNITS: has}
     else:
         software = device.has_feature(slangpy.Feature.software_device)
         own = {"api": "Vulkan", "adapter": device.info.adapter_name, UNITS: "none" if software else "unknown"}
