@@ -220,11 +220,9 @@ def soft(results: Results, folder: str) -> list[str]:
         row = {"scene": str(title), "targets": int(targets), "error of the light": next(iter(error), "-")}
         for name, labels in (("grid, ms", soft_shadows.GRIDS), ("tree, ms", soft_shadows.TREES)):
             row[name] = next(iter(best["ms"][best["label"].isin(labels)]), "-")
-        for entry in soft_shadows.FILTERED:
-            mapped = own[own["label"] == entry.label].to_dict("records")
-            row[f"{entry.label}, ms (error)"] = (
-                ", ".join(f"{one['ms']} ({percent(one['rmse'])})" for one in mapped) or "-"
-            )
+        for label, mapped in own[own["method"] == soft_shadows.FILTERED[0].method].groupby("label", sort=False):
+            (one,) = mapped.to_dict("records")
+            row[f"{label}, ms (error)"] = f"{one['ms']} ({percent(one['rmse'])})"
         rows.append(row)
     return marked(pd.DataFrame(rows).sort_values(["scene", "targets"], kind="stable"))
 
