@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..harness.errors import CapacityRejected, UserError
 from ..harness.frame.devices import placed_method
 from ..harness.frame.registry import make_method
 from ..harness.frame.session import Session
@@ -29,8 +30,9 @@ SIZE = 0.08
 
 REFERENCE = 256
 EXACT = "every exact method"
-JUDGE = Entry("bvh2")
-"""What the pictures of the exact methods and of the reference are made with; records say whether a method answers as it."""
+JUDGES = (Entry("bvh2"), Entry("two_level_grid"))
+"""What the pictures of the exact methods and of the reference are made with, the first that has room for all targets;
+records say whether a method answers as they do."""
 
 
 def targets(*counts: int) -> tuple[Lighting, ...]:
@@ -47,15 +49,27 @@ class Pictures:
         self.frame = spread_frames(prepared.frame_count, 1)[0]
 
     def made(self, entry: Entry, lighting: Lighting) -> tuple[dict[str, NDArray], NDArray[np.uint8]] | None:
-        """The answers and the picture; None where the method cannot trace the scene."""
+        """The answers and the picture; None where the method cannot trace the scene or has no room for the targets."""
         MACHINE.give_way()
         lit = lighting.applied(self.prepared)
         method, place, cannot = placed_method(entry.method, dict(entry.settings), lit.scene, self.device)
         if cannot:
             return None
         moment = lit.moment(self.frame, *self.size)
-        answers = Session(method, lit, *self.size, place).answers(moment)
+        try:
+            answers = Session(method, lit, *self.size, place).answers(moment)
+        except CapacityRejected:
+            return None
         return answers, shade(lit, moment, answers, lit.lights(self.frame))
+
+    def exact(self, lighting: Lighting) -> tuple[dict[str, NDArray], NDArray[np.uint8]]:
+        """The exact answers and their picture."""
+        for entry in JUDGES:
+            if found := self.made(entry, lighting):
+                return found
+        raise UserError(
+            f"{self.prepared.scene.name}: no exact method has room for {lighting.label}; choose a smaller --size"
+        )
 
     def facing(self, triangle: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which pixels hit a surface that faces the middle of the light: the others get no light, whatever their bits."""
@@ -76,8 +90,7 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
     found  receives pictures to show side by side, with captions
     """
     pictures = Pictures(prepare(options.described(name)), options)
-    reference = pictures.made(JUDGE, targets(REFERENCE)[0])
-    assert reference is not None
+    reference = pictures.exact(targets(REFERENCE)[0])
     right, counted = share_of_light(reference[0]), pictures.facing(reference[0]["triangle"])
     counts = [lighting.samples for lighting in options.preset.lightings]
     shown = {counts[0], counts[len(counts) // 2], counts[-1]}
@@ -86,8 +99,8 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
         for entry in options.preset.methods
         if getattr(make_method(entry.method, dict(entry.settings)), "known_inexact", None)
     ]
-    for entry, lighting in itertools.product((replace(JUDGE, label=EXACT), *inexact), options.preset.lightings):
-        made = pictures.made(entry, lighting)
+    for entry, lighting in itertools.product((replace(JUDGES[0], label=EXACT), *inexact), options.preset.lightings):
+        made = pictures.exact(lighting) if entry.label == EXACT else pictures.made(entry, lighting)
         if made is None:
             continue
         off = np.abs(share_of_light(made[0]) - right)[counted]

@@ -180,14 +180,13 @@ class Queues:
         items, chunks, undecided = self._capacity
         with wp.ScopedDevice(self.device):
             self._records = wp.zeros((self._rows, 4), dtype=wp.vec4f)
-            # Not cleared, which would take longer than a small frame: no more is read than counters say was written.
             self._lists = [
                 {
-                    "large": wp.empty(items, dtype=wp.vec4i),
-                    "items": wp.empty(items, dtype=wp.vec4i),
-                    "groups": wp.empty((items, GROUP_WORDS), dtype=wp.vec4f),
-                    "chunks": wp.empty(chunks, dtype=wp.vec2i),
-                    "undecided": wp.empty(undecided, dtype=wp.vec2i),
+                    "large": wp.zeros(items, dtype=wp.vec4i),
+                    "items": wp.zeros(items, dtype=wp.vec4i),
+                    "groups": wp.zeros((items, GROUP_WORDS), dtype=wp.vec4f),
+                    "chunks": wp.zeros(chunks, dtype=wp.vec2i),
+                    "undecided": wp.zeros(undecided, dtype=wp.vec2i),
                 }
                 for _ in range(self.shares)
             ]

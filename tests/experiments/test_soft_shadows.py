@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from helpers.experiment_records import record_of, report_of
 from shadowbench.experiments import soft_shadows
+from shadowbench.harness.errors import CapacityRejected
+from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.case import ball, joined, plane, view
 from shadowbench.harness.runner.planning.experiment import Entry
 
@@ -80,7 +82,12 @@ def test_a_tree_that_never_or_always_wins_is_said(tmp_path, tree, words):
     assert words in report_of("soft_shadows", tmp_path, made)
 
 
-def test_errors_of_pictures_fall_with_the_number_of_targets():
+def no_room(*given):
+    raise CapacityRejected("needs more")
+
+
+@pytest.mark.parametrize("without_room", [False, True])
+def test_errors_of_pictures_fall_with_the_number_of_targets(monkeypatch, without_room):
     """An exact method's error falls; a filtered map, whose filter is too wide everywhere, keeps one."""
     trial = view(
         joined(ball(0.75, (0, 0, 0)), plane(2, -1, 4)), [(0.5, 0.75, 3.0)], (0, -4, 3), (0, 0.9, -0.85), 0.75, (16, 16)
@@ -88,6 +95,8 @@ def test_errors_of_pictures_fall_with_the_number_of_targets():
     wide = Entry("shadow_map", {"size": "512", "filter": "soft"}, "wide")
     preset = SimpleNamespace(width=24, height=24, methods=(TREE, wide), lightings=soft_shadows.targets(*COUNTS))
     options = SimpleNamespace(preset=preset, device="cpu", described=lambda name: trial.prepared.scene)
+    if without_room:
+        monkeypatch.setattr(type(make_method("bvh2")), "plan", no_room)
     pictures: list = []
     rows = list(soft_shadows.errors(options, "case", pictures))
     exact = [row["rmse"] for row in rows if row["picture"] == soft_shadows.EXACT]
