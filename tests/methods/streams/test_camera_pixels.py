@@ -41,7 +41,8 @@ def test_certain_signs_are_those_of_float64(size):
     moment = prepared.moment(0, WIDTH, HEIGHT)
     frame = Frame(prepared, WIDTH, HEIGHT, 0, "cpu")
     frame.load(moment)
-    least, bound = wp.zeros((len(faces), HEIGHT, WIDTH), dtype=wp.float32), wp.zeros(1, dtype=wp.float32)
+    least = wp.zeros((len(faces), HEIGHT, WIDTH), dtype=wp.float32, device="cpu")
+    bound = wp.zeros(1, dtype=wp.float32, device="cpu")
     inputs, outputs = [frame.camera, frame.mesh], [least, bound]
     wp.launch(edges_kernel, dim=least.shape, inputs=inputs, outputs=outputs, device="cpu")
     found, margin = least.numpy(), bound.numpy()[0]
