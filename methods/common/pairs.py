@@ -10,6 +10,10 @@ from ...harness.errors import CapacityRejected
 PAIR_BYTES = 16
 """Two keys and two values of four bytes: a sort needs room for both sides."""
 
+SPARE = 16
+"""On a GPU a frame does not need as much each time: a pair is tested or not by what other threads have found (0.8 % of the
+undecided pairs of a light were seen to differ). A replayed frame cannot ask for more room."""
+
 
 @wp.kernel(enable_backward=False)
 def need_kernel(scan: wp.array(dtype=wp.int64), need: wp.array(dtype=wp.int64), slot: wp.int32):
@@ -23,12 +27,12 @@ def all_needs(*counts: wp.array) -> wp.array:
 
 
 def grown(needed: int, capacity: int, memory: int, what: str) -> int:
-    """The new capacity: unchanged if it suffices, else a third more than needed.
+    """The new capacity: unchanged if it suffices with a part in :data:`SPARE` to spare, else a third more than needed.
 
     Raises :class:`CapacityRejected` if even the bare need exceeds ``memory`` bytes or what 31 bits can count.
     """
-    if needed <= capacity:
+    if needed + needed // SPARE <= capacity:
         return capacity
-    if needed * PAIR_BYTES > memory or needed >= 2**30:
+    if needed > capacity and (needed * PAIR_BYTES > memory or needed >= 2**30):
         raise CapacityRejected(f"needs {needed:,} {what} ({needed * PAIR_BYTES / 2**30:.1f} GiB)")
-    return min(needed + needed // 3 + 1024, max(needed, memory // PAIR_BYTES), 2**30)
+    return max(capacity, min(needed + needed // 3 + 1024, max(needed, memory // PAIR_BYTES), 2**30))
