@@ -108,7 +108,7 @@ def detailed(source: Source, last: dict[str, str], facts: dict[str, Any]) -> Dat
     """
     own = document.named(source.frames)
     own = document.with_passes(own, source.path, PARTS) if len(document.measured(own)) else own
-    machine = own["environment"].map({name: machine_of(one) for name, one in facts.items()})
+    machine = own["environment"].map({name: machine_of(one) for name, one in facts.items()}).astype(object)
     usual = asdict(Lighting())
     lit = [
         ", ".join(
