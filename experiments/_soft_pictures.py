@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,9 @@ JUDGES = (Entry("bvh2"), Entry("two_level_grid"))
 """What the pictures of the exact methods and of the reference are made with, the first that has room for all targets;
 records say whether a method answers as they do."""
 
+Made = tuple[dict[str, NDArray], NDArray[np.uint8]]
+"""Answers, and their picture."""
+
 
 def targets(*counts: int) -> tuple[Lighting, ...]:
     """The first light as a sphere with the given numbers of targets."""
@@ -48,7 +51,7 @@ class Pictures:
         self.size = options.preset.width, options.preset.height
         self.frame = spread_frames(prepared.frame_count, 1)[0]
 
-    def made(self, entry: Entry, lighting: Lighting) -> tuple[dict[str, NDArray], NDArray[np.uint8]] | None:
+    def made(self, entry: Entry, lighting: Lighting) -> Made | None:
         """The answers and the picture; None where the method cannot trace the scene or has no room for the targets."""
         MACHINE.give_way()
         lit = lighting.applied(self.prepared)
@@ -62,7 +65,7 @@ class Pictures:
             return None
         return answers, shade(lit, moment, answers, lit.lights(self.frame))
 
-    def exact(self, lighting: Lighting) -> tuple[dict[str, NDArray], NDArray[np.uint8]]:
+    def exact(self, lighting: Lighting) -> Made:
         """The exact answers and their picture."""
         for entry in JUDGES:
             if found := self.made(entry, lighting):
@@ -99,18 +102,20 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
         for entry in options.preset.methods
         if getattr(make_method(entry.method, dict(entry.settings)), "known_inexact", None)
     ]
-    for entry, lighting in itertools.product((replace(JUDGES[0], label=EXACT), *inexact), options.preset.lightings):
-        made = pictures.exact(lighting) if entry.label == EXACT else pictures.made(entry, lighting)
+    ways: dict[str, Callable[[Lighting], Made | None]] = {EXACT: pictures.exact}
+    ways |= {entry.label: partial(pictures.made, entry) for entry in inexact}
+    for (label, make), lighting in itertools.product(ways.items(), options.preset.lightings):
+        made = make(lighting)
         if made is None:
             continue
         off = np.abs(share_of_light(made[0]) - right)[counted]
         yield {
-            "scene": pictures.prepared.scene.name, "picture": entry.label, "targets": lighting.samples,
+            "scene": pictures.prepared.scene.name, "picture": label, "targets": lighting.samples,
             "rmse": float(np.sqrt(np.mean(off**2))) if len(off) else 0.0, "largest": float(off.max(initial=0.0)),
             "flip_error": flip(reference[1], made[1])["flip"],
         }  # fmt: skip
-        if lighting.samples in shown and (entry.label == EXACT or lighting.samples == max(shown)):
-            found.append((f"{entry.label}, {lighting.label}", made[1]))
+        if lighting.samples in shown and (label == EXACT or lighting.samples == max(shown)):
+            found.append((f"{label}, {lighting.label}", made[1]))
     found.append((f"reference, {REFERENCE} targets", reference[1]))
 
 

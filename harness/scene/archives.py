@@ -73,6 +73,7 @@ def _opened(archive: Path) -> Iterator:
         raise UserError(f"{archive}: no archive but {_beginning(archive)}; the server may have sent a page instead")
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as packed:
+            # ZipInfo.is_dir fails where a name is empty.
             infos = [info for info in packed.infolist() if not info.filename.endswith("/")]
             members = (Member(i.filename, (i.external_attr >> 28) in (0, 8), i) for i in infos)
             yield members, lambda member: packed.open(member.handle)

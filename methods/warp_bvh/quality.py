@@ -45,8 +45,7 @@ def nodes_kernel(
 
 
 def expected(tree: wp.Bvh | wp.Mesh) -> dict[str, int]:
-    """:func:`counters_of` a tree of Warp; nothing if another version of Warp lays its nodes out
-    otherwise."""
+    """Nodes and triangles that a hundred rays meet; nothing if another version of Warp lays its nodes out otherwise."""
     of_mesh = isinstance(tree, wp.Mesh)
     most = 2 * (len(tree.indices) // 3 if of_mesh else len(tree.lowers))
     with wp.ScopedDevice(tree.device):
