@@ -45,6 +45,10 @@ auto about = [](float a) {
     asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(a));
     return inverse;
 };
+auto inverse_of = [&](float a) {
+    float first = about(a);
+    return __fmaf_rn(first, __fmaf_rn(-a, first, 1.0f), first);
+};
 auto entering = [](float x, float y, float z) {
     return __int_as_float(__vimax3_s32_relu(__float_as_int(x), __float_as_int(y), __float_as_int(z)));
 };
@@ -65,6 +69,7 @@ auto store16 = [](void* at, int k, float x, float y, float z, float w) {
     reinterpret_cast<Quad*>(at)[k] = Quad{x, y, z, w};
 };
 auto about = [](float a) { return 1.0f / a; };
+auto inverse_of = about;
 auto entering = [&](float x, float y, float z) { return high(high(x, y), high(z, 0.0f)); };
 auto leaving = [&](float x, float y, float z, float limit) { return low(low(x, y), low(z, limit)); };
 auto sum = [](float a, float b) { return a + b; };
@@ -74,7 +79,8 @@ constexpr bool FUSED = false;
 #endif
 """
 )
-"""``about`` is one over a number, with the precision of a GPU's single instruction. ``sum`` and ``product`` are rounded
+"""``about`` is one over a number, with the precision of a GPU's single instruction; ``inverse_of`` is the quotient rounded,
+without the branches of a division: 0 where that is below the normal numbers, or the number itself is. ``sum`` and ``product`` are rounded
 separately: a GPU's compiler would fuse them, and the tree would differ from the CPU's.
 
 ``entering`` and ``leaving``: the largest of three numbers and 0, and the smallest of three numbers and ``limit`` > 0. A GPU

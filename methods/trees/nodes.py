@@ -103,8 +103,8 @@ auto put_node = [&](float* nodes, unsigned int id, float pad, const float* a, un
 MEET = """
 float largest = high(size(d[0]), high(size(d[1]), size(d[2])));
 float least = largest * 9.0949470e-13f + tiny;
-auto inverse_of = [&](float x) { return shrink * (1.0f / (size(x) > least ? x : (x < 0.0f ? -least : least))); };
-float ix = inverse_of(d[0]), iy = inverse_of(d[1]), iz = inverse_of(d[2]);
+auto slope = [&](float x) { return shrink * inverse_of(size(x) > least ? x : (x < 0.0f ? -least : least)); };
+float ix = slope(d[0]), iy = slope(d[1]), iz = slope(d[2]);
 float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
 struct Children { unsigned int ref0, ref1; float near0, near1; bool met0, met1; };
 auto children_of = [&](unsigned int node) {

@@ -100,8 +100,11 @@ auto descends = [&]() {
     Children c = children_of(now);
     auto some0 = vote(c.met0), some1 = vote(c.met1);
     if (!some0 && !some1) return false;
-    bool second = choose(c.met1 & (!c.met0 | (c.near1 < c.near0)), some0 | some1);
-    if (some0 && some1) push(second ? c.ref0 : c.ref1);
+    bool second = some1;
+    if (some0 && some1) {
+        second = choose(c.met1 & (!c.met0 | (c.near1 < c.near0)), some0 | some1);
+        push(second ? c.ref0 : c.ref1);
+    }
     now = second ? c.ref1 : c.ref0;
     return true;
 };
