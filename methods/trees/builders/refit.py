@@ -96,9 +96,10 @@ auto arrive = [&](int node) { return flags.data[node]++; };
 
 CLIMB_ON = """
 while (slot >= 0) {
-    int node = slot >> 1;
-    if (peek(node) & 1) {
-        arrive(node);
+    int node = slot >> 1, arrivals = peek(node);
+    if (arrivals & 1) {
+        // Of this frame nobody else reads it: a store without an order is not waited for.
+        flags.data[node] = arrivals + 1;
     } else {
         put_box(2 * slot, box, 0u);
         if (!(arrive(node) & 1)) return;
