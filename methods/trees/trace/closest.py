@@ -100,10 +100,10 @@ def resolve_hit(
     far: wp.bool,
     hits: Hits,
     starts: wp.array(dtype=wp.vec3f),
-) -> wp.int32:
+) -> wp.vec2i:
     """Write the nearest of the certain hit and the undecided ones that ``found`` holds
-    (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle if
-    that origin is still to be computed, because the ray is flat on it or starts ``far`` away, or -1."""
+    (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle or -1, and
+    the same if that origin is still to be computed, because the ray is flat on it or starts ``far`` away, else -1."""
     i = found[0]
     following = found[1]
     last = found[2]
@@ -141,7 +141,7 @@ def resolve_hit(
         uv = hit.uv
         set_entry(starts, pixel, to_float32(along(ray, hit.t)))
     write_closest(hits, pixel, best, distance32, uv[0], uv[1])
-    return wp.where(flat, best, -1)
+    return wp.vec2i(best, wp.where(flat, best, -1))
 
 
 @wp.func
@@ -165,7 +165,7 @@ def write_weights(ray: Ray, pixel: wp.int32, mesh: Mesh, hits: Hits):
 @functools.cache
 def make_eye(exact: bool, packets: bool) -> Any:
     """A function of a thread, 8 x 4 pixels per warp: the answer of its pixel, and the origin of shadow rays. Returns the
-    pixel, or -1."""
+    pixel and the hit triangle, or -1."""
     closest, closest_holes = (make_closest("eye", exact, packets, holes) for holes in (False, True))
 
     @wp.func(module="unique")
@@ -180,7 +180,7 @@ def make_eye(exact: bool, packets: bool) -> Any:
         undecided: Undecided,
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
-    ) -> wp.int32:
+    ) -> wp.vec2i:
         at = pixel_at(camera, part, thread)
         seen = at[0] >= 0
         ray = eye_ray(camera, at)
@@ -189,18 +189,20 @@ def make_eye(exact: bool, packets: bool) -> Any:
         else:
             found = closest(seen, ray.origin, ray.direction, tree, records, undecided)
         if not seen:
-            return -1
+            return wp.vec2i(-1, -1)
         pixel = at[1] * camera.width + at[0]
-        # Rays and corners are read again, so that no register holds them until here.
-        again = eye_ray(camera, at)
+        hit = found[3]
         if wp.static(exact):
+            # Rays and corners are read again, so that no register holds them until here.
+            again = eye_ray(camera, at)
             far = is_far(again.origin, entry(tree.extent, 0))
-            flat = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
-            if flat >= 0:
-                write_flat_start(eye_ray(camera, at), flat, pixel, mesh, starts)
+            of = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
+            hit = of[0]
+            if of[1] >= 0:
+                write_flat_start(eye_ray(camera, at), of[1], pixel, mesh, starts)
         else:
-            write_float32(found, again, pixel, hits, starts)
-        return pixel
+            write_float32(found, Ray(entry(camera.eye, 0), ray.direction), pixel, hits, starts)
+        return wp.vec2i(pixel, hit)
 
     return trace_eye
 
@@ -327,9 +329,9 @@ def make_resolve_kernel(parallel: bool) -> Any:
         far = wp.bool(False)
         if wp.static(parallel):
             far = is_far(ray.origin, entry(tree.extent, 0))
-        flat = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
-        if flat >= 0:
-            write_flat_start(ray, flat, pixel, mesh, starts)
+        of = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
+        if of[1] >= 0:
+            write_flat_start(ray, of[1], pixel, mesh, starts)
         if wp.static(parallel):
             write_weights(ray, pixel, mesh, hits)
 

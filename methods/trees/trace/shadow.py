@@ -59,7 +59,7 @@ def hidden(
 
 @functools.cache
 def make_shadow(exact: bool, marks: bool) -> Any:
-    """A function of a pixel that writes its shadow bit.
+    """A function of a pixel and the triangle that it ``hit``, or -1, that writes its shadow bit.
 
     ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, they are marked,
     too; else they are marked already. ``faces``: only those that face it do.
@@ -69,6 +69,7 @@ def make_shadow(exact: bool, marks: bool) -> Any:
     @wp.func(module="unique")
     def trace_shadow(
         pixel: wp.int32,
+        hit: wp.int32,
         camera: Camera,
         light: wp.int32,
         faces: wp.bool,
@@ -80,13 +81,11 @@ def make_shadow(exact: bool, marks: bool) -> Any:
         mesh: Mesh,
         alpha: Alpha,
         rays: Rays,
-        hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
         undecided: Undecided,
         receivers: wp.array2d(dtype=wp.uint8),
         shadowed: wp.array2d(dtype=wp.uint8),
     ):
-        hit = entry(hits.triangle, pixel)
         wanted = hit >= 0
         if wp.static(effects.receivers):
             if wp.static(marks):
@@ -154,8 +153,8 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
                 return
             pixel = at[1] * camera.width + at[0]
         trace_shadow(
-            pixel, camera, light, faces, lights, spots, front_facing, tree, planes, mesh, alpha, rays, hits, starts,
-            undecided, receivers, shadowed,
+            pixel, entry(hits.triangle, pixel), camera, light, faces, lights, spots, front_facing, tree, planes, mesh,
+            alpha, rays, starts, undecided, receivers, shadowed,
         )  # fmt: skip
 
     return shadow_kernel

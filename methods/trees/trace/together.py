@@ -54,11 +54,11 @@ def make_together_kernel(exact: bool, packets: bool) -> Any:
         receivers: wp.array2d(dtype=wp.uint8),
         shadowed: wp.array2d(dtype=wp.uint8),
     ):
-        pixel = trace_eye(wp.tid(), camera, part, tree, records, mesh, alpha, undecided, hits, starts)
-        if pixel < 0:
+        found = trace_eye(wp.tid(), camera, part, tree, records, mesh, alpha, undecided, hits, starts)
+        if found[0] < 0:
             return
         trace_shadow(
-            pixel, camera, light, faces, lights, spots, front_facing, tree, planes, mesh, alpha, rays, hits, starts,
+            found[0], found[1], camera, light, faces, lights, spots, front_facing, tree, planes, mesh, alpha, rays, starts,
             undecided_shadows, receivers, shadowed,
         )  # fmt: skip
 
