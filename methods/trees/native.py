@@ -79,9 +79,10 @@ constexpr bool FUSED = false;
 #endif
 """
 )
-"""``about`` is one over a number, with the precision of a GPU's single instruction; ``inverse_of`` is the quotient rounded,
-without the branches of a division: 0 where that is below the normal numbers, or the number itself is. ``sum`` and ``product`` are rounded
-separately: a GPU's compiler would fuse them, and the tree would differ from the CPU's.
+"""``about`` is one over a number, with the precision of a GPU's single instruction. ``inverse_of`` is the rounded quotient
+without the branches of a division: for normal numbers whose inverse is normal, too; it is 0 for those beyond.
+
+``sum`` and ``product`` are rounded separately: a GPU's compiler would fuse them, and the tree would differ from the CPU's.
 
 ``entering`` and ``leaving``: the largest of three numbers and 0, and the smallest of three numbers and ``limit`` > 0. A GPU
 has one instruction for three integers. As integers, floats from 0 on are in their order, and negative ones are below

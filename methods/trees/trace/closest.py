@@ -15,7 +15,6 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
-from ...common.pixels import tile_pixel
 from ...common.reads import corners_at, weld_at
 from ...exact.certain_hit import certain_hit, is_far
 from ...exact.hit_point import along, flat_hit_point, plane_distance
@@ -23,22 +22,10 @@ from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, hit_weights, nearer, to_float32
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve
-from ..constants import BLOCK as THREADS
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
 from .traversal import make_closest, make_count
 from .undecided import Undecided
-
-BLOCK = wp.constant(THREADS)
-BLOCK_BITS = wp.constant(THREADS.bit_length() - 1)
-
-
-@wp.struct
-class Part:
-    """A share of the pixels: every ``shares``-th block of threads, from block ``share`` on."""
-
-    share: wp.int32
-    shares: wp.int32
 
 
 @wp.struct
@@ -50,10 +37,14 @@ class Listed:
 
 
 @wp.func
-def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1."""
-    block = (thread >> BLOCK_BITS) * part.shares + part.share
-    return tile_pixel((block << BLOCK_BITS) | (thread & (BLOCK - 1)), camera.width, camera.height)
+def pixel_at(camera: Camera, tiles: wp.array(dtype=wp.int32), thread: wp.int32) -> wp.vec2i:
+    """Column and row of a thread's pixel, or -1; ``tiles``: of each warp (:class:`.shares.Shares`)."""
+    tile = entry(tiles, thread >> 5)
+    x = ((tile & 0xFFFF) << 3) | (thread & 7)
+    y = ((tile >> 16) << 2) | ((thread >> 3) & 3)
+    if x >= camera.width or y >= camera.height:
+        return wp.vec2i(-1, -1)
+    return wp.vec2i(x, y)
 
 
 @wp.func
@@ -172,7 +163,7 @@ def make_eye(exact: bool, packets: bool) -> Any:
     def trace_eye(
         thread: wp.int32,
         camera: Camera,
-        part: Part,
+        tiles: wp.array(dtype=wp.int32),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         mesh: Mesh,
@@ -181,7 +172,7 @@ def make_eye(exact: bool, packets: bool) -> Any:
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
     ) -> wp.vec2i:
-        at = pixel_at(camera, part, thread)
+        at = pixel_at(camera, tiles, thread)
         seen = at[0] >= 0
         ray = eye_ray(camera, at)
         if wp.static(effects.alpha):
@@ -220,7 +211,7 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
     )
     def eye_kernel(
         camera: Camera,
-        part: Part,
+        tiles: wp.array(dtype=wp.int32),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         mesh: Mesh,
@@ -229,7 +220,7 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
     ):
-        trace_eye(wp.tid(), camera, part, tree, records, mesh, alpha, undecided, hits, starts)
+        trace_eye(wp.tid(), camera, tiles, tree, records, mesh, alpha, undecided, hits, starts)
 
     return eye_kernel
 
@@ -258,9 +249,9 @@ def make_tests_kernel(records: str, exact: bool) -> Any:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def list_kernel(camera: Camera, part: Part, rays: Rays, hits: Hits, listed: Listed):
+def list_kernel(camera: Camera, tiles: wp.array(dtype=wp.int32), rays: Rays, hits: Hits, listed: Listed):
     """One thread per pixel, 8 x 4 per warp: the pixels that have a ray; all others miss."""
-    at = pixel_at(camera, part, wp.tid())
+    at = pixel_at(camera, tiles, wp.tid())
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]

@@ -53,7 +53,7 @@ class ListedRays:
                 ]
                 for bounce in range(effects.bounces + 1)
             ]
-            self.found = [wp.zeros(shares.threads if exact else 0, dtype=wp.vec4i) for _ in shares.parts]
+            self.found = [wp.zeros(shares.threads if exact else 0, dtype=wp.vec4i) for _ in shares.tiles]
 
     def record_passes(self) -> list[Pass]:
         """Records of the triangles, which need no tree."""
@@ -66,7 +66,7 @@ class ListedRays:
         f, listed, found = self.frame, self.lists[bounce][share], self.found[share]
         rays, hits, starts = f.rays(bounce), f.hits(bounce), self.starts[bounce]
         switches = self.effects.switches(bounce=1)
-        self._run(closest.list_kernel, [f.camera, self.shares.parts[share], rays], [hits, listed])
+        self._run(closest.list_kernel, [f.camera, self.shares.tiles[share], rays], [hits, listed])
         kernel = specialised(closest.make_listed_kernel(self.exact), switches)
         self._run(kernel, [listed, rays, self.tree, self.records, undecided], [found, hits, starts])
         if self.exact:

@@ -20,7 +20,7 @@ from ...gpu.entries import entry, set_entry
 from ..constants import REGISTERS
 from ..nodes import Tree
 from ..records.planes import LightPlanes
-from .closest import Listed, Part, pixel_at, ray_at
+from .closest import Listed, pixel_at, ray_at
 from .traversal import make_any
 from .undecided import Undecided
 
@@ -124,7 +124,7 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def shadow_kernel(
         camera: Camera,
-        part: Part,
+        tiles: wp.array(dtype=wp.int32),
         listed: Listed,
         light: wp.int32,
         faces: wp.bool,
@@ -148,7 +148,7 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
                 return
             pixel = entry(listed.pixels, k)
         else:
-            at = pixel_at(camera, part, k)
+            at = pixel_at(camera, tiles, k)
             if at[0] < 0:
                 return
             pixel = at[1] * camera.width + at[0]

@@ -16,7 +16,7 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, Rays
 from ..constants import EYE_REGISTERS, REGISTERS
 from ..nodes import Tree
 from ..records.planes import LightPlanes
-from .closest import Part, make_eye
+from .closest import make_eye
 from .shadow import make_shadow
 from .undecided import Undecided
 
@@ -35,7 +35,7 @@ def make_together_kernel(exact: bool, packets: bool) -> Any:
     )
     def together_kernel(
         camera: Camera,
-        part: Part,
+        tiles: wp.array(dtype=wp.int32),
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         mesh: Mesh,
@@ -54,7 +54,7 @@ def make_together_kernel(exact: bool, packets: bool) -> Any:
         receivers: wp.array2d(dtype=wp.uint8),
         shadowed: wp.array2d(dtype=wp.uint8),
     ):
-        found = trace_eye(wp.tid(), camera, part, tree, records, mesh, alpha, undecided, hits, starts)
+        found = trace_eye(wp.tid(), camera, tiles, tree, records, mesh, alpha, undecided, hits, starts)
         if found[0] < 0:
             return
         trace_shadow(

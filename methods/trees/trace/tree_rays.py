@@ -270,7 +270,7 @@ class TreeRays:
     def _primary(self, share: int) -> None:
         f = self.frame
         kernel = make_eye_kernel(self.exact, self.packets)
-        seen = [f.camera, self.shares.parts[share], self.tree, self.eye_records]
+        seen = [f.camera, self.shares.tiles[share], self.tree, self.eye_records]
         inputs = [*seen, f.mesh, f.alpha, self._undecided(0, 0, share)]
         outputs = [f.hits(0), self.starts[0]]
         f.launch(specialised(kernel, self.effects.switches()), self.shares.threads, inputs, outputs, constants.BLOCK)
@@ -278,7 +278,7 @@ class TreeRays:
     def _together(self, light: int) -> None:
         f, e = self.frame, self.effects
         kernel = specialised(make_together_kernel(self.exact, self.packets), e.switches(light))
-        seen = [f.camera, self.shares.parts[0], self.tree, self.eye_records, f.mesh, f.alpha, self._undecided(0, 0, 0)]
+        seen = [f.camera, self.shares.tiles[0], self.tree, self.eye_records, f.mesh, f.alpha, self._undecided(0, 0, 0)]
         lit = [light, e.facing, f.lights, f.spots, f.front_facing, self.planes[light], f.rays(0)]
         inputs = [*seen, *lit, self._undecided(0, 1 + light, 0, pairs=1)]
         outputs = [f.hits(0), self.starts[0], f.masks(0), f.bits(0)]
@@ -291,7 +291,7 @@ class TreeRays:
         lit = [light, self.effects.facing, f.lights, f.spots, f.front_facing]
         tree = [self.tree, self.planes[light], f.mesh, f.alpha]
         found = [f.rays(bounce), f.hits(bounce), self.starts[bounce], self._undecided(bounce, 1 + light, share)]
-        inputs = [f.camera, shares.parts[share], listed, *lit, *tree, *found]
+        inputs = [f.camera, shares.tiles[share], listed, *lit, *tree, *found]
         outputs = [f.masks(bounce), f.bits(bounce)]
         kernel = specialised(kernel, self.effects.switches(light, bounce))
         f.launch(kernel, shares.threads, inputs, outputs, constants.BLOCK)
