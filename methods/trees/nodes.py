@@ -84,20 +84,21 @@ auto extent_of = [&](float l, float h, float c, float pad) {{
     float extent = !SOME_EMPTY || l <= h ? sum(product(high(sum(h, -c), sum(c, -l)), larger), pad) : {EMPTY_EXTENT}f;
     return (bits(extent) + 0xffffu) >> 16;
 }};
-auto put_node = [&](float* nodes, unsigned int id, float pad, const float* a, unsigned int r, const float* b,
+auto put_node = [&](float* nodes, unsigned int id, float pad, int side, const float* a, unsigned int r, const float* b,
                     unsigned int s) {{
     float ax = middle(a[0], a[3]), ay = middle(a[1], a[4]), az = middle(a[2], a[5]);
     float bx = middle(b[0], b[3]), by = middle(b[1], b[4]), bz = middle(b[2], b[5]);
     float* node = nodes + 12 * (size_t)id;
-    store16(node, 0, ax, ay, az, real(r));
-    store16(node, 1, bx, by, bz, real(s));
-    unsigned int e0 = extent_of(a[0], a[3], ax, pad), e1 = extent_of(a[1], a[4], ay, pad);
-    unsigned int e2 = extent_of(a[2], a[5], az, pad), f0 = extent_of(b[0], b[3], bx, pad);
-    unsigned int f1 = extent_of(b[1], b[4], by, pad), f2 = extent_of(b[2], b[5], bz, pad);
-    store16(node, 2, real(e0 | (e1 << 16)), real(e2 | (f0 << 16)), real(f1 | (f2 << 16)), 0.0f);
+    store16(node, side, ax, ay, az, real(r));
+    store16(node, !side, bx, by, bz, real(s));
+    unsigned int e[6] = {{extent_of(a[0], a[3], ax, pad), extent_of(a[1], a[4], ay, pad), extent_of(a[2], a[5], az, pad),
+                         extent_of(b[0], b[3], bx, pad), extent_of(b[1], b[4], by, pad), extent_of(b[2], b[5], bz, pad)}};
+    auto two = [&](int k) {{ return real(side ? e[(k + 3) % 6] | (e[(k + 4) % 6] << 16) : e[k] | (e[k + 1] << 16)); }};
+    store16(node, 2, two(0), two(2), two(4), 0.0f);
 }};
 """
-"""``put_node(nodes, id, pad, a, r, b, s)``: boxes a and b (low, then high corner) with references r and s.
+"""``put_node(nodes, id, pad, side, a, r, b, s)``: box a (low, then high corner) with reference r as child ``side``, 0 or 1,
+and box b with s as the other. A choice of words costs the lanes of a warp less than a branch.
 ``SOME_EMPTY``: whether a box may hold nothing."""
 
 MEET = """

@@ -58,7 +58,7 @@ auto merged = [&](const Cluster& p, const Cluster& q) {
     both.ref = q.name & NAME;
     unsigned int height = p.name >> HEIGHT_BIT, other = q.name >> HEIGHT_BIT;
     both.name = (p.name & NAME) | ((height > other ? height : other) + 1u) << HEIGHT_BIT;
-    put_node((float*)tree.nodes.data, both.ref, pad, p.box, p.ref, q.box, q.ref);
+    put_node((float*)tree.nodes.data, both.ref, pad, 0, p.box, p.ref, q.box, q.ref);
     return both;
 };
 """

@@ -21,8 +21,7 @@ auto is_whole = [&]() { return before == NONE && after == NONE; };
 auto end_of = [&](bool left) { return left ? far_end(l, before) : far_end(r, after); };
 auto join_sibling = [&](bool left, const float* sibling_box, unsigned int sibling, Flag end) {
     int parent = left ? r : l - 1;
-    if (left) put_node((float*)tree.nodes.data, parent, pad, box, ref, sibling_box, sibling);
-    else put_node((float*)tree.nodes.data, parent, pad, sibling_box, sibling, box, ref);
+    put_node((float*)tree.nodes.data, parent, pad, !left, box, ref, sibling_box, sibling);
     join(box, sibling_box);
     ref = (unsigned int)parent;
     if (left) r = (int)(unsigned int)end, after = (unsigned int)(end >> 32);

@@ -53,8 +53,7 @@ auto look_up = [&]() {
 if (slot >= 0) look_up();
 auto join_sibling = [&](const float* sibling_box) {
     int node = slot >> 1;
-    if (slot & 1) put_node((float*)tree.nodes.data, node, pad, sibling_box, sibling, box, own);
-    else put_node((float*)tree.nodes.data, node, pad, box, own, sibling_box, sibling);
+    put_node((float*)tree.nodes.data, node, pad, slot & 1, box, own, sibling_box, sibling);
     join(box, sibling_box);
     slot = above;
     if (slot < 0) tree.root.data[0] = node;
