@@ -68,7 +68,7 @@ class BinaryTree(BaseMethod):
             trace.threads,
             constants.SHARES,
             self._capacity,
-            together=constants.TOGETHER and self.build.update != "static",
+            together=constants.TOGETHER,
         )
         records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
         passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]

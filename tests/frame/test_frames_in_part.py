@@ -25,7 +25,7 @@ from helpers.effect_scenes import (
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import capture, passes
 from shadowbench.harness.frame.schedule.needed import live, stale, steps
-from shadowbench.harness.frame.schedule.passes import BUILD_PARTS, Hints, Pass
+from shadowbench.harness.frame.schedule.passes import BUILD_PARTS, Hints, Pass, joined
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Camera, Spot
 
@@ -230,6 +230,20 @@ def test_pass_graph_on_a_small_frame():
     reasons = {step.work.name: step.reason for step in steps(kept, {"camera"})}
     assert reasons["shadow"] == "hits changed"
     assert reasons["clear"] == "bits is written again"
+
+
+def test_a_pass_that_does_what_several_do_makes_way_for_those_that_are_needed():
+    build, trace = make("build", "points", "tree", "build"), make("trace", "tree camera", "hits")
+    shadow = make("shadow", "tree hits light/0", "bits")
+    both = joined("both", (trace, shadow), lambda: None)
+    assert (both.reads, both.writes) == (("tree", "camera", "light/0"), ("hits", "bits"))
+    passes = [build, both]
+    assert live(passes, ("bits",)) == passes
+    assert stale(passes, {"points"}) == passes
+    assert stale(passes, {"camera"}) == [both]
+    assert stale(passes, {"light/0"}) == [shadow]
+    assert stale(passes, set()) == []
+    assert [step.reason for step in steps(passes, {"light/0"})][1] == "light/0 changed (shadow alone)"
 
 
 # --- what a captured graph leaves out ------------------------------------------------------------------------------

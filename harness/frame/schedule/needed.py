@@ -6,7 +6,7 @@ inputs of a frame are :data:`INPUTS` and ``light/i``; its outputs follow from it
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from ...scene.effects import Effects
@@ -17,11 +17,26 @@ INPUTS = ("points", "triangles", "camera", "max_coordinate", "surfaces")
 
 @dataclass(frozen=True)
 class Step:
-    """A pass, whether it runs, and why."""
+    """A pass, what is launched of it (itself, some passes of ``apart``, or nothing), and why."""
 
     work: Pass
-    runs: bool
+    launched: tuple[Pass, ...]
     reason: str
+
+    @property
+    def runs(self) -> bool:
+        return bool(self.launched)
+
+    @classmethod
+    def of(cls, work: Pass, why: Mapping[Pass, str]) -> Step:
+        """``why``: the reason of each pass that has to run."""
+        parts = work.apart or (work,)
+        again = tuple(part for part in parts if part in why)
+        if not again:
+            return cls(work, (), "nothing that it reads changed")
+        if len(again) == len(parts):
+            return cls(work, (work,), why[again[0]])
+        return cls(work, again, f"{why[again[-1]]} ({', '.join(part.name for part in again)} alone)")
 
 
 def wanted_of(effects: Effects) -> tuple[str, ...]:
@@ -64,30 +79,30 @@ def live(passes: Sequence[Pass], wanted: Collection[str]) -> list[Pass]:
 
 def stale(passes: Sequence[Pass], changed: Collection[str]) -> list[Pass]:
     """The passes to run again if only the ``changed`` inputs differ from those of the last frame, in order."""
-    return [step.work for step in steps(passes, changed) if step.runs]
+    return [launched for step in steps(passes, changed) for launched in step.launched]
 
 
 def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
-    """Every pass, whether it runs and why, if only the ``changed`` inputs differ from those of the last frame.
+    """Every pass, what is launched of it and why, if only the ``changed`` inputs differ from those of the last frame.
 
     A pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs.
     """
     dirty = dict.fromkeys(changed, "")
-    why: dict[int, str] = {}
+    why: dict[Pass, str] = {}
     found = True
     while found:
         found = False
-        for k, work in enumerate(passes):
-            if k in why:
+        for work in (part for whole in passes for part in whole.apart or (whole,)):
+            if work in why:
                 continue
             cause = next((name for name in work.reads if name in dirty), None)
             if cause is not None:
-                why[k] = f"{cause} changed"
+                why[work] = f"{cause} changed"
             else:
                 cause = next((name for name in work.writes if name in dirty), None)
                 if cause is None:
                     continue
-                why[k] = f"{cause} is written again"
+                why[work] = f"{cause} is written again"
             dirty.update(dict.fromkeys(work.writes, ""))
             found = True
-    return [Step(work, k in why, why.get(k, "nothing that it reads changed")) for k, work in enumerate(passes)]
+    return [Step.of(work, why) for work in passes]

@@ -55,6 +55,8 @@ class Pass:
     loops   whether the launch captures a loop of its own. In a captured graph nothing runs at the same time, because a loop
             cannot be captured while another stream is open; so it has no hints
     only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
+    apart   passes that together do the same one after the other: where the frame needs only some of them anew, these are
+            launched in its place
     reached int32 [1] on the device, of a pass that marks the receivers of a light: not 0 if the light has any. The harness
             makes it the condition of the light's passes
     """
@@ -70,6 +72,7 @@ class Pass:
     adds: bool = False
     loops: bool = False
     only_if: wp.array | None = None
+    apart: tuple[Pass, ...] = ()
     reached: wp.array | None = None
 
     def __post_init__(self) -> None:
@@ -85,6 +88,15 @@ class Pass:
     def hinted(self, **changed: Any) -> Pass:
         """The same pass with other hints."""
         return replace(self, hints=replace(self.hints, **changed))
+
+
+def joined(name: str, apart: tuple[Pass, ...], launch: Callable[[], None]) -> Pass:
+    """What several passes do one after the other, in one launch."""
+    reads, writes = dict[str, None](), dict[str, None]()
+    for work in apart:
+        reads |= dict.fromkeys(name for name in work.reads if name not in writes)
+        writes |= dict.fromkeys(work.writes)
+    return Pass(name, apart[0].part, tuple(reads), tuple(writes), launch, apart=apart)
 
 
 def run_passes(passes: Sequence[Pass]) -> None:

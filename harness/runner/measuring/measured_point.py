@@ -222,6 +222,7 @@ class MeasuredPoint:
         if self.changed is not None:
             session.run()  # the previous frame, whose unchanged results are reused
             session.select(self.changed)
+            session.run()  # kernels that only such frames launch are loaded before one is captured
 
     def _costs(self, frame: int, ms: float, seconds: float) -> dict[str, Any]:
         """What a frame costs besides its time, ``ms``; where that cannot be measured, why not."""

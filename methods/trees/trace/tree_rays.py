@@ -14,7 +14,7 @@ from ....harness.frame.effects.receivers import facing_passes, facing_reads
 from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
-from ....harness.frame.schedule.passes import Pass
+from ....harness.frame.schedule.passes import Pass, joined
 from ....harness.frame.schedule.threads import Launch, cpu_threads
 from ....harness.scene.effects import Effects
 from ...gpu.reserve import counted
@@ -178,12 +178,11 @@ class TreeRays:
 
     def clear_passes(self) -> list[Pass]:
         """The counters of lights whose rays are exact, before the shadow rays of primary hits."""
-        passes = []
-        for i in self.lights:
-            if self._exactly(i) and i != self.joint:
-                name, made, launch = f"light {i}: clear counts", f"shadow counts/{i}", self.counts[0, 1 + i].zero_
-                passes.append(Pass(name, "shadow", (), (made,), launch, f"shadows/{i}"))
-        return passes
+        return [self._clear_pass(i) for i in self.lights if self._exactly(i) and i != self.joint]
+
+    def _clear_pass(self, light: int) -> Pass:
+        made, launch = f"shadow counts/{light}", self.counts[0, 1 + light].zero_
+        return Pass(f"light {light}: clear counts", "shadow", (), (made,), launch, f"shadows/{light}")
 
     def passes(self, primary: bool) -> list[Pass]:
         """``primary`` rays, if they are traced here, and the shadow rays of their hits, in shares that run concurrently.
@@ -204,12 +203,12 @@ class TreeRays:
         return ("eye triangles", "primary counts", *(("extent",) if self.exact else ()))
 
     def _joint_pass(self, light: int) -> Pass:
-        """Primary rays, and the shadow rays of their hits to the only light."""
-        lit = (f"light/{light}", f"light triangles/{light}", "max_coordinate")
-        reads = (*SCENE, "camera", *self.effects.surface_reads(), *self._eye_reads(), *lit)
-        made = ("hits", "primary counts", f"shadowed/{light}")
-        launch = functools.partial(self._together, light)
-        return Pass(f"primary rays, and shadow rays of light {light}", "trace", reads, made, launch)
+        """Primary rays, and the shadow rays of their hits to the only light; those alone where only the light moved."""
+        primary, shadow = self._share_passes(True, 0)
+        apart = (primary, *([self._clear_pass(light)] if self.exact else []), shadow)
+        return joined(
+            f"primary rays, and shadow rays of light {light}", apart, functools.partial(self._together, light)
+        )
 
     def _share_passes(self, primary: bool, share: int) -> list[Pass]:
         """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
