@@ -5,9 +5,10 @@ undecided triangles, or -1. Each other one is an entry of ``pairs``: (triangle, 
 ``last`` is the ray's last entry. ``count`` counts all of them, on beyond the capacity (the harness then repeats the frame
 with more room).
 
-Entering one takes 40 instructions and an atomic whose answer is waited for. That stays out of the loop of a single ray:
-where it has kept more than :data:`MOST_KEPT` it leaves the loop, enters them and continues in a second one that enters
-each. A leaf, whose two triangles may add as many, is tested with at most that many kept.
+Entering one takes 40 instructions and an atomic whose answer is waited for. That comes after the loop. Where a single ray
+has kept more than :data:`MOST_KEPT` it leaves the loop, enters them and continues in a second one that enters each; a leaf,
+whose two triangles may add as many, is tested with at most that many kept. In a packet, whose lanes stay together, a lane
+enters what is more at once.
 """
 
 from __future__ import annotations
@@ -49,16 +50,9 @@ auto enter = [&](int at) {{
 }};
 """
 
-TRAVERSED = {
-    "float32": "bool found = traverse([](int) {}, []() { return false; });",
-    "packet": ENTER + "bool found = traverse(enter, never);",
-    "exact": ENTER
-    + f"""
-int kept[{MOST_KEPT} + 2], number = 0;
-bool found = traverse([&](int at) {{ kept[number++] = at; }}, [&]() {{ return number > {MOST_KEPT}; }});
-"""
-    + """
-if (found) held = number = 0;
+KEPT = f"int kept[{MOST_KEPT} + 2], number = 0;\n"
+
+HANDED_OVER = """
 if (number > 0) {
     first = kept[--number];
     if (number > 0) second = kept[--number];
@@ -70,11 +64,26 @@ if (number > 0) {
 #pragma unroll 1
     while (number > 0) enter(kept[--number]);
 }
-if (held > 0) {
+"""
+
+TRAVERSED = {
+    "float32": "bool found = traverse([](int) {}, []() { return false; });",
+    "packet": f"""{ENTER}{KEPT}
+auto leave = [&](int at) {{
+    if (number < {MOST_KEPT}) kept[number++] = at;
+    else enter(at);
+}};
+bool found = traverse(leave, never);
+{HANDED_OVER}""",
+    "exact": f"""{ENTER}{KEPT}
+bool found = traverse([&](int at) {{ kept[number++] = at; }}, [&]() {{ return number > {MOST_KEPT}; }});
+if (found) held = number = 0;
+{HANDED_OVER}
+if (held > 0) {{
     now = pop();
     found = traverse(enter, never);
-}
+}}
 """,
 }
 """How ``traverse(leave, full)`` is run: ``leave(at)`` takes an undecided triangle, ``full()`` says that no more can be
-kept. A packet enters each at once."""
+kept."""

@@ -46,7 +46,7 @@ TRACED = {
     "exact": (EXACT, EXACT_BYTES + FLOAT64_BYTES),
     "exact, together": (together.make_together_kernel(True, False), EXACT_BYTES + FLOAT64_BYTES + UNDECIDED_BYTES),
     "float32, together": (together.make_together_kernel(False, False), STACK_BYTES),
-    "exact packet": (closest.make_eye_kernel(True, True), FLOAT64_BYTES),
+    "exact packet": (closest.make_eye_kernel(True, True), EXACT_BYTES - STACK_BYTES + FLOAT64_BYTES),
     "mirrored": (closest.make_listed_kernel(True), EXACT_BYTES),
     "mirrored shadow": (specialised(SHADOW, BOUNCED), EXACT_BYTES + UNDECIDED_BYTES),
     "holes": (specialised(EXACT, HOLES), EXACT_BYTES + FLOAT64_BYTES + HOLE_BYTES),
