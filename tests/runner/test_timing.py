@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +13,8 @@ import pytest
 import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.runner.machine.environment import clock_state
+from shadowbench.harness.results.throttled import throttled
+from shadowbench.harness.runner.machine import clocks
 from shadowbench.harness.runner.measuring import timing
 from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
@@ -269,9 +271,38 @@ def test_peak_of_the_process_grows_with_what_it_holds():
 
 
 def test_clock_state_of_a_cpu_has_no_gpu():
-    state = clock_state("cpu")
+    state = clocks.clock_state("cpu")
     assert state["gpu"] is None
     assert state["load"] >= 0
+
+
+LIBRARY = SimpleNamespace(
+    NVMLError=OSError, NVML_CLOCK_SM=1, NVML_CLOCK_MEM=2, NVML_TEMPERATURE_GPU=0,
+    nvmlDeviceGetClockInfo=lambda card, kind: (None, 1200, 2619)[kind],
+    nvmlDeviceGetPowerUsage=lambda card: 699123,
+    nvmlDeviceGetTemperature=lambda card, kind: 41,
+    nvmlDeviceGetCurrentClocksThrottleReasons=lambda card: 4,
+    nvmlDeviceGetUtilizationRates=lambda card: SimpleNamespace(gpu=97),
+)  # fmt: skip
+"""NVML of a card that is slowed down by its power limit."""
+
+
+def test_clocks_of_the_library_are_those_of_nvidia_smi(monkeypatch):
+    """What is asked of the library reads like what nvidia-smi prints; where it refuses one, nvidia-smi is asked."""
+    monkeypatch.setitem(sys.modules, "pynvml", LIBRARY)
+    monkeypatch.setattr(clocks, "_card", str)
+    monkeypatch.setattr(clocks, "wp", SimpleNamespace(get_device=lambda name: SimpleNamespace(uuid="GPU-1")))
+    monkeypatch.setattr(clocks, "asked_of_driver", lambda *fields, device: [dict.fromkeys(fields, device)])
+    state = clocks.clock_state("cuda:0")
+    values = ["1200", "2619", "699.123", "41", "0x4", "97"]
+    assert state["gpu"] == dict(zip(clocks.FIELDS, values, strict=True))
+    assert throttled({"clock": state}, 1980.0) == "power limit"
+    monkeypatch.setattr(LIBRARY, "nvmlDeviceGetUtilizationRates", refuse)
+    assert clocks.clock_state("cuda:0")["gpu"] == dict.fromkeys(clocks.FIELDS, "GPU-1")
+
+
+def refuse(card):
+    raise LIBRARY.NVMLError("not supported")
 
 
 def test_orders_are_balanced_random_and_repeatable():

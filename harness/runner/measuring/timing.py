@@ -246,7 +246,6 @@ def _stages(session: PassRunner) -> list[float]:
 def _quiet(session: PassRunner) -> Iterator[None]:
     """Disable garbage collection during samples; wait for the device before and after."""
     enabled = gc.isenabled()
-    gc.collect()
     gc.disable()
     wp.synchronize_device(session.device)
     try:
