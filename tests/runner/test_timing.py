@@ -15,7 +15,7 @@ from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.results.throttled import throttled
 from shadowbench.harness.runner.machine import clocks
-from shadowbench.harness.runner.measuring import timing
+from shadowbench.harness.runner.measuring import measured_point, timing
 from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.runner.measuring.timing import CompileClock, Sampling, sample_frame, stop_reason
@@ -78,7 +78,7 @@ class Spinner(SimpleMethod):
         self._turn("shadow", frame)
 
 
-def session(method=None, device="cpu"):
+def triangle():
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     scene = Scene(
         "one",
@@ -87,7 +87,11 @@ def session(method=None, device="cpu"):
         Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
         (Light((2.0, 2.0, 2.0)),),
     )
-    prepared = prepare(scene)
+    return prepare(scene)
+
+
+def session(method=None, device="cpu"):
+    prepared = triangle()
     made = Session(method or Spinner(), prepared, 4, 4, device)
     made.load(prepared.moment(0, 4, 4))
     made.run_complete()
@@ -191,6 +195,16 @@ def test_why_sampling_stops(times, sampling, in_time, reason):
 class Sleeper(Spinner):
     def build_structure(self, frame):
         time.sleep(0.02)
+
+
+def test_a_round_has_spent_what_its_samples_took(monkeypatch):
+    """Loading a frame and comparing its answers take no part of the budget."""
+    prepared = triangle()
+    moments, spec = {0: prepared.moment(0, 4, 4)}, {"device": "cpu", "runs": 2, "budget_s": 60.0}
+    point = measured_point.MeasuredPoint(Spinner, prepared, moments, (4, 4), spec, None, lambda *answered: None)
+    taken = [sample_frame(point.session, Sampling(samples=2, most=2, stage_samples=1))]
+    monkeypatch.setattr(measured_point, "sample_frame", lambda *asked: taken[0])
+    assert point.round(Sampling())["spent_s"] == taken[0].spent_s > 0.0
 
 
 def test_the_budget_stops_a_slow_method_after_at_least_one_sample():

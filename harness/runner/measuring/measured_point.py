@@ -164,12 +164,13 @@ class MeasuredPoint:
             return self._round(sampling)
 
     def _round(self, sampling: Sampling) -> dict[str, Any]:
-        started = time.time()
+        started, spent = time.time(), 0.0
         frames: list[dict[str, Any]] = []
         before, resident = peak_resident_bytes(), resident_bytes()
         reset_peak_resident()
         for frame, memory in self.memory.items():
             measured, regrown = self._fitting_samples(self.moments[frame], sampling)
+            spent += measured.spent_s
             frames.append(
                 {
                     "frame": frame,
@@ -199,7 +200,7 @@ class MeasuredPoint:
                 one |= {"memory_bytes": one["memory_bytes"] + extra, "memory_source": PROCESS}
         return {
             "started": started,
-            "spent_s": time.time() - started,
+            "spent_s": spent,
             "method": {"built": self.session.method.built()},
             "frames": frames,
             "peak_rss_bytes": max(before, peak),
