@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
@@ -63,6 +64,7 @@ class Session(PassRunner):
         self._memory = LimitedAllocator(device, self.limits.memory)
         self.made: Moment | None = None
         self._sizes: Sizes | None = None
+        self._wide: WeakKeyDictionary[Moment, bool] = WeakKeyDictionary()
         self._outdated: set[Pass] = set()
         self.regrown = 0
         self.planned: list[Pass] = []
@@ -91,11 +93,12 @@ class Session(PassRunner):
 
     def _adapt(self, moment: Moment) -> None:
         """Plan again where a moment needs more digits than the one before, or no more of them (:mod:`..scene.width`)."""
-        if self._sizes is None or self._sizes.points is not moment.points:
-            self._sizes = Sizes(moment.points, self.frame.prepared.faces, moment.valid)
-        wide = is_wide(moment, self._sizes)
-        if wide != self.effects.wide:
-            self.effects = replace(self.effects, wide=wide)
+        if moment not in self._wide:
+            if self._sizes is None or self._sizes.points is not moment.points:
+                self._sizes = Sizes(moment.points, self.frame.prepared.faces, moment.valid)
+            self._wide[moment] = is_wide(moment, self._sizes)
+        if self._wide[moment] != self.effects.wide:
+            self.effects = replace(self.effects, wide=self._wide[moment])
             self._plan()
 
     def load(self, moment: Moment) -> None:

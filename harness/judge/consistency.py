@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .arithmetic import UNIT, edge_bound
+from .blocks import in_blocks
 from .planes import plane_numbers
 from .receivers import not_receivers
 
 T_UNITS = 64.0
 """Allowed relative error of t and absolute error of u and v, in units of 2^-24, on a triangle seen along its normal."""
-
-BATCH = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +76,7 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
         np.zeros(len(triangle)),
     )
     pixels = np.nonzero(sound_hit)[0]
-    for start in range(0, len(pixels), BATCH):
-        _check_hits(prepared, moment, answers, pixels[start : start + BATCH], result)
+    in_blocks(len(pixels), lambda block: _check_hits(prepared, moment, answers, pixels[block], result))
     return result
 
 

@@ -14,7 +14,6 @@ import importlib.util
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,19 +23,16 @@ from numpy.typing import NDArray
 
 from ..files import DAMAGED, opened_arrays, write_arrays
 from ..frame.devices import cpu_model
-from ..frame.schedule.threads import processors
 from ..scene.effects import Effects
 from ..scene.facts import input_hashes
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
+from .blocks import in_blocks
 from .hits import Exact
 from .planes import plane_numbers
 from .referee import Referee
 
 ROBUST = True
-BLOCK = 1 << 15
-"""Rays of one query: a query runs on one thread and releases the interpreter lock."""
-
 OFFSET_UNITS = 8 * 2.0**-24
 """Distance of the origin of a shadow ray from its surface, relative to the coordinates and the triangle that it
 leaves."""
@@ -188,13 +184,6 @@ def shadow_origins(
     for light in lights.astype(np.float64):
         side = np.where(np.einsum("ij,ij->i", normal, light - p) < 0, -1.0, 1.0)
         yield (p + (side * step)[:, None] * normal).astype(np.float32)
-
-
-def in_blocks(count: int, work: Callable[[slice], None]) -> None:
-    """Call ``work`` on slices of ``count`` rays, on every processor."""
-    blocks = [slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
-    with ThreadPoolExecutor(processors()) as pool:
-        list(pool.map(work, blocks))
 
 
 def _shadow_flags(prepared: Prepared, moment: Moment, effects: Effects | None) -> tuple[bool, ...]:

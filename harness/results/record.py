@@ -123,7 +123,7 @@ class Round(TypedDict, total=False):
     """Facts of a round. Fields beyond these are passed on unchanged.
 
     run    the run that it belongs to; ``environment``: of that run
-    noted  when it was written, seconds since the epoch; ``spent_s``: seconds that it took
+    noted  when it was written, seconds since the epoch; ``spent_s``: seconds that its samples took
     """
 
     round: Count

@@ -45,6 +45,9 @@ GRADERS_LOST = 3
 """How many scoring processes may be killed with the answers of one point before it stays without a score. The first may have
 died unseen, before it was asked."""
 
+OVER = 1.25
+"""How many times its budget a point may take before its last rounds are left out: the last sample of a kind ends late."""
+
 Described = list[tuple[Entry, dict[str, Any]]]
 
 
@@ -247,9 +250,9 @@ class Run:
             warn(f"{picture_of(self.folder, job)}: cannot be drawn ({error.reason})")
 
     def _spent(self, job: Job) -> bool:
-        """Whether one more round, as long as the previous ones, would exceed the point's budget."""
+        """Whether one more round, as long as the previous ones, would exceed :data:`OVER` times the point's budget."""
         taken = [event["spent_s"] for event in job.journal.rounds().values()]
-        return bool(taken) and sum(taken) * (len(taken) + 1) / len(taken) > self.options.preset.budget_s
+        return bool(taken) and sum(taken) * (len(taken) + 1) / len(taken) > OVER * self.options.preset.budget_s
 
     # --- steps of a point ---
 

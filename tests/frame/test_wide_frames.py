@@ -63,25 +63,30 @@ def test_a_session_plans_again_where_a_moment_is_wide_or_is_not_and_gives_a_fres
         assert all(same_bits(played[key], fresh[key]) for key in fresh)
 
 
-def test_sizes_are_measured_once_for_a_mesh_and_never_while_a_frame_runs(monkeypatch) -> None:
+def test_sizes_are_measured_once_for_a_mesh_a_moment_is_judged_once_and_never_while_a_frame_runs(monkeypatch) -> None:
     trial = judged("V axis -20").trial
     size = trial.moment.width, trial.moment.height
     measured = []
     monkeypatch.setattr(sessions, "Sizes", lambda *mesh: measured.append(1) or Sizes(*mesh))
     session = session_of("bvh2", {}, "V axis -20")
     for x in (1.0, 2.0):
-        session.load(trial.prepared.moment(0, *size, camera=Camera((x, 1.5, 2.0), (0.0, 0.0, 0.0))))
+        near = trial.prepared.moment(0, *size, camera=Camera((x, 1.5, 2.0), (0.0, 0.0, 0.0)))
+        session.load(near)
     assert len(measured) == 1
     assert session.effects.wide
     with monkeypatch.context() as within:
         within.setattr(sessions, "is_wide", None)
         session.run_complete()
     factors = np.float32([1, 1, 2.0**20])
-    session.load(
-        replace(trial.moment, **{name: getattr(trial.moment, name) * factors for name in ("points", "eye", "lights")})
-    )
+    far = replace(trial.moment, **{name: getattr(trial.moment, name) * factors for name in ("points", "eye", "lights")})
+    session.load(far)
     assert len(measured) == 2
     assert not session.effects.wide
+    monkeypatch.setattr(sessions, "is_wide", None)
+    for moment, wide in ((near, True), (far, False)):
+        session.load(moment)
+        assert session.effects.wide == wide
+    assert len(measured) == 2
 
 
 @wp.kernel(enable_backward=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
+from shadowbench.harness.judge import blocks
 from shadowbench.harness.judge import reference as references
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
@@ -86,11 +87,14 @@ def test_an_index_out_of_range_is_refused():
 
 def test_several_blocks_give_the_same_as_one(ball, monkeypatch):
     prepared, moment = ball
-    whole = embree_reference(prepared, moment)
-    monkeypatch.setattr(references, "BLOCK", 100)
-    blocks = embree_reference(prepared, moment)
+    whole, checked = embree_reference(prepared, moment), Judge.of(prepared, moment).checked_reference
+    monkeypatch.setattr(blocks, "BLOCK", 100)
+    cut = embree_reference(prepared, moment)
     for name, value in whole.answers().items():
-        np.testing.assert_array_equal(value, blocks.answers()[name])
+        np.testing.assert_array_equal(value, cut.answers()[name])
+    again = Judge.of(prepared, moment).checked_reference
+    for name in ("t_wrong", "uv_wrong", "t_error", "uv_error"):
+        np.testing.assert_array_equal(getattr(checked, name), getattr(again, name))
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])

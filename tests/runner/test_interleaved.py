@@ -82,3 +82,16 @@ def test_where_memory_is_short_a_worker_holds_one_point_at_a_time(chosen, monkey
     assert held == [1] * 12
     assert [(one.status, len(one.rounds)) for one in records] == [("ok", 2)] * 6
     assert all(one.frames[0].score for one in records)
+
+
+@pytest.mark.parametrize(("seconds", "rounds"), [(3.0, 2), (3.3, 1)])
+def test_rounds_are_left_out_where_the_budget_is_exceeded_by_more_than_a_quarter(chosen, monkeypatch, seconds, rounds):
+    """Each round may take half of the budget of 5 s."""
+    command = workers.Workers.command
+
+    def slow(self, worker, **sent):
+        return command(self, worker, **sent) | ({"spent_s": seconds} if sent["do"] == "round" else {})
+
+    monkeypatch.setattr(workers.Workers, "command", slow)
+    records = Run(chosen, Silent()).go()
+    assert [len(one.rounds) for one in records] == [rounds] * 6

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -12,8 +13,9 @@ import pytest
 import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.runner.machine.environment import clock_state
-from shadowbench.harness.runner.measuring import timing
+from shadowbench.harness.results.throttled import throttled
+from shadowbench.harness.runner.machine import clocks
+from shadowbench.harness.runner.measuring import measured_point, timing
 from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.runner.measuring.timing import CompileClock, Sampling, sample_frame, stop_reason
@@ -76,7 +78,7 @@ class Spinner(SimpleMethod):
         self._turn("shadow", frame)
 
 
-def session(method=None, device="cpu"):
+def triangle():
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     scene = Scene(
         "one",
@@ -85,7 +87,11 @@ def session(method=None, device="cpu"):
         Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
         (Light((2.0, 2.0, 2.0)),),
     )
-    prepared = prepare(scene)
+    return prepare(scene)
+
+
+def session(method=None, device="cpu"):
+    prepared = triangle()
     made = Session(method or Spinner(), prepared, 4, 4, device)
     made.load(prepared.moment(0, 4, 4))
     made.run_complete()
@@ -191,6 +197,16 @@ class Sleeper(Spinner):
         time.sleep(0.02)
 
 
+def test_a_round_has_spent_what_its_samples_took(monkeypatch):
+    """Loading a frame and comparing its answers take no part of the budget."""
+    prepared = triangle()
+    moments, spec = {0: prepared.moment(0, 4, 4)}, {"device": "cpu", "runs": 2, "budget_s": 60.0}
+    point = measured_point.MeasuredPoint(Spinner, prepared, moments, (4, 4), spec, None, lambda *answered: None)
+    taken = [sample_frame(point.session, Sampling(samples=2, most=2, stage_samples=1))]
+    monkeypatch.setattr(measured_point, "sample_frame", lambda *asked: taken[0])
+    assert point.round(Sampling())["spent_s"] == taken[0].spent_s > 0.0
+
+
 def test_the_budget_stops_a_slow_method_after_at_least_one_sample():
     measured = sample_frame(session(Sleeper()), Sampling(samples=1000, most=1000, stage_samples=1000, budget_s=0.1))
     assert measured.stopped_by == "budget"
@@ -269,9 +285,38 @@ def test_peak_of_the_process_grows_with_what_it_holds():
 
 
 def test_clock_state_of_a_cpu_has_no_gpu():
-    state = clock_state("cpu")
+    state = clocks.clock_state("cpu")
     assert state["gpu"] is None
     assert state["load"] >= 0
+
+
+LIBRARY = SimpleNamespace(
+    NVMLError=OSError, NVML_CLOCK_SM=1, NVML_CLOCK_MEM=2, NVML_TEMPERATURE_GPU=0,
+    nvmlDeviceGetClockInfo=lambda card, kind: (None, 1200, 2619)[kind],
+    nvmlDeviceGetPowerUsage=lambda card: 699123,
+    nvmlDeviceGetTemperature=lambda card, kind: 41,
+    nvmlDeviceGetCurrentClocksThrottleReasons=lambda card: 4,
+    nvmlDeviceGetUtilizationRates=lambda card: SimpleNamespace(gpu=97),
+)  # fmt: skip
+"""NVML of a card that is slowed down by its power limit."""
+
+
+def test_clocks_of_the_library_are_those_of_nvidia_smi(monkeypatch):
+    """What is asked of the library reads like what nvidia-smi prints; where it refuses one, nvidia-smi is asked."""
+    monkeypatch.setitem(sys.modules, "pynvml", LIBRARY)
+    monkeypatch.setattr(clocks, "_card", str)
+    monkeypatch.setattr(clocks, "wp", SimpleNamespace(get_device=lambda name: SimpleNamespace(uuid="GPU-1")))
+    monkeypatch.setattr(clocks, "asked_of_driver", lambda *fields, device: [dict.fromkeys(fields, device)])
+    state = clocks.clock_state("cuda:0")
+    values = ["1200", "2619", "699.123", "41", "0x4", "97"]
+    assert state["gpu"] == dict(zip(clocks.FIELDS, values, strict=True))
+    assert throttled({"clock": state}, 1980.0) == "power limit"
+    monkeypatch.setattr(LIBRARY, "nvmlDeviceGetUtilizationRates", refuse)
+    assert clocks.clock_state("cuda:0")["gpu"] == dict.fromkeys(clocks.FIELDS, "GPU-1")
+
+
+def refuse(card):
+    raise LIBRARY.NVMLError("not supported")
 
 
 def test_orders_are_balanced_random_and_repeatable():

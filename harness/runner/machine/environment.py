@@ -87,13 +87,13 @@ def gpus() -> list[dict[str, Any]]:
         for device in wp.get_cuda_devices()
     ]
     # The UUID matches the two lists. It is not stored, because it identifies a single card.
-    by_number = {row.pop("uuid"): row for row in _asked_of_driver("uuid", *GPU_FIELDS)} if found else {}
+    by_number = {row.pop("uuid"): row for row in asked_of_driver("uuid", *GPU_FIELDS)} if found else {}
     for entry, device in zip(found, wp.get_cuda_devices(), strict=True):
         entry["smi"] = by_number.get(device.uuid)
     return found
 
 
-def _asked_of_driver(*fields: str, device: str = "") -> list[dict[str, str]]:
+def asked_of_driver(*fields: str, device: str = "") -> list[dict[str, str]]:
     """What nvidia-smi says of each GPU, or of one with a UUID; nothing where it is missing or fails."""
     if not shutil.which("nvidia-smi"):
         return []
@@ -141,16 +141,3 @@ def _version(read: Any) -> str | None:
         return ".".join(str(part) for part in read())
     except Exception:  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
         return None
-
-
-CLOCK_FIELDS = (
-    "clocks.sm", "clocks.mem", "power.draw", "temperature.gpu", "clocks_throttle_reasons.active", "utilization.gpu",
-)  # fmt: skip
-
-
-def clock_state(device: str) -> dict[str, Any]:
-    """Clocks, power and throttle reasons of a GPU (null if nvidia-smi does not report them), and the host's load."""
-    known = []
-    if device.startswith("cuda"):
-        known = _asked_of_driver(*CLOCK_FIELDS, device=wp.get_device(device).uuid)
-    return {"load": round(os.getloadavg()[0], 2), "gpu": known[0] if known else None}

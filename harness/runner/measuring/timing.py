@@ -55,7 +55,8 @@ class FrameSamples:
     """The samples of one frame in one round, milliseconds.
 
     ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair per sample.
-    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``. ``row``: see :func:`_row`.
+    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``. ``row``: see :func:`_row`. ``spent_s``: seconds of
+    all samples.
     """
 
     total_ms: list[float] = field(default_factory=list)
@@ -63,6 +64,7 @@ class FrameSamples:
     passes: list[dict[str, Any]] = field(default_factory=list)
     stopped_by: str = ""
     started: float = 0.0
+    spent_s: float = 0.0
     row: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, pairs: list[tuple[float, float]]) -> None:
@@ -73,7 +75,7 @@ class FrameSamples:
 
 def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
     """Measure passes (of a session whose frame fits its buffers). Garbage collection is disabled meanwhile."""
-    result = FrameSamples(started=time.time())
+    result, began = FrameSamples(started=time.time()), time.perf_counter()
     with _quiet(session):
         take = _whole_frames(session)
         deadline = time.perf_counter() + 0.75 * sampling.budget_s
@@ -95,6 +97,7 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
                 step["ms"].append(round(ms, 6))
             if time.perf_counter() > deadline:
                 break
+    result.spent_s = time.perf_counter() - began
     return result
 
 
@@ -246,7 +249,6 @@ def _stages(session: PassRunner) -> list[float]:
 def _quiet(session: PassRunner) -> Iterator[None]:
     """Disable garbage collection during samples; wait for the device before and after."""
     enabled = gc.isenabled()
-    gc.collect()
     gc.disable()
     wp.synchronize_device(session.device)
     try:

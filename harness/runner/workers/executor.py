@@ -38,7 +38,7 @@ from ...scene.moment import Moment
 from ...scene.overrides import Lighting
 from ...scene.prepared import Prepared, prepare
 from ...scene.shared import read_stored, store
-from ..machine.environment import clock_state
+from ..machine.clocks import clock_state
 from ..machine.lock import MACHINE
 from ..measuring.measured_point import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
 from ..measuring.memory import give_back_memory, reset_peak_resident
