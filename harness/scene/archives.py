@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import gzip
 import tarfile
 import zipfile
 import zlib
@@ -17,7 +18,11 @@ from ..errors import UserError, one_line
 MOST_BYTES = 8 << 30
 MOST_MEMBERS = 20_000
 BLOCK = 1 << 20
-BROKEN = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, NotImplementedError, RuntimeError)
+GZIP = b"\x1f\x8b"
+"""What a gzip file begins with."""
+BROKEN = (
+    zipfile.BadZipFile, tarfile.TarError, gzip.BadGzipFile, zlib.error, EOFError, NotImplementedError, RuntimeError,
+)  # fmt: skip
 """Exceptions of Python for an archive that is damaged, encrypted or of an unknown kind."""
 
 
@@ -27,11 +32,12 @@ class Member:
 
     name: str
     plain: bool
-    handle: zipfile.ZipInfo | tarfile.TarInfo
+    handle: zipfile.ZipInfo | tarfile.TarInfo | Path
 
 
 def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYTES) -> list[Path]:
-    """Write the members whose names match ``pattern`` into ``folder``, by their last name; the files, sorted.
+    """Write the members whose names match ``pattern``, or one of several that spaces separate, into ``folder``, by their
+    last name; the files, sorted. A gzip file of one file is an archive of that file.
 
     Raises :class:`UserError` for an archive that is damaged, has a path that leaves the folder, links, too many members,
     or members that together are longer than ``most_bytes``, whatever the archive declares.
@@ -46,7 +52,7 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
                 path = PurePosixPath(member.name.replace("\\", "/"))
                 if path.is_absolute() or ".." in path.parts or ":" in path.parts[0:1]:
                     raise UserError(f"{archive}: the path {member.name!r} leaves its folder; it is not unpacked")
-                if not fnmatch.fnmatch(str(path).lower(), pattern):
+                if not any(fnmatch.fnmatch(str(path).lower(), one) for one in pattern.split()):
                     continue
                 if not member.plain:
                     raise UserError(f"{archive}: {member.name!r} is a link or no file; it is not unpacked")
@@ -69,8 +75,14 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
 @contextmanager
 def _opened(archive: Path) -> Iterator:
     """The members of an archive in order, and a function that opens one of them."""
+    with archive.open("rb") as stream:
+        beginning = stream.read(40)
+    if beginning.startswith(GZIP) and not tarfile.is_tarfile(archive):
+        yield [Member(archive.name.removesuffix(".gz"), True, archive)], lambda member: gzip.GzipFile(member.handle)
+        return
     if not (zipfile.is_zipfile(archive) or tarfile.is_tarfile(archive)):
-        raise UserError(f"{archive}: no archive but {_beginning(archive)}; the server may have sent a page instead")
+        text = beginning.decode(errors="replace")
+        raise UserError(f"{archive}: no archive but {text!r}; the server may have sent a page instead")
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as packed:
             # ZipInfo.is_dir fails where a name is empty.
@@ -87,9 +99,3 @@ def _opened(archive: Path) -> Iterator:
             return found
 
         yield (Member(info.name, info.isfile(), info) for info in tape if not info.isdir()), read
-
-
-def _beginning(path: Path) -> str:
-    """The first bytes of a file, as text."""
-    with path.open("rb") as stream:
-        return repr(stream.read(40).decode("utf-8", errors="replace"))

@@ -1,6 +1,7 @@
 """The catalogue: the paper's six scenes and the bunny. A file can be given instead of a name.
 
-A scene of the paper is a procedural stand-in, unless the folder of original scenes has a file of its name.
+A scene of the paper is a procedural stand-in, unless the folder of original scenes has a file of its name. Any other file
+there is a scene of its name, too.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from ..texts import visible
 from .declaration import SUFFIX, declared_scene
 from .facts import triangles
 from .names import BUNNY, NAMES, scene_names
+from .offered import FURTHER
 from .readers import usd
 from .readers.apart import load, load_sequence
 from .readers.checks import ALL, Loaded, Wanted, exists, is_file, within_range
@@ -100,6 +102,10 @@ def _found(name: str | Path, scene_dir: str | Path | None, wanted: Wanted, withi
         return _from_files(matching(text, READERS), _plain(plain_name(text)), visible(path.name), wanted)
     if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         return _from_files(path, name_in(path), visible(path.name), wanted)
+    if files := original(text, scene_dir):
+        return _from_files(files, _plain(text), visible(text.replace("_", " ").title()), wanted)
+    if text in FURTHER:
+        raise UserError(f"{text}: not in the folder of scenes; shadowbench scenes fetch {text} --scene-dir FOLDER")
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
 
 
@@ -128,7 +134,7 @@ def folder(scene_dir: str | Path | None = None) -> Path | None:
 
 
 def original(name: str, scene_dir: str | Path | None = None) -> Path | list[Path] | None:
-    """The original that replaces a stand-in, or None.
+    """The original that replaces a stand-in, or another scene of a name in the folder of scenes, or None.
 
     The first that exists of: ``name.npz``, ``name.ply`` and the other formats in the order of
     :data:`~.scene.readers.load.SUFFIXES`; numbered frames ``name_001.ply ...``; a folder ``name`` of such frames. Warns

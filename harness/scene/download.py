@@ -55,7 +55,8 @@ class Resumed:
         import requests
 
         have = self.part.stat().st_size if self.part.exists() and self._tag.exists() else 0
-        headers = {"Accept-Encoding": "identity"}
+        # McGuire's archive refuses the names of common Python libraries.
+        headers = {"Accept-Encoding": "identity", "User-Agent": "shadowbench"}
         if have:
             headers |= {"Range": f"bytes={have}-", "If-Range": self._tag.read_text()}
         with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT_S) as answer:

@@ -1,20 +1,26 @@
 """Originals from a server on the loopback address: cut, altered, climbing and exploding archives."""
 
+import gzip
 import hashlib
 import io
+import re
 import tarfile
 import threading
 import zipfile
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
+from helpers import mesh_files as files
 from helpers.tiny_runs import TETRAHEDRON
-from shadowbench.harness.commands import scenes as command
-from shadowbench.harness.commands.scenes import SOURCES, Source, scenes
+from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene import archives, catalogue
 from shadowbench.harness.scene.download import downloaded, recorded
-from shadowbench.harness.scene.names import scene_names
+from shadowbench.harness.scene.names import NAMES, scene_names
+from shadowbench.harness.scene.offered import FURTHER, OFFERS, ORIGINALS, Offer
 
 
 def zipped(files):
@@ -33,7 +39,7 @@ def serve(monkeypatch):
     """Serve one archive as that of Sibenik: the list of requested ranges. ``cuts``: bytes sent of each first answer."""
     servers = []
 
-    def start(content, cuts=(), sha256="", files="*sibenik.obj", name="sibenik"):
+    def start(content, cuts=(), sha256="", files="*sibenik.obj", name="sibenik", ending="zip"):
         asked, remaining = [], list(cuts)
 
         class Handler(BaseHTTPRequestHandler):
@@ -53,8 +59,8 @@ def serve(monkeypatch):
         server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         servers.append(server)
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
-        url = f"http://127.0.0.1:{server.server_port}/{name}.zip"
-        monkeypatch.setitem(command.SOURCES, name, Source(url, files, "nobody's", sha256))
+        url = f"http://127.0.0.1:{server.server_port}/{name}.{ending}"
+        monkeypatch.setitem(OFFERS, name, Offer(url, files, "nobody's", sha256))
         return asked
 
     yield start
@@ -63,8 +69,93 @@ def serve(monkeypatch):
         server.server_close()
 
 
-def test_every_scene_has_a_source():
-    assert set(SOURCES) == set(scene_names())
+def test_every_offer_has_terms_and_every_scene_of_the_catalogue_one():
+    assert set(ORIGINALS) == set(scene_names())
+    assert not set(FURTHER) & set(scene_names())
+    for name, offer in OFFERS.items():
+        assert offer.terms, name
+        assert offer.files == offer.files.lower(), "names of members are compared in lower case"
+        assert re.fullmatch("[0-9a-f]{64}|", offer.sha256), name
+        assert offer.where.startswith(("https://", "http://gamma.cs.unc.edu/")) or offer.packaged or not offer.where
+        assert bool(offer.make) == offer.packaged <= bool(offer.sha256), name
+
+
+def test_the_list_tells_terms_checksums_and_what_is_there(tmp_path, capsys):
+    (tmp_path / "dragon.obj").write_text(TETRAHEDRON)
+    assert scenes("list", ["dragon", "hairball", "munich"], tmp_path) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "in the folder of scenes; Stanford Computer Graphics Laboratory: for research, with credit" in said
+    assert f"SHA-256 {FURTHER['dragon'].sha256}" in said.replace("- ", "-")
+    assert "NVIDIA Research: CC BY 3.0; McGuire archive" in said
+    assert "checksum not pinned: never had" in said
+    assert "ODbL 1.0 sionna-rt==2.2.0" in said
+
+
+MEMBERS = {
+    "sibenik": ["sibenik/sibenik.obj", "sibenik/copyright.txt"],
+    "conference": ["conference.obj", "conference.mtl"],
+    "buddha": ["happy_recon/happy_vrip.ply", "happy_recon/happy_vrip_res2.ply"],
+    "bunny": ["bunny/reconstruction/bun_zipper.ply", "bunny/reconstruction/bun_zipper_res2.ply"],
+    "dragon": ["dragon_recon/dragon_vrip.ply", "dragon_recon/dragon_vrip_res2.ply"],
+    "lucy": ["lucy.ply"],
+    "rungholt": ["rungholt.obj", "house.obj"],
+    "san_miguel": ["san-miguel.obj", "san-miguel-low-poly.obj"],
+    "road_bike": ["roadBike.obj", "roadBike.mtl"],
+}
+"""Files in the archives as others have told of them, the wanted one first."""
+
+
+@pytest.mark.parametrize("name", MEMBERS)
+def test_of_an_archive_the_wanted_mesh_is_taken_and_is_a_scene(serve, tmp_path, name):
+    wanted, *others = MEMBERS[name]
+    mesh = files.ply_binary(files.QUAD) if wanted.endswith("ply") else TETRAHEDRON
+    serve(zipped({wanted: mesh, **dict.fromkeys(others, "no mesh")}), files=OFFERS[name].files, name=name)
+    assert scenes("fetch", [name], tmp_path) == 0
+    found = catalogue.resolve(name, tmp_path)
+    assert (found.name, found.stand_in, len(found.geometry().faces)) == (name, None, 4)
+    assert (tmp_path / f"{name}.source.txt").read_text().startswith(f"{name}\nfrom: {OFFERS[name].where}")
+
+
+def test_a_gzip_file_is_an_archive_of_one_file(serve, tmp_path):
+    packed = gzip.compress(files.ply_binary(files.QUAD))
+    serve(packed, files="*.ply", name="armadillo", ending="ply.gz")
+    assert scenes("fetch", ["armadillo"], tmp_path) == 0
+    assert len(catalogue.resolve("armadillo", tmp_path).geometry().faces) == 4
+    for broken in (packed[:-9], packed[:10] + b"x" * 40, packed[:2] + b"x" * 40):
+        serve(broken, files="*.ply", name="armadillo", ending="ply.gz")
+        with pytest.raises(UserError, match="damaged"):
+            scenes("fetch", ["armadillo"], tmp_path / "other")
+
+
+def test_a_checksum_that_is_not_pinned_is_warned_of(serve, tmp_path, capsys):
+    serve(WHOLE)
+    scenes("fetch", ["sibenik"], tmp_path)
+    assert "its checksum is not pinned; what arrives now is recorded" in capsys.readouterr().err
+    (tmp_path / "sibenik.obj").unlink()
+    scenes("fetch", ["sibenik"], tmp_path)
+    serve(WHOLE, sha256=hashlib.sha256(WHOLE).hexdigest())
+    scenes("fetch", ["sibenik"], tmp_path / "other")
+    assert "not pinned" not in capsys.readouterr().err
+
+
+def test_what_is_offered_and_not_there_is_told(tmp_path):
+    with pytest.raises(UserError, match="dragon: not in the folder of scenes; shadowbench scenes fetch dragon"):
+        catalogue.resolve("dragon", tmp_path)
+
+
+def test_table_1_takes_an_original_of_every_name(tmp_path):
+    for name in scene_names():
+        (tmp_path / f"{name}.obj").write_text(TETRAHEDRON)
+    chosen = plan_run(
+        "table1", "quick", "cpu", NAMES, ["embree"], scene_dir=tmp_path, out=tmp_path / "out", size="8x8",
+        overrides={"frames": 1, "samples": 1, "most": 1, "rounds": 1}, score=False,
+    )  # fmt: skip
+    records = Run(chosen, Silent()).go()
+    assert sorted(record.scene["name"] for record in records) == sorted(NAMES)
+    assert {record.scene["stand_in"] for record in records} == {None}
+    assert {record.scene["source"]["file"] for record in records} == {f"{name}.obj" for name in NAMES}
+    chosen.experiment.draw(chosen.out, True)
+    assert "stand-in" not in (chosen.out / "table1.md").read_text()
 
 
 def test_a_cut_file_is_continued_and_replaces_the_stand_in(serve, tmp_path, capsys):
@@ -99,7 +190,7 @@ def test_a_wrong_checksum_is_refused(serve, tmp_path, pinned):
         port = url.split("/")[2]
     serve(WHOLE + b"altered", sha256="0" * 64 if pinned else "")
     if not pinned:
-        new = command.SOURCES["sibenik"].url
+        new = OFFERS["sibenik"].where
         (tmp_path / "archives" / "checksums.json").write_text(f'{{"{new}": "{digest}"}}')
         assert port not in new
     with pytest.raises(UserError, match="its checksum is not") as refused:
