@@ -30,7 +30,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     path = folder / "advise.json"
     write_atomic(path, said)
     return document.write(
-        folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), ranking.tables(done, _rivals.REBUILDS), [path],
+        folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), ranking.tables(done, _rivals.REBUILDS, frames), [path],
         quiet, [ranking.ABOUT, *changes],
     )  # fmt: skip
 

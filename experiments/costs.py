@@ -50,11 +50,13 @@ def read(folder: Path) -> document.DataFrame:
 
 
 def lacking(table: document.DataFrame) -> list[str]:
-    """One line per cost and reason that it is missing, with the methods."""
-    groups = [(said, table[table[column] != ""].groupby(column, sort=False)) for column, said in LACKING.items()]
+    """One line per cost and reason that it is missing, with the methods; and those of which tests are not counted."""
+    kinds = {kind: table[table[f"{kind}_tests"].isna()]["label"].unique() for kind in ("primary", "shadow")}
+    said = [f"No triangle tests of {kind} rays counted: {'; '.join(own)}." for kind, own in kinds.items() if len(own)]
+    groups = [(what, table[table[column] != ""].groupby(column, sort=False)) for column, what in LACKING.items()]
     return [
-        f"{said} of {'; '.join(own['label'].unique())}: {reason}." for said, found in groups for reason, own in found
-    ]
+        f"{what} of {'; '.join(own['label'].unique())}: {reason}." for what, found in groups for reason, own in found
+    ] + said
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:

@@ -57,7 +57,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables = {
         f"Time of {_rivals.OURS.label} over its floor": floor,
         "Frames that are no graph: the host launches them, ms": launched(done),
-        **ranking.tables(done, _rivals.REBUILDS),
+        **ranking.tables(done, _rivals.REBUILDS, frames),
     }
     table = document.named(frames).join(done[["times", "low", "high"]].set_axis(RATIO, axis=1))
     table["in_each_frame"] = table["label"].map(_rivals.REBUILDS)

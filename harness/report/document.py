@@ -157,13 +157,18 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
     return arranged(arranged(whole, "label", table["label"].unique()), "title", table["title"].unique())
 
 
+def lost(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
+    """The points without a time, and a row for each without a record (see :func:`complete`); ``why``: status and reason."""
+    rows = complete(table, apart)
+    rows = rows[(rows["status"] != "ok") | rows["total_ms"].isna()]
+    reasons = rows["reason"].where((rows["reason"] != "") | (rows["status"] == NO_RECORD), "no reason given")
+    return rows.assign(why=rows["status"].where(reasons == "", rows["status"] + ": " + reasons))
+
+
 def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
-    """The points without a time, one line per reason; and those without a record (see :func:`complete`)."""
-    lost = complete(table, apart)
-    lost = lost[(lost["status"] != "ok") | lost["total_ms"].isna()]
-    reasons = lost["reason"].where((lost["reason"] != "") | (lost["status"] == NO_RECORD), "no reason given")
-    why = lost["status"].where(reasons == "", lost["status"] + ": " + reasons)
-    groups = lost["title"].groupby([with_light(lost, "label"), why], sort=False).unique()
+    """The points without a time, one line per reason."""
+    rows = lost(table, apart)
+    groups = rows["title"].groupby([with_light(rows, "label"), rows["why"]], sort=False).unique()
     return [f"{name}: {reason} ({', '.join(titles)})" for (name, reason), titles in groups.items()]
 
 
@@ -184,13 +189,13 @@ def write(
     cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
     about = numbers.meanings([finding, *cells])
     about += [*notes, *validity(table), errors(table)]
-    lost = not_measured(table, apart)
+    missing = not_measured(table, apart)
     measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
     text = [f"# {experiment.title}", "", for_markdown(finding), "", for_markdown(f"{measured_on}."), ""]
     for heading, body in shown.items():
         text += [f"## {for_markdown(heading)}", "", *markdown(body), ""]
     text += [for_markdown(f"{line}\n") for line in about]
-    text += ["Not measured:", "", *(for_markdown(f"- {line}") for line in lost), ""] if lost else []
+    text += ["Not measured:", "", *(for_markdown(f"- {line}") for line in missing), ""] if missing else []
     path, kept = folder / f"{name}.md", sorted(folder.glob("*.png"))
     # Pictures of an earlier drawing stay, because the files that they were drawn from may have been removed.
     drawn = [file.name for file in pictures if file.suffix in (".svg", ".png")]
@@ -202,7 +207,7 @@ def write(
         console.print(f"{experiment.title}; {measured_on}\n  {finding}")
         for heading, body in shown.items():
             print_table(body, heading, console)
-        for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
+        for line in [*about, *(["Not measured: " + "; ".join(missing)] if missing else [])]:
             console.print("  " + line.replace(r"\*", "*"))
     return [csv, *pictures, path]
 

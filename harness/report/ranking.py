@@ -78,9 +78,22 @@ def settings(table: DataFrame) -> Iterator[tuple[str, DataFrame]]:
         yield own["setting"].iloc[0], own
 
 
-def tables(table: DataFrame, rebuilt: Mapping[str, str]) -> dict[str, DataFrame]:
-    """For each scene of a ranked table a table of texts, fastest first. ``rebuilt``: by label what is built in a frame."""
-    return {f"{setting}, fastest first": sorted_table(own, rebuilt) for setting, own in settings(table)}
+def tables(table: DataFrame, rebuilt: Mapping[str, str], frames: DataFrame | None = None) -> dict[str, DataFrame]:
+    """For each scene of a ranked table a table of texts, fastest first. ``rebuilt``: by label what is built in a frame.
+
+    ``frames``: the tidy table that was ranked, for rows of those without a time, which say why.
+    """
+    made = {f"{setting}, fastest first": sorted_table(own, rebuilt) for setting, own in settings(table)}
+    return made if frames is None else with_lost(made, document.lost(document.named(frames)))
+
+
+def with_lost(made: Mapping[str, DataFrame], lost: DataFrame) -> dict[str, DataFrame]:
+    """The tables of scenes with rows of the points that have no time: why not."""
+    import pandas as pd
+
+    rows = lost[["label", "why"]].set_axis(["method", "answers"], axis=1)
+    whose = document.with_light(lost, "title") + ", fastest first"
+    return {heading: pd.concat([own, rows[whose == heading]]) for heading, own in made.items()}
 
 
 def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from helpers.experiment_records import csv_of, record_of, report_of
 from shadowbench.experiments.costs import METHODS
+from shadowbench.harness.report import document
+from shadowbench.harness.report.page.gather import with_texts
 
 KNOWN = {"energy_j": 0.05, "idle_w": 75.0, "alone_ms": 0.5, "pair_ms": 0.4, "missing": {}}
 NONE = {"energy_j": None, "idle_w": None, "alone_ms": None, "pair_ms": None,
@@ -31,6 +33,12 @@ def test_the_table_has_every_cost_and_says_why_one_is_missing(tmp_path):
     assert float(rows[first.label]["watts"]) == 75.0 + 50.0 / 0.5
     assert float(rows[first.label]["primary_tests"]) == 2.0
     assert float(rows[second.label]["sah_cost"]) == 1.2 * 20 + 3
+    assert f"No triangle tests of primary rays counted: {second.label}; {third.label}." in text
+    assert f"No triangle tests of shadow rays counted: {second.label}; {first.label}; {third.label}." in text
+    page = with_texts(document.read(tmp_path)).set_index("label")
+    shown = [f"text.{name}" for name in ("energy_mj", "idle_w", "bytes_per_ray", "expected_tests", "sah_cost")]
+    assert page.loc[second.label, shown].tolist() == ["100", "75.0", "0.000", "3.00", "27.0"]
+    assert page.loc[first.label, "text.primary_tests"] == "2.00"
     (line,) = (line for line in text.splitlines() if line.startswith(f"| Cloth (stand-in) | {first.label} |"))
     assert line.split(" | ")[4:] == ["50.0", "175", "0.000", "0", "2,000", "2,500", "2.00", "-", "-", "- |"]
 

@@ -45,7 +45,8 @@ TEXTS = {
     **{name: (name, "", numbers.TIME) for name in ("submitted_ms", "row_ms")},
     **{f"{name}_mrays_per_s": (f"{name}_mrays_per_s", "rate", "") for name in ("primary", "shadow", "frame")},
     "memory_bytes": ("memory_mb", "", ""), "wrong_per_frame": ("wrong_per_frame", "", numbers.COUNT),
-    **{name: (name, "", "") for name in "flip p95_ms p99_ms pair_ms energy_mj sah_cost".split()},
+    **{name: (name, "", "") for name in "flip p95_ms p99_ms pair_ms energy_mj idle_w sah_cost expected_tests".split()},
+    **{name: (name, "", "") for name in "bytes_per_ray primary_tests shadow_tests".split()},
 }  # fmt: skip
 """Numbers that the page shows as :mod:`.report.numbers` writes them, in columns "text.NAME": column, spread, form."""
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from enum import IntFlag
 from pathlib import Path
-from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -14,6 +12,7 @@ import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.holed_scenes import holed
 from helpers.mirror_scenes import hall_of_mirrors
+from helpers.recorded_slangpy import Recording, recorded
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -27,44 +26,11 @@ from shadowbench.methods.rays.offset import SHADOW_END
 
 SHADERS = Path(device.__file__).with_name("rays.slang").read_text(encoding="utf-8")
 UNIFORMS = set(re.findall(r"^uniform .*?(\w+);", SHADERS, re.M))
-SIZES = {"acceleration_structure_size": 1000, "scratch_size": 64, "update_scratch_size": 32}
-
-
-class Flags(IntFlag):
-    none, allow_update, prefer_fast_trace, prefer_fast_build = 0, 1, 4, 8
-
-
-class Recording:
-    """What slangpy was asked for. ``arguments``: of each root object; ``memory``: of each buffer; ``builds``: in order."""
-
-    def __init__(self) -> None:
-        self.arguments: list[dict] = []
-        self.memory: list[np.ndarray] = []
-        self.slangpy, self.device = MagicMock(), MagicMock()
-        self.slangpy.AccelerationStructureBuildFlags = Flags
-        self.slangpy.AccelerationStructureBuildDesc = lambda facts: SimpleNamespace(**facts)
-        self.slangpy.ShaderCursor.side_effect = lambda root: self.arguments.append({}) or self.arguments[-1]
-        self.device.get_acceleration_structure_sizes.return_value = SimpleNamespace(**SIZES)
-        self.device.create_buffer.side_effect = self._buffer
-
-    def _buffer(self, size: int, usage: object) -> SimpleNamespace:
-        self.memory.append(np.zeros(size, dtype=np.uint8))
-        return SimpleNamespace(device_address=self.memory[-1].ctypes.data, size=size)
-
-    @property
-    def builds(self) -> list:
-        encoder = self.device.create_command_encoder.return_value
-        return [call.kwargs for call in encoder.build_acceleration_structure.call_args_list]
 
 
 @pytest.fixture
 def recording(monkeypatch) -> Recording:
-    made = Recording()
-    monkeypatch.setitem(sys.modules, "slangpy", made.slangpy)
-    monkeypatch.setattr(device, "device_of", lambda api, alias: made.device)
-    monkeypatch.setattr(device, "pipeline_of", lambda api, alias, holes: ("program", "pipeline", "table"))
-    monkeypatch.setattr(memory.SharedMemory, "submit", lambda self, encoder, reads=(), writes=(): encoder.finish())
-    return made
+    return recorded(monkeypatch, device, memory)
 
 
 def still(count: int = 60) -> Prepared:
