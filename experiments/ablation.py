@@ -149,8 +149,8 @@ EXPERIMENT = Experiment(
             budget_s=4.0,
         ),
         "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=5, rounds=2,
-            budget_s=10.0, timeout_s=300.0,
+            1024, 1024, SCENES, METHODS, frames=1, samples=5, most=20, deviation=0.01, stage_samples=2, rounds=9,
+            budget_s=9.0, timeout_s=300.0,
         ),
     },
     draw=draw,

@@ -116,8 +116,8 @@ EXPERIMENT = Experiment(
             budget_s=3.0,
         ),
         "paper": Preset(
-            1024, 1024, ("fairy", "cloth", "bunny_dragon"), METHODS, frames=3, samples=10, most=10, stage_samples=1,
-            rounds=3, budget_s=6.0,
+            1024, 1024, ("fairy", "cloth", "bunny_dragon"), METHODS, frames=3, samples=5, most=10, stage_samples=1,
+            rounds=9, budget_s=9.0,
         ),
     },
     draw=draw,

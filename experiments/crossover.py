@@ -313,15 +313,15 @@ EXPERIMENT = Experiment(
         "short": sweeps(
             Preset(
                 1024, 1024, ("balls-100k",), FEW, frames=1, samples=5, most=10, deviation=0.02, stage_samples=1,
-                rounds=2, budget_s=0.3, timeout_s=120.0,
+                rounds=9, budget_s=4.5, timeout_s=120.0,
             ),
             ("1k", "10k", "100k", "1m"), "100k", (256, 1024, 2048), (0, 4, 16), (10, 100), ("1k", "100k", "1m"), (0, 60),
             ROOMS,
         ),
         "paper": sweeps(
             Preset(
-                1024, 1024, ("balls-100k",), STRONGEST, frames=1, samples=10, most=20, deviation=0.01, stage_samples=1,
-                rounds=2, budget_s=0.5, timeout_s=300.0, memory=24 << 30,
+                1024, 1024, ("balls-100k",), STRONGEST, frames=1, samples=5, most=20, deviation=0.01, stage_samples=1,
+                rounds=9, budget_s=4.5, timeout_s=300.0, memory=24 << 30,
             ),
             ("1k", "10k", "100k", "1m", "10m"), "100k", (256, 512, 1024, 2048, 4096), (0, 1, 2, 4, 8, 16, 32, 64),
             (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100), ROOMS,

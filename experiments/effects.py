@@ -124,8 +124,8 @@ EXPERIMENT = Experiment(
             lightings=LIGHTINGS,
         ),
         "paper": Preset(
-            1024, 1024, ("fairy", "conference"), METHODS, frames=2, samples=10, most=20, deviation=0.005,
-            stage_samples=3, rounds=2, budget_s=4.0, timeout_s=600.0, lightings=LIGHTINGS,
+            1024, 1024, ("fairy", "conference"), METHODS, frames=1, samples=5, most=20, deviation=0.005,
+            stage_samples=2, rounds=9, budget_s=4.5, timeout_s=600.0, lightings=LIGHTINGS,
         ),
     },
     draw=draw,

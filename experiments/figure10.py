@@ -97,8 +97,8 @@ EXPERIMENT = Experiment(
             256, 256, SCENES, METHODS, frames=3, samples=2, most=2, stage_samples=3, rounds=1, budget_s=8.0
         )),
         "paper": with_half(Preset(
-            1024, 1024, SCENES, METHODS, frames=5, samples=10, most=40, deviation=0.005, stage_samples=20, rounds=3,
-            budget_s=60.0, timeout_s=600.0,
+            1024, 1024, SCENES, METHODS, frames=3, samples=5, most=30, deviation=0.005, stage_samples=5, rounds=9,
+            budget_s=20.0, timeout_s=600.0,
         )),
     },
     draw=draw,

@@ -156,8 +156,8 @@ def by_r(table: document.DataFrame, exact: document.DataFrame, folder: Path) -> 
 # Between 1e3 and 1e7 radii only number formats differ: at 1e5 each is measured at one r. One round of few samples: an
 # unclamped grid of a far light takes seconds per frame.
 FORMATS_PRESET = Preset(
-    1024, 1024, ("cloth",), entries(128, (FORMAT_R,)), frames=1, samples=3, most=10, deviation=0.01, stage_samples=5,
-    rounds=1, budget_s=0.2, timeout_s=120.0, lightings=distances(1e5), memory=16 << 30,
+    1024, 1024, ("cloth",), entries(128, (FORMAT_R,)), frames=1, samples=3, most=10, deviation=0.01, stage_samples=1,
+    rounds=9, budget_s=4.5, timeout_s=120.0, lightings=distances(1e5), memory=16 << 30,
 )  # fmt: skip
 
 EXPERIMENT = Experiment(
@@ -172,7 +172,7 @@ EXPERIMENT = Experiment(
         ),
         "paper": Preset(
             1024, 1024, ("cloth",), entries(128, (*LARGE, UNBALANCED)), frames=1, samples=3, most=10, deviation=0.01,
-            stage_samples=5, rounds=1, budget_s=0.2, timeout_s=120.0, lightings=distances(0.1, 1, 10, 1e3, 1e7),
+            stage_samples=1, rounds=9, budget_s=4.5, timeout_s=120.0, lightings=distances(0.1, 1, 10, 1e3, 1e7),
             memory=16 << 30, also=(FORMATS_PRESET,),
         ),
     },

@@ -105,8 +105,8 @@ EXPERIMENT = Experiment(
             256, 256, ("buddha",), METHODS, frames=1, samples=3, most=3, rounds=2, budget_s=15.0, maps=True
         ),
         "paper": Preset(
-            1024, 1024, ("buddha",), METHODS, frames=1, samples=10, most=40, deviation=0.005, stage_samples=10,
-            rounds=3, budget_s=30.0, timeout_s=600.0, maps=True,
+            1024, 1024, ("buddha",), METHODS, frames=1, samples=5, most=30, deviation=0.005, stage_samples=5,
+            rounds=9, budget_s=20.0, timeout_s=600.0, maps=True,
         ),
     },
     draw=draw,

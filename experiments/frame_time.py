@@ -103,7 +103,7 @@ EXPERIMENT = Experiment(
             256, 256, ("sibenik", "cloth"), METHODS, frames=1, samples=3, most=3, stage_samples=1, rounds=2, budget_s=6.0,
         ),
         "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=3, samples=10, most=30, deviation=0.005, stage_samples=5, rounds=3,
+            1024, 1024, SCENES, METHODS, frames=3, samples=5, most=30, deviation=0.005, stage_samples=2, rounds=9,
             budget_s=12.0, timeout_s=300.0,
         ),
     },

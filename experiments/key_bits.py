@@ -23,7 +23,7 @@ HERE = 18
 PASS = ("build", SORT)
 
 PAPER = Preset(
-    1024, 1024, (), (), frames=1, samples=20, most=60, deviation=0.005, stage_samples=20, rounds=3, budget_s=3.0,
+    1024, 1024, (), (), frames=1, samples=7, most=30, deviation=0.005, stage_samples=7, rounds=9, budget_s=9.0,
 )  # fmt: skip
 
 COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]

@@ -94,7 +94,7 @@ EXPERIMENT = Experiment(
             budget_s=10.0, lightings=turn(8),
         ),
         "paper": Preset(
-            1024, 1024, (*ANIMATED, *STATIC), METHODS, frames=12, samples=10, most=10, stage_samples=1, rounds=2,
+            1024, 1024, (*ANIMATED, *STATIC), METHODS, frames=12, samples=5, most=10, stage_samples=1, rounds=9,
             budget_s=20.0, timeout_s=600.0, lightings=turn(12),
         ),
     },

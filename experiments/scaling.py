@@ -115,8 +115,8 @@ EXPERIMENT = Experiment(
         ),
         "paper": sweeps(
             Preset(
-                1024, 1024, ("balls-300k",), METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=2,
-                rounds=2, budget_s=1.5, timeout_s=120.0, memory=24 << 30,
+                1024, 1024, ("balls-300k",), METHODS, frames=1, samples=5, most=20, deviation=0.01, stage_samples=2,
+                rounds=9, budget_s=9.0, timeout_s=120.0, memory=24 << 30,
             ),
             ("balls-10k", "balls-30k", "balls-100k", "balls-1m", "balls-3m", "balls-10m"), (256, 512, 2048, 4096),
             (2, 4, 8, 16),

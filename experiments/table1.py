@@ -166,8 +166,8 @@ EXPERIMENT = Experiment(
             timeout_s=180.0,
         ),
         "paper": Preset(
-            1024, 1024, SCENES + REAL, METHODS, frames=5, samples=10, most=40, deviation=0.005, stage_samples=10, rounds=3,
-            budget_s=40.0, timeout_s=600.0,
+            1024, 1024, SCENES + REAL, METHODS, frames=3, samples=5, most=30, deviation=0.005, stage_samples=2, rounds=9,
+            budget_s=12.0, timeout_s=600.0,
         ),
     },
     draw=draw,

@@ -90,8 +90,8 @@ EXPERIMENT = Experiment(
             lightings=lights(1, 2, 4, 8, 16),
         ),
         "paper": Preset(
-            1024, 1024, ("fairy", "sibenik", "conference"), GRIDS, frames=3, samples=10, most=20, deviation=0.005,
-            stage_samples=2, rounds=2, budget_s=15.0, timeout_s=600.0, lightings=lights(1, 2, 4, 8, 16, 32, 64),
+            1024, 1024, ("fairy", "sibenik", "conference"), GRIDS, frames=1, samples=5, most=20, deviation=0.005,
+            stage_samples=2, rounds=9, budget_s=9.0, timeout_s=600.0, lightings=lights(1, 2, 4, 8, 16, 32, 64),
         ),
     },
     draw=draw,

@@ -209,7 +209,7 @@ EXPERIMENT = Experiment(
         ),
         "paper": Preset(
             width=1024, height=1024, scenes=(*SCENES, *REAL), methods=LADDER + PEERS + IN_GRIDS + MAPS + WAYS + LARGE,
-            frames=1, samples=10, most=20, deviation=0.005, stage_samples=5, rounds=2, budget_s=10.0,
+            frames=1, samples=5, most=20, deviation=0.005, stage_samples=2, rounds=9, budget_s=9.0,
             timeout_s=600.0, wrong_maps=True,
         ),
     },

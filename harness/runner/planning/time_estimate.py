@@ -40,7 +40,7 @@ methods of a scene with one lighting, so it is most of the time of an experiment
 ANSWERS_S = 1.0
 """Seconds per point, frame and 2^20 pixels of a run on a GPU, roughly: answers are copied, written, read and compared."""
 
-ROUND_S = 0.2
+ROUND_S = 0.1
 """Seconds of the samples of a point per frame and round on a GPU, roughly; they do not depend on the scene."""
 
 COSTS = 2.2
