@@ -173,7 +173,21 @@ class Session(PassRunner):
                 if self.passes is self.all_passes:
                     self.made = self.frame.host
                 return
-        raise RuntimeError(f"{self.method.name}: buffers still overflow after {GROWTH_LIMIT} repeats of one frame")
+        raise self._unsteady_needs()
+
+    def replay_complete(self) -> None:
+        """Replay the frame into invalid answers until no buffer overflows. On a GPU the same frame may need more in one run
+        than in another, and drops what does not fit. After growth all passes run. Raises as :meth:`run_complete`."""
+        for _ in range(GROWTH_LIMIT):
+            self.poison()
+            self.replay()
+            if not self._grow():
+                return
+            self.run_complete()
+        raise self._unsteady_needs()
+
+    def _unsteady_needs(self) -> RuntimeError:
+        return RuntimeError(f"{self.method.name}: buffers still overflow after {GROWTH_LIMIT} repeats of one frame")
 
     def overflowed(self) -> bool:
         """Whether the last frame exceeded a capacity. If so, the capacity is raised and the frame must be run again."""

@@ -264,7 +264,7 @@ class Odd(Steady):
         passes = super().plan(frame, effects, limits)
         if self.trace.what == "pass named 5":
             passes[0] = dataclasses.replace(passes[0], name=5)
-        if self.grown == 3:
+        if self.grown == 4:
             more = dataclasses.replace(passes[0], name="one more", writes=("more",))
             passes[:1] = [more, dataclasses.replace(passes[0], reads=("more",))]
         return passes
@@ -281,7 +281,7 @@ class Odd(Steady):
 
     def grow(self, needed):
         self.grown += 1
-        return self.grown == 3  # in the second round: after the preparation and the first
+        return self.grown == 4  # in the second round: after the preparation, and twice in the first
 
     def counters(self):
         return self.COUNTERS.get(self.trace.what, {})
@@ -372,6 +372,26 @@ class Grows(Steady):
             return False
         self.capacity *= 10
         return True
+
+
+class Varies(Steady):
+    """Needs more in one run of the frame than in the others, and shadows a point where that does not fit: in the first run
+    that is compared (:class:`Fickle`)."""
+
+    name: ClassVar[str] = "varies"
+    runs, need, capacity = 0, 1, 1
+
+    def trace_shadow(self, frame, light):
+        self.runs += 1
+        self.need = 2 if self.runs == 1 + 7 else 1
+        frame.answers.shadowed[light].fill_(int(self.need > self.capacity))
+
+    def needs(self):
+        return wp.array([self.need], dtype=wp.int64, device="cpu")
+
+    def grow(self, needed):
+        before, self.capacity = self.capacity, max(self.capacity, int(needed[0]))
+        return self.capacity > before
 
 
 class Broken(Steady):

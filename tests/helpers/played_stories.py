@@ -89,14 +89,7 @@ def complete(session: Session, moment: Moment) -> Answers:
     """A whole frame as it is timed: on CUDA a replayed graph."""
     try:
         session.load(moment)
-        session.poison()
-        session.replay()
-        if session.overflowed():
-            session.load(moment)
-            session.poison()
-            session.run_complete()
-            session.poison()
-            session.replay()
+        session.replay_complete()
         wp.synchronize_device(session.device)
         return session.frame.answers.to_host()
     except CapacityRejected:

@@ -25,7 +25,7 @@ def troubled(package, scene, tmp_path_factory):
     """One run of every method of the package: its folder and its records by label."""
     out = tmp_path_factory.mktemp("troubled")
     names = (
-        "steady talker raises late once slow_start fickle hangs exits rejects skips grows greedy hoards broken"
+        "steady talker raises late once slow_start fickle hangs exits rejects skips grows varies greedy hoards broken"
     ).split()
     entries = [Entry(name, {}, name) for name in names]
     # A second point of a method whose worker was lost is measured by a new worker.
@@ -52,6 +52,7 @@ UNSTEADY = "the timed frames gave other answers than the frame that was judged"
         ("rejects", "rejected", "needs 1000000000 pairs, allowed are 1048576"),
         ("skips", "skipped", "only for closed scenes"),
         ("grows", "ok", ""),
+        ("varies", "ok", ""),
         ("greedy", "ok", ""),
         ("hoards", "ok", ""),
         ("broken", "failed", "cannot be constructed: ImportError: libmissing.so: cannot open"),
@@ -64,7 +65,7 @@ def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
 
 def test_every_planned_point_has_one_record_and_no_journal(troubled):
     out, records = troubled
-    assert len(records) == 16
+    assert len(records) == 17
     assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r.key for r in records.values())
     assert list((out / "journal").iterdir()) == []
 
@@ -82,7 +83,7 @@ def test_a_record_holds_every_sample(troubled):
     assert frame.counters == {"frames": 1}
     assert frame.unscored.startswith("not requested")
     assert records["steady"].stopped_by == "samples"
-    assert {r["place"] for r in records["steady"].rounds} <= set(range(16))
+    assert {r["place"] for r in records["steady"].rounds} <= set(range(17))
 
 
 def started(run: Run) -> set[str]:
@@ -93,6 +94,7 @@ def started(run: Run) -> set[str]:
 def test_growth_is_recorded_and_over_before_timing(troubled):
     _, records = troubled
     assert records["grows"].frames[0].regrown == 2
+    assert records["varies"].frames[0].regrown == 1
     assert records["steady"].frames[0].regrown == 0
 
 

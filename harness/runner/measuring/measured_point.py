@@ -169,7 +169,7 @@ class MeasuredPoint:
         before, resident = peak_resident_bytes(), resident_bytes()
         reset_peak_resident()
         for frame, memory in self.memory.items():
-            measured, regrown = self._fitting_samples(self.moments[frame], sampling)
+            measured, wrong = self._fitting_samples(frame, sampling)
             spent += measured.spent_s
             frames.append(
                 {
@@ -180,12 +180,11 @@ class MeasuredPoint:
                     **measured.row,
                     "passes": measured.passes,
                     "stopped_by": measured.stopped_by,
-                    "regrown": regrown,
+                    "regrown": self.session.regrown,
                     "memory_bytes": memory,
                     "memory_source": self.memory_source,
                 }
             )
-            wrong = differing(self.session, self.hashes[frame])
             if wrong:
                 where = f"frame {frame}: {', '.join(wrong)}"
                 raise UnsteadyError(f"the timed frames gave other answers than the frame that was judged ({where})")
@@ -206,16 +205,20 @@ class MeasuredPoint:
             "peak_rss_bytes": max(before, peak),
         }
 
-    def _fitting_samples(self, moment: Moment, sampling: Sampling) -> tuple[FrameSamples, int]:
-        """Samples of frames without overflow: if a buffer had to grow, the samples are discarded and taken again."""
+    def _fitting_samples(self, frame: int, sampling: Sampling) -> tuple[FrameSamples, list[str]]:
+        """Samples of frames without overflow, and the names of the answers that differ from those that were judged. If a
+        buffer had to grow, the samples are discarded and taken again."""
         session = self.session
         for _ in range(3):
-            self._load(session, moment)
-            measured = sample_frame(session, sampling)
+            self._load(session, self.moments[frame])
+            measured, before = sample_frame(session, sampling), session.regrown
             # The counters of the last launch are still on the device.
-            if not session.overflowed():
-                return measured, session.regrown
-            session.run_complete()
+            if session.overflowed():
+                session.run_complete()
+                continue
+            wrong = differing(session, self.hashes[frame])
+            if session.regrown == before:
+                return measured, wrong
         raise RuntimeError(f"{session.method.name}: the buffer sizes that one frame needs change from run to run")
 
     def _load(self, session: Session, moment: Moment) -> None:
@@ -255,6 +258,8 @@ class MeasuredPoint:
             session.poison()
         times = {"alone_ms": in_flight(pair[:1], ms, seconds), "pair_ms": in_flight(pair, ms, seconds)}
         for session in pair:
+            if session.overflowed():  # what did not fit was dropped; the next round has the room
+                raise MissingError("the buffer sizes that one frame needs change from run to run")
             if wrong := unlike(session, self.hashes[frame]):
                 raise UnsteadyError(
                     f"two frames in flight gave other answers than one (frame {frame}: {', '.join(wrong)})"
@@ -321,8 +326,7 @@ def differing(session: Session, known: Mapping[str, str]) -> list[str]:
 
     The answers are filled with invalid values first, so that a method that relies on an earlier run is detected.
     """
-    session.poison()
-    session.replay()
+    session.replay_complete()
     wp.synchronize_device(session.device)
     return unlike(session, known)
 
