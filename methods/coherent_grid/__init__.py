@@ -97,13 +97,13 @@ class CoherentGrid(BaseMethod):
     def needs(self) -> wp.array | None:
         if self._need is None:
             return None
-        return all_needs(self._need, self._queues.counts)
+        return all_needs(self._need, self._queues.needs())
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         before = (self._pairs, self._undecided)
         undecided = counted(needed[1:].reshape(-1, COUNTERS)[:, UNDECIDED])
         self._pairs = grown(int(needed[0]), self._pairs, self._memory, "(triangle, cell) pairs")
-        self._undecided = grown(int(undecided.max()), self._undecided, self._memory, "undecided pairs")
+        self._undecided = grown(int(undecided.max()), self._undecided, self._memory, "undecided pairs", varies=True)
         return before != (self._pairs, self._undecided)
 
     def counters(self) -> dict[str, int]:

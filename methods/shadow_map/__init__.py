@@ -136,7 +136,7 @@ class ShadowMap(BaseMethod):
         ]
 
     def needs(self) -> wp.array | None:
-        return None if self._needs is None else all_needs(self._queues.counts, self._needs)
+        return None if self._needs is None else all_needs(self._queues.needs(), self._needs)
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None

@@ -120,7 +120,7 @@ class StreamedMethod(BaseMethod):
         return self._camera
 
     def needs(self) -> wp.array | None:
-        return None if self._queues is None else self._queues.counts
+        return None if self._queues is None else self._queues.needs()
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None

@@ -2,6 +2,9 @@
 
 ``counts`` (int32) holds one counter per queue. After the frame the harness compares counters with capacities; a
 frame that lost an item is discarded, the queue grown, and the frame repeated. Nothing is dropped silently.
+
+The undecided pairs of a frame are not as many each time: none is queued for a pixel that other threads have found to be
+shadowed or nearer. So the most of any frame is kept (:meth:`Queues.needs`), and there is room to spare.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from ...harness.frame.geometry import filled
 from ...harness.frame.schedule.passes import Hints, Pass
 from ...harness.frame.schedule.threads import at_once
 from ..common.pairs import grown
-from ..gpu.entries import set_entry
+from ..gpu.entries import entry, set_entry
 from ..gpu.prefetch import GROUP_WORDS
 from ..gpu.reserve import counted, next_number, reserve
 from ..gpu.warps import LANES, claim, claimed_place
@@ -55,6 +58,7 @@ class Queue:
     """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
     counts   int32 [6]: ITEMS, CHUNKS, UNDECIDED, LARGE, RAYS, SMALL
+    most     int32 [1]: UNDECIDED of the frame that had most
     large    vec4i [item_capacity]: triangles to be split into groups (a light's)
     items    vec4i [item_capacity]: groups of rows of a triangle (the camera's)
     groups   vec4f [item_capacity, 8]: groups of rows of a triangle, and its planes (a light's)
@@ -64,6 +68,7 @@ class Queue:
     """
 
     counts: wp.array(dtype=wp.int32)
+    most: wp.array(dtype=wp.int32)
     large: wp.array(dtype=wp.vec4i)
     items: wp.array(dtype=wp.vec4i)
     groups: wp.array2d(dtype=wp.vec4f)
@@ -96,6 +101,15 @@ def queue_undecided(queue: Queue, i: wp.int32, pixel: wp.int32):
     place = next_number(queue.counts, UNDECIDED)
     if place < queue.undecided.shape[0]:
         set_entry(queue.undecided, place, wp.vec2i(i, pixel))
+
+
+@wp.func
+def held_undecided(queue: Queue, thread: wp.int32) -> wp.int32:
+    """How many undecided pairs the queue holds, when all are queued; the first thread notes how many there were."""
+    number = queue.counts[UNDECIDED]
+    if thread == 0 and wp.uint32(entry(queue.most, 0)) < wp.uint32(number):
+        set_entry(queue.most, 0, number)
+    return wp.min(number, queue.undecided.shape[0])
 
 
 @wp.func
@@ -137,7 +151,7 @@ def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capac
     return (
         grown(int(max(most[ITEMS] + most[SMALL], most[LARGE])), items, memory, "work items"),
         grown(int(most[CHUNKS]), chunks, memory, "chunks of work items"),
-        grown(int(most[UNDECIDED]), undecided, memory, "undecided pairs"),
+        grown(int(most[UNDECIDED]), undecided, memory, "undecided pairs", varies=True),
     )
 
 
@@ -146,7 +160,8 @@ class Queues:
 
     The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
     counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]; exact_path uint8 [triangles]: of
-    those in view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`). Without
+    those in view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`). most int32
+    [streams * shares]: of :class:`Queue`. Without
     queues (CPU) all arrays of a :class:`Queue` but the undecided pairs are one element long.
     """
 
@@ -172,6 +187,7 @@ class Queues:
             self.counts = wp.array(
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
+            self._most = wp.zeros(streams * shares, dtype=wp.int32)
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
             self.exact_path = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
         self._make_lists()
@@ -197,17 +213,27 @@ class Queues:
         other._make_lists()
         return other
 
+    def needs(self) -> wp.array:
+        """int64 [streams * shares, 6] on the host: the counters of the last frame, but for undecided pairs the most that a
+        frame has had since the queues were made."""
+        found = counted(self.counts.numpy().astype(np.int64))
+        found[:, UNDECIDED] = np.maximum(found[:, UNDECIDED], counted(self._most.numpy().astype(np.int64)))
+        return wp.array(found, dtype=wp.int64, device="cpu")
+
     def counters(self, stream: int) -> wp.array:
         """int32 [shares, 6]: rows of a stream, the camera's (0) or light i's (1 + i)."""
         return self.counts[stream * self.shares : (stream + 1) * self.shares]
 
     def of_stream(self, stream: int) -> list[Any]:
         """The :class:`Queue` of each share of a stream."""
-        rows = self.counters(stream)
+        rows, first = self.counters(stream), stream * self.shares
         return [
-            filled(Queue, counts=rows[k], records=self._records, depths=self._depths, **lists)
+            filled(
+                Queue, counts=rows[k], most=self._most[first + k : first + k + 1], records=self._records,
+                depths=self._depths, **lists,
+            )
             for k, lists in enumerate(self._lists)
-        ]
+        ]  # fmt: skip
 
     def share(self, number: int) -> Any:
         """The :class:`Share` of a number."""

@@ -31,7 +31,7 @@ from ..streams.cube.footprint import (
 from ..streams.cube.lights import Light, cube_of_light, position_of
 from ..streams.cube.rectangle import cells_of, faces_of, last_row
 from ..streams.occlusion.groups import sides_on_face
-from ..streams.occlusion.planes import Occluder, bound_of, set_planes
+from ..streams.occlusion.planes import Occluder, bound_of, occluder_of, occludes_none, set_planes
 from ..streams.occlusion.ray_test import ShadowBits
 from ..streams.queues import Queue, Share, triangle_of
 from .lists import test_list, test_texels, texel_index
@@ -149,7 +149,6 @@ def raster_kernel(
     # two faces: the second is queued.
     here = wp.int32(-1)
     box_here = wp.vec4i()
-    queued_too = wp.bool(False)
     several = without_lowest_bit(faces) != wp.uint32(0)
     while faces != wp.uint32(0):
         face = lowest_bit(faces)
@@ -164,40 +163,41 @@ def raster_kernel(
                     here = face
                     box_here = box
                 else:
-                    queued_too = True
                     queue_large(queue, i, face, box, occluder.bound)
-    if here >= 0 or queued_too:
+    if here >= 0:
         # Corners are read again: held until here, they would take the registers of the loop.
         planes = set_planes(occluder, position_of(light), corners_at(mesh, i), False)
-        if here >= 0:
-            if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
-                # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are undecided.
-                queued_too = True
-                queue_large(queue, i, here, box_here, planes.bound)
-        if queued_too:
-            store_planes(queue.records, planes)
+        if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
+            # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are undecided.
+            queue_large(queue, i, here, box_here, planes.bound)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def setup_kernel(threads: wp.int32, light: Light, cells: RayCells, mesh: Mesh, queue: Queue):
-    """One thread per queued triangle: the lines that bound it on its face, and the groups of its tiles."""
+    """One thread per queued triangle: its planes, the lines that bound it on its face, and the groups of its tiles."""
     place = wp.tid()
     stop = held_large(queue)
     cube = cube_of_light(light)
     row = last_row(cells.table)
+    position = position_of(light)
     while place < stop:
         work = entry(queue.large, place)
         face = queued_face(work)
-        corners = corners_at(mesh, queued_triangle(work))
-        r = entry(cells.table, face)
-        extent = extent_with_rays(cube, corners, row)
-        f = corners_on(in_cube_space(corners, cube), face)
-        sides = sides_on_face(on_bins(f, extent, r), position_of(light), cube, face, corners, r)
-        set_entry(queue.groups, place, 0, sides.line0)
-        set_entry(queue.groups, place, 1, sides.line1)
-        set_entry(queue.groups, place, 2, sides.line2)
-        slack = depth_slack(extent, cube)
-        queue_groups(queue, place, queued_box(work), nearest_depth(f, slack))
+        i = queued_triangle(work)
+        corners = corners_at(mesh, i)
+        planes = occluder_of(i, False, position, corners, row, True)
+        if not occludes_none(planes):
+            # On two faces the planes are the same.
+            store_planes(queue.records, planes)
+            r = entry(cells.table, face)
+            extent = extent_with_rays(cube, corners, row)
+            f = corners_on(in_cube_space(corners, cube), face)
+            sides = sides_on_face(on_bins(f, extent, r), position, cube, face, corners, r)
+            set_entry(queue.groups, place, 0, sides.line0)
+            set_entry(queue.groups, place, 1, sides.line1)
+            set_entry(queue.groups, place, 2, sides.line2)
+            slack = depth_slack(extent, cube)
+            queue_groups(queue, place, queued_box(work), nearest_depth(f, slack))
         place += threads
 
 

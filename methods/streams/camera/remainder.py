@@ -17,7 +17,7 @@ from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits
 from ...gpu.entries import entry, raise_entry
 from ...gpu.warps import LANES, keep_pairs, kept_pair, lane_of, place_of_kept, warp_of
-from ..queues import CHUNKS, UNDECIDED, Queue
+from ..queues import CHUNKS, Queue, held_undecided
 from .pixels import hit_word, sign_bound
 from .rows import queued_rows, rows_of_lanes, test_pixel_of
 
@@ -44,7 +44,7 @@ def last_kernel(
     lane = lane_of(thread)
     step = warp_of(threads)
     stop = wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])
-    listed = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
+    listed = held_undecided(queue, thread)
     spare = spare_bits(queue.depths.shape[0])
     bound = sign_bound(camera.tangents)
     kept = place_of_kept()

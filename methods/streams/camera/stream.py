@@ -18,7 +18,7 @@ from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits, to_float64
 from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...gpu.reserve import reserve
-from ..queues import ITEMS, UNDECIDED, Queue, Share, triangle_of
+from ..queues import ITEMS, Queue, Share, held_undecided, triangle_of
 from .pixels import Candidate, Planes, candidate_of, hit_word, inverse_depth, test_box, test_pixel_or_queue
 from .queued import store_candidate
 
@@ -197,7 +197,7 @@ def undecided_kernel(
 ):
     """(triangle, pixel) pairs that float32 could not decide."""
     k = wp.tid()
-    stop = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
+    stop = held_undecided(queue, k)
     spare = spare_bits(mesh.triangles.shape[0])
     while k < stop:
         pair = entry(queue.undecided, k)

@@ -19,7 +19,7 @@ from ...exact.segment import occludes
 from ...exact.triangle import largest
 from ...gpu.entries import entry
 from ..cube.lights import Light, position_of
-from ..queues import UNDECIDED, Queue
+from ..queues import Queue, held_undecided
 from .ray_test import ShadowBits, set_shadowed
 
 PAIRS_UNASKED = wp.constant(4)
@@ -48,7 +48,7 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
     ):
         """outside_rays: int32 [1 + pixels]: how many rays lie outside the region, and their pixels; [0] without
         ``outside``."""
-        pairs = wp.min(queue.counts[UNDECIDED], queue.undecided.shape[0])
+        pairs = held_undecided(queue, wp.tid())
         origin_size = wp.float64(largest(camera.eye[0]))
         place = position_of(light)
         # Whether the pixel is shadowed already: a thread with few pairs would wait for the answer, and what it reads of both

@@ -12,6 +12,7 @@ from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
+from shadowbench.harness.scene.scene import Camera
 from shadowbench.methods.gpu.reserve import BEYOND, number_in, reserve
 from shadowbench.methods.streams.queues import COUNTERS, UNDECIDED, more_room
 
@@ -36,6 +37,22 @@ def test_a_need_beyond_the_memory_limit_is_rejected():
     session = Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=64))
     with pytest.raises(CapacityRejected, match="needs"):
         session.answers(prepared.moment(0, 64, 64))
+
+
+@pytest.mark.parametrize("name", ["ray_grids", "visibility_buffer"])
+def test_room_that_an_earlier_frame_lacked_is_noted(name, device):
+    """Frames are replayed in a row, and asked of once: the last of them, in which nothing is in view, lacks none."""
+    vertices, faces = soup(3, 60, size=2.0)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
+    session = Session(make_method(name, trial(undecided=1)), prepared, 64, 64, device)
+    away = Camera((0.0, 0.0, 50.0), (0.0, 0.0, 100.0), (0.0, 1.0, 0.0), 60.0)
+    for moment in (prepared.moment(0, 64, 64), prepared.moment(0, 64, 64, away)):
+        session.load(moment)
+        session.replay()
+    assert session.method.counters()["camera undecided pairs"] == 0
+    assert session.overflowed()
+    session.replay()
+    assert not session.overflowed()
 
 
 @wp.kernel(enable_backward=False)

@@ -76,6 +76,23 @@ def test_tiles_that_hold_nothing_are_left_out():
         assert 0 < counts[f"{stream} chunks"] < 8 * counts[f"{stream} items"], stream  # of 32 tiles an item
 
 
+def test_thin_triangles_that_a_light_sees_nearly_edge_on_are_decided_in_float32():
+    """Strips of a ceiling, 16 long and 0.05 wide, 4 mm below the light: float32 does not tell on which side it is. With
+    planes of zeros every one of them would leave half the floor to float64. The light stands 2 mm beside the middle one."""
+    low = np.linspace(-3.0, 3.0, 7)
+    strips = [[(x, 1.0, -8.0), (x + 0.05, 1.0, -8.0), (x + 0.05, 1.0, 8.0), (x, 1.0, 8.0)] for x in low]
+    floor = [[(-8.0, -1.0, -8.0), (8.0, -1.0, -8.0), (8.0, -1.0, 8.0), (-8.0, -1.0, 8.0)]]
+    faces = [(4 * k, 4 * k + a, 4 * k + a + 1) for k in range(len(low) + 1) for a in (1, 2)]
+    prepared = make_scene(
+        np.reshape(strips + floor, (-1, 3)), faces, [(0.052, 1.004, 0.2)], (0.0, 0.8, 6.0), (0.0, -1.0, 0.0)
+    )
+    session, _, got = trace(NAME, trial(**TILES), prepared, 64, 64)
+    assert session.method.counters()["light 0 undecided pairs"] < 64 * 64 / 8
+    _, _, wanted = trace("ray_grids", {}, prepared, 64, 64)
+    assert 0.0 < got["shadowed"].mean() < 1.0
+    np.testing.assert_array_equal(got["shadowed"], wanted["shadowed"])
+
+
 def test_queues_grow_and_the_frame_is_repeated(device, monkeypatch):
     """Whatever the memory of the queues held before: they are not cleared."""
     prepared, empty = small_and_large(), wp.empty
