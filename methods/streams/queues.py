@@ -4,7 +4,7 @@
 frame that lost an item is discarded, the queue grown, and the frame repeated. Nothing is dropped silently.
 
 The undecided pairs of a frame are not as many each time: none is queued for a pixel that other threads have found to be
-shadowed or nearer. So the most of any frame is kept (:meth:`Queues.needs`), and there is room to spare.
+shadowed or nearer. So there is room to spare, and a frame that exceeded it is remembered (:meth:`Queues.needs`).
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Queue:
     """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
     counts   int32 [6]: ITEMS, CHUNKS, UNDECIDED, LARGE, RAYS, SMALL
-    most     int32 [1]: UNDECIDED of the frame that had most
+    exceeded  int32 [1]: UNDECIDED of the last frame in which not all found room; 0: there was none
     large    vec4i [item_capacity]: triangles to be split into groups (a light's)
     items    vec4i [item_capacity]: groups of rows of a triangle (the camera's)
     groups   vec4f [item_capacity, 8]: groups of rows of a triangle, and its planes (a light's)
@@ -68,7 +68,7 @@ class Queue:
     """
 
     counts: wp.array(dtype=wp.int32)
-    most: wp.array(dtype=wp.int32)
+    exceeded: wp.array(dtype=wp.int32)
     large: wp.array(dtype=wp.vec4i)
     items: wp.array(dtype=wp.vec4i)
     groups: wp.array2d(dtype=wp.vec4f)
@@ -105,10 +105,10 @@ def queue_undecided(queue: Queue, i: wp.int32, pixel: wp.int32):
 
 @wp.func
 def held_undecided(queue: Queue, thread: wp.int32) -> wp.int32:
-    """How many undecided pairs the queue holds, when all are queued; the first thread notes how many there were."""
-    number = queue.counts[UNDECIDED]
-    if thread == 0 and wp.uint32(entry(queue.most, 0)) < wp.uint32(number):
-        set_entry(queue.most, 0, number)
+    """How many undecided pairs the queue holds, when all are queued; the first thread notes that some found no room."""
+    number = entry(queue.counts, UNDECIDED)
+    if thread == 0 and wp.uint32(number) > wp.uint32(queue.undecided.shape[0]):
+        set_entry(queue.exceeded, 0, number)
     return wp.min(number, queue.undecided.shape[0])
 
 
@@ -160,9 +160,8 @@ class Queues:
 
     The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
     counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]; exact_path uint8 [triangles]: of
-    those in view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`). most int32
-    [streams * shares]: of :class:`Queue`. Without
-    queues (CPU) all arrays of a :class:`Queue` but the undecided pairs are one element long.
+    those in view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`); exceeded int32
+    [streams * shares]. Without queues (CPU) all arrays of a :class:`Queue` but the undecided pairs are one element long.
     """
 
     def __init__(
@@ -187,7 +186,7 @@ class Queues:
             self.counts = wp.array(
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
-            self._most = wp.zeros(streams * shares, dtype=wp.int32)
+            self._exceeded = wp.zeros(streams * shares, dtype=wp.int32)
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
             self.exact_path = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
         self._make_lists()
@@ -214,10 +213,10 @@ class Queues:
         return other
 
     def needs(self) -> wp.array:
-        """int64 [streams * shares, 6] on the host: the counters of the last frame, but for undecided pairs the most that a
-        frame has had since the queues were made."""
-        found = counted(self.counts.numpy().astype(np.int64))
-        found[:, UNDECIDED] = np.maximum(found[:, UNDECIDED], counted(self._most.numpy().astype(np.int64)))
+        """int64 [streams * shares, 6] on the host: the counters of the last frame, or of undecided pairs what exceeded the
+        room in an earlier frame since the queues were made."""
+        found, exceeded = (counted(array.numpy().astype(np.int64)) for array in (self.counts, self._exceeded))
+        found[:, UNDECIDED] = np.maximum(found[:, UNDECIDED], exceeded)
         return wp.array(found, dtype=wp.int64, device="cpu")
 
     def counters(self, stream: int) -> wp.array:
@@ -229,7 +228,7 @@ class Queues:
         rows, first = self.counters(stream), stream * self.shares
         return [
             filled(
-                Queue, counts=rows[k], most=self._most[first + k : first + k + 1], records=self._records,
+                Queue, counts=rows[k], exceeded=self._exceeded[first + k : first + k + 1], records=self._records,
                 depths=self._depths, **lists,
             )
             for k, lists in enumerate(self._lists)
