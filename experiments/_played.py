@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ..harness.frame.registry import make_method
-from ..harness.frame.session import Session
+from ..harness.frame.session import GROWTH_LIMIT, Session
 from ..harness.runner.planning.experiment import Entry
 from ..harness.scene.light_paths import Orbit, vector
 from ..harness.scene.moment import Moment
@@ -80,15 +80,17 @@ class Played:
         return self.session.answers(this)
 
     def timed_answers(self, before: Kept, this: Kept) -> dict[str, NDArray]:
-        """The same, as frames are timed; the answers are filled with invalid values first."""
-        with wp.ScopedDevice(self.session.device):
-            self._until(before, this)
-            self.session.poison()
-            self.session.replay()
-            wp.synchronize_device(self.session.device)
-        if self.session.overflowed():
-            raise RuntimeError(f"{self.method.name}: the buffer sizes that a frame needs change from run to run")
-        return self.session.frame.answers.to_host()
+        """The same, as frames are timed; the answers are filled with invalid values first. If a buffer of this frame, or of
+        one since the last call, had to grow, the frame is made again."""
+        for _ in range(GROWTH_LIMIT):
+            with wp.ScopedDevice(self.session.device):
+                self._until(before, this)
+                self.session.poison()
+                self.session.replay()
+                wp.synchronize_device(self.session.device)
+            if not self.session.overflowed():
+                return self.session.frame.answers.to_host()
+        raise RuntimeError(f"{self.method.name}: the buffer sizes that a frame needs change from run to run")
 
     def samples(self, before: Kept, this: Kept, count: int) -> list[tuple[float, float]]:
         """``count`` times the device's and the host's time of a frame after the one before it, ms."""

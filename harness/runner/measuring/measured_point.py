@@ -38,6 +38,8 @@ from .timing import CompileClock, FrameSamples, Sampling, sample_frame
 
 Answers = dict[str, NDArray]
 
+UNSTEADY_NEEDS = "the buffer sizes that one frame needs change from run to run"
+
 
 class SkippedError(Exception):
     """The method cannot trace this scene; the text is its reason."""
@@ -219,7 +221,7 @@ class MeasuredPoint:
             wrong = differing(session, self.hashes[frame])
             if session.regrown == before:
                 return measured, wrong
-        raise RuntimeError(f"{session.method.name}: the buffer sizes that one frame needs change from run to run")
+        raise RuntimeError(f"{session.method.name}: {UNSTEADY_NEEDS}")
 
     def _load(self, session: Session, moment: Moment) -> None:
         """Have the next launches make a moment, or the part of it that changed."""
@@ -237,7 +239,10 @@ class MeasuredPoint:
             ("in flight", lambda: self._in_flight(frame, ms, seconds)),
         ):
             try:
-                found |= measured()
+                costs = measured()
+                if self.session.overflowed():  # what did not fit was dropped; the next round has the room
+                    raise MissingError(UNSTEADY_NEEDS)
+                found |= costs
             except MissingError as error:
                 found["missing"][what] = str(error)
         return found
@@ -258,8 +263,8 @@ class MeasuredPoint:
             session.poison()
         times = {"alone_ms": in_flight(pair[:1], ms, seconds), "pair_ms": in_flight(pair, ms, seconds)}
         for session in pair:
-            if session.overflowed():  # what did not fit was dropped; the next round has the room
-                raise MissingError("the buffer sizes that one frame needs change from run to run")
+            if session.overflowed():
+                raise MissingError(UNSTEADY_NEEDS)
             if wrong := unlike(session, self.hashes[frame]):
                 raise UnsteadyError(
                     f"two frames in flight gave other answers than one (frame {frame}: {', '.join(wrong)})"
