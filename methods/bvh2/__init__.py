@@ -79,7 +79,7 @@ class BinaryTree(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         before = self._capacity
-        self._capacity = grown(int(counted(needed).max()), before, self._memory, "undecided pairs")
+        self._capacity = grown(int(counted(needed).max()), before, self._memory, "undecided pairs", varies=True)
         return self._capacity != before
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:

@@ -101,7 +101,7 @@ class Hybrid(BaseMethod):
         before = self._capacity
         if self._rays is not None:
             found = counted(needed.ravel()[streamed.size :])
-            self._capacity = grown(int(found.max()), before, self._memory, "undecided pairs")
+            self._capacity = grown(int(found.max()), before, self._memory, "undecided pairs", varies=True)
         return more or self._capacity != before
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
