@@ -101,18 +101,15 @@ auto put_node = [&](float* nodes, unsigned int id, float pad, int side, const fl
 and box b with s as the other. A choice of words costs the lanes of a warp less than a branch.
 ``SOME_EMPTY``: whether a box may hold nothing."""
 
-MEET = (
-    f"constexpr int NODE_BYTES = {NODE_BYTES};"
-    + """
+MEET = """
 float largest = high(size(d[0]), high(size(d[1]), size(d[2])));
 float least = largest * 9.0949470e-13f + tiny;
 auto slope = [&](float x) { return shrink * inverse_of(size(x) > least ? x : (x < 0.0f ? -least : least)); };
 float ix = slope(d[0]), iy = slope(d[1]), iz = slope(d[2]);
 float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
-const char* nodes = (const char*)tree.nodes.data;
 struct Children { unsigned int ref0, ref1; float near0, near1; bool met0, met1; };
 auto children_of = [&](unsigned int node) {
-    const char* at = nodes + NODE_BYTES * (size_t)node;
+    const char* at = threes(tree.nodes.data, node);
     Quad a = load16(at, 0), e = load16(at, 1), w = load16(at, 2), b, f;
     unsigned int wx = bits(w.x), wy = bits(w.y), wz = bits(w.z);
     b.x = real(wx << 16), b.y = w.x, b.z = real(wy << 16), f.x = w.y, f.y = real(wz << 16), f.z = w.z;
@@ -125,7 +122,6 @@ auto children_of = [&](unsigned int node) {
     return Children{bits(a.w), bits(e.w), near0, near1, !(near0 > far0), !(near1 > far1)};
 };
 """
-)
 """``children_of(node)``: the references to both children, where the ray (o, d) enters them, and whether it meets them
 between 0 and ``limit``, in units of t times ``shrink``. ``tiny`` > 0: the least part of a direction whose inverse, and a
 coordinate times that, float32 still holds."""

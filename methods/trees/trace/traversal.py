@@ -117,13 +117,9 @@ auto steps = [&]() {
     return true;
 };
 auto ends_in_leaf = [&](auto leave) {
-    int at = (int)(now & INDEX), stop = at + (now & PAIR ? 2 : 1);
+    int at = (int)(now & INDEX);
     if (left_out(at)) return false;
-#pragma unroll 1
-    for (; at < stop; at++) {
-        if (test(at, leave)) return true;
-    }
-    return false;
+    return test(at, leave) || (now & PAIR && test(at + 1, leave));
 };
 auto traverse = [&](auto leave, auto full) {
     if (now == NONE) return false;
