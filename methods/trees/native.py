@@ -29,6 +29,7 @@ constexpr unsigned int LEAF = {LEAF}u, PAIR = {PAIR}u, INDEX = {INDEX}u, NONE = 
     + """
 auto bits = [](float value) { union { float f; unsigned int u; } both; both.f = value; return both.u; };
 auto real = [](unsigned int value) { union { float f; unsigned int u; } both; both.u = value; return both.f; };
+auto threes = [](const void* words, unsigned int k) { return (const char*)words + 48 * (size_t)k; };
 #if defined(__CUDA_ARCH__)
 auto low = [](float a, float b) { return fminf(a, b); };
 auto high = [](float a, float b) { return fmaxf(a, b); };
@@ -79,7 +80,9 @@ constexpr bool FUSED = false;
 #endif
 """
 )
-"""``about`` is one over a number, with the precision of a GPU's single instruction. ``inverse_of`` is the rounded quotient
+"""``threes``: where the k-th three words of 16 bytes begin.
+
+``about`` is one over a number, with the precision of a GPU's single instruction. ``inverse_of`` is the rounded quotient
 without the branches of a division: for normal numbers whose inverse is normal, too; it is 0 for those beyond.
 
 ``sum`` and ``product`` are rounded separately: a GPU's compiler would fuse them, and the tree would differ from the CPU's.

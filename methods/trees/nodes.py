@@ -109,8 +109,8 @@ float ix = slope(d[0]), iy = slope(d[1]), iz = slope(d[2]);
 float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
 struct Children { unsigned int ref0, ref1; float near0, near1; bool met0, met1; };
 auto children_of = [&](unsigned int node) {
-    Quad a = load16(tree.nodes.data, 3 * (int)node), e = load16(tree.nodes.data, 3 * (int)node + 1);
-    Quad w = load16(tree.nodes.data, 3 * (int)node + 2), b, f;
+    const char* at = threes(tree.nodes.data, node);
+    Quad a = load16(at, 0), e = load16(at, 1), w = load16(at, 2), b, f;
     unsigned int wx = bits(w.x), wy = bits(w.y), wz = bits(w.z);
     b.x = real(wx << 16), b.y = w.x, b.z = real(wy << 16), f.x = w.y, f.y = real(wz << 16), f.z = w.z;
     float x = a.x * ix - ox, y = a.y * iy - oy, z = a.z * iz - oz;

@@ -184,6 +184,9 @@ def make_eye(exact: bool, packets: bool) -> Any:
         pixel = at[1] * camera.width + at[0]
         hit = found[3]
         if wp.static(exact):
+            if found[0] < 0 and found[2] < 0 and hit < 0:
+                write_closest(hits, pixel, -1, wp.INF, 0.0, 0.0)
+                return wp.vec2i(pixel, -1)
             # Rays and corners are read again, so that no register holds them until here.
             again = eye_ray(camera, at)
             far = is_far(again.origin, entry(tree.extent, 0))

@@ -74,15 +74,17 @@ auto choose = [](bool second, bool) {{ return second; }};
 PACKET = f"""
 constexpr bool PACKET = true;
 __shared__ unsigned int stacks[{BLOCK // 32} * {STACK}];
-volatile unsigned int* stack = stacks + {STACK} * (threadIdx.x >> 5);
+const unsigned int stack = (unsigned int)__cvta_generic_to_shared(stacks) + 4 * {STACK} * (threadIdx.x >> 5);
 int held = 0;
 auto push = [&](unsigned int ref) {{
-    if ((threadIdx.x & 31) == 0) stack[held] = ref;
+    if ((threadIdx.x & 31) == 0) asm volatile("st.shared.b32 [%0], %1;" :: "r"(stack + 4 * held), "r"(ref) : "memory");
     __syncwarp();
     held++;
 }};
 auto pop = [&]() {{
-    unsigned int ref = stack[--held];
+    unsigned int ref;
+    held--;
+    asm volatile("ld.shared.b32 %0, [%1];" : "=r"(ref) : "r"(stack + 4 * held) : "memory");
     __syncwarp();
     return ref;
 }};
@@ -108,23 +110,27 @@ auto descends = [&]() {
     now = second ? c.ref1 : c.ref0;
     return true;
 };
+auto steps = [&]() {
+    if (descends()) return true;
+    if (held == 0) return false;
+    now = pop();
+    return true;
+};
 auto ends_in_leaf = [&](auto leave) {
-    int at = (int)(now & INDEX), stop = at + (now & PAIR ? 2 : 1);
+    int at = (int)(now & INDEX);
     if (left_out(at)) return false;
-#pragma unroll 1
-    for (; at < stop; at++) {
-        if (test(at, leave)) return true;
-    }
-    return false;
+    return test(at, leave) || (now & PAIR && test(at + 1, leave));
 };
 auto traverse = [&](auto leave, auto full) {
     if (now == NONE) return false;
     while (true) {
         bool done = true;
         if (ANY || PACKET) {
-            if (!(now & LEAF) && !descends()) {
-                if (held == 0) break;
-                now = pop();
+            if (PACKET) {
+                while (!(now & LEAF))
+                    if (!steps()) return false;
+            } else if (!(now & LEAF) && !steps()) {
+                break;
             }
             done = now & LEAF;
             if (done) {
@@ -146,7 +152,7 @@ auto traverse = [&](auto leave, auto full) {
 };
 """
 """Single rays to a closest hit take one step an iteration, down to a child or through a leaf, so that the lanes of a warp
-meet after each. The others test a leaf in the iteration that has come to it."""
+meet after each. To any hit they test a leaf in the iteration that has come to it. A packet goes down to the next one."""
 
 
 COUNTING = "int tests = 0;" + TRAVERSE.replace("test(at, leave)", "(tests++, test(at, leave))")

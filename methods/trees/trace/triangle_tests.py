@@ -18,7 +18,8 @@ float length = size(d[0]) + size(d[1]) + size(d[2]);
 const float bound = {EYE_UNITS} * unit * length + 1.0e-36f, wide = {DEPTH_UNITS} * unit * length + 1.0e-36f;
 float sure_from = seen ? 0.0f : 3.4e38f, sure_to = 0.0f;
 auto test = [&](int at, auto leave) {{
-    Quad p = load16(records.data, 3 * at), q = load16(records.data, 3 * at + 1), r = load16(records.data, 3 * at + 2);
+    const char* record = threes(records.data, at);
+    Quad p = load16(record, 0), q = load16(record, 1), r = load16(record, 2);
     float e0 = fused(d[2], p.z, fused(d[1], p.y, d[0] * p.x));
     float e1 = fused(d[2], q.y, fused(d[1], q.x, d[0] * p.w));
     float e2 = fused(d[2], r.x, fused(d[1], q.w, d[0] * q.z));
@@ -48,7 +49,8 @@ const float weight_units = {WEIGHT_UNITS / 8.0}f * unit, plane_units = {PLANE_UN
 const float depth_slack = {DEPTH_SLACK}f, closer = 1.0f - 1.0f / 1048576.0f, farther = 1.0f + 1.0f / 1048576.0f;
 float sure_from = 3.4e38f;
 auto test = [&](int at, auto leave) {{
-    Quad p = load16(records.data, 3 * at), q = load16(records.data, 3 * at + 1), r = load16(records.data, 3 * at + 2);
+    const char* record = threes(records.data, at);
+    Quad p = load16(record, 0), q = load16(record, 1), r = load16(record, 2);
     float x = p.x - o[0], y = p.y - o[1], z = p.z - o[2];
     float kx = y * d[2] - z * d[1], ky = z * d[0] - x * d[2], kz = x * d[1] - y * d[0];
     float det = r.y * d[0] + r.z * d[1] + r.w * d[2];
@@ -89,7 +91,7 @@ const unsigned short sides_seen = reinterpret_cast<const unsigned short*>(planes
 const int spared = sides_seen == 0x0101 || sides_seen == 0x0202 ? own | 1 : -1;
 auto left_out = [&](int at) {{ return (at | 1) == spared; }};
 auto test = [&](int at, auto leave) {{
-    const auto* edges = planes.edges.data + 3 * at;
+    const char* edges = threes(planes.edges.data, at);
     Quad p = load16(edges, 0), q = load16(edges, 1), r = load16(edges, 2);
     float e0 = fused(h[2], p.z, fused(h[1], p.y, fused(h[0], p.x, p.w)));
     float e1 = fused(h[2], q.z, fused(h[1], q.y, fused(h[0], q.x, q.w)));
@@ -125,7 +127,8 @@ ORIGIN_FLOAT32 = (
     TAKE_FLOAT32
     + """
 auto test = [&](int at, auto) {
-    Quad p = load16(records.data, 3 * at), q = load16(records.data, 3 * at + 1), r = load16(records.data, 3 * at + 2);
+    const char* record = threes(records.data, at);
+    Quad p = load16(record, 0), q = load16(record, 1), r = load16(record, 2);
     float inverse = about(d[0] * p.x + d[1] * p.y + d[2] * p.z);
     float s = (d[0] * q.x + d[1] * q.y + d[2] * q.z) * inverse;
     float w = (d[0] * r.x + d[1] * r.y + d[2] * r.z) * inverse;
@@ -139,7 +142,8 @@ RAY_FLOAT32 = (
     TAKE_FLOAT32
     + """
 auto test = [&](int at, auto) {
-    Quad p = load16(records.data, 3 * at), q = load16(records.data, 3 * at + 1), r = load16(records.data, 3 * at + 2);
+    const char* record = threes(records.data, at);
+    Quad p = load16(record, 0), q = load16(record, 1), r = load16(record, 2);
     float x = p.x - o[0], y = p.y - o[1], z = p.z - o[2];
     float kx = y * d[2] - z * d[1], ky = z * d[0] - x * d[2], kz = x * d[1] - y * d[0];
     float inverse = about(r.y * d[0] + r.z * d[1] + r.w * d[2]);
