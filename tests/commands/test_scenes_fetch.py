@@ -85,7 +85,8 @@ def test_the_list_tells_terms_checksums_and_what_is_there(tmp_path, capsys):
     assert scenes("list", ["dragon", "hairball", "munich"], tmp_path) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "in the folder of scenes; Stanford Computer Graphics Laboratory: for research, with credit" in said
-    assert f"SHA-256 {FURTHER['dragon'].sha256}" in said.replace("- ", "-")
+    assert f"SHA-256 {FURTHER['dragon'].sha256}" in said
+    assert FURTHER["hairball"].where in said.replace(" ", ""), "whole, over two lines"
     assert "NVIDIA Research: CC BY 3.0; McGuire archive" in said
     assert "checksum not pinned: never had" in said
     assert "ODbL 1.0 sionna-rt==2.2.0" in said
