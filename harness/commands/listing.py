@@ -181,6 +181,7 @@ def show(rows: list[Row]) -> None:
         words = filter(None, (row["title"] + devices, row.get("about"), presets))
         table = Table.grid(padding=(0, 2))
         table.add_column(width=width)
+        table.add_column(overflow="fold")  # an address is told whole
         table.add_row(Text(visible(row["name"])), Text("\n".join(map(visible, words))))
         console.print(table)
         details = [f"camera {name!r}: {camera_text(one)}" for name, one in row.get("cameras", {}).items()]

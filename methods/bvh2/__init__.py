@@ -83,9 +83,9 @@ class BinaryTree(BaseMethod):
         return self._capacity != before
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
-        """Triangle tests of each pixel's primary ray."""
+        """Triangle tests of each pixel's primary ray, and of its shadow rays."""
         assert self._rays is not None
-        return (self._rays.tests_per_pixel(),)
+        return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:
         """Pairs that were left to float64 in the last frame, and how good its tree was."""

@@ -233,6 +233,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         tree_closest.make_tests_kernel: tree_closest.make_tests_kernel("eye", True),
         tree_closest.make_resolve_kernel: tree_closest.make_resolve_kernel(False),
         tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel(True, True),
+        tree_shadow.make_shadow_tests_kernel: tree_shadow.make_shadow_tests_kernel(True),
         mesh_kernels.make_mesh_shadow_kernel: mesh_kernels.make_mesh_shadow_kernel("plain_cut"),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}

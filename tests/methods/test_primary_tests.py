@@ -11,6 +11,7 @@ from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import prepare
+from shadowbench.harness.scene.scene import Light
 
 WIDTH, HEIGHT = 40, 30
 TRIANGLES = 60
@@ -62,3 +63,23 @@ def test_a_tree_tests_what_its_rays_meet(prepared, parallel, device):
     assert primary.max() <= TRIANGLES
     assert primary.mean() < TRIANGLES / 4, "boxes leave out most"
     assert (primary == 0).any(), "some rays meet no box"
+
+
+@pytest.mark.parametrize("precision", ["exact", "float32"])
+def test_a_tree_tests_what_its_shadow_rays_meet(prepared, precision, device):
+    """Of the hits of two lights; a ray with a free way is tested against nothing that hides the light."""
+    scene = replace(prepared.scene, lights=(*prepared.scene.lights, Light((0.3, 0.2, 2.0))))
+    lit, one = prepare(scene), prepared
+    session = Session(make_method("bvh2", {"precision": precision}), lit, WIDTH, HEIGHT, device)
+    answers = session.answers(lit.moment(0, WIDTH, HEIGHT))
+    shadow = session.method.tests_per_pixel()[1]
+    again = session.frame.answers.to_host()
+    assert all((again[part] == answers[part]).all() for part in answers), "counting changed an answer"
+    hits = answers["triangle"] >= 0
+    assert (shadow[~hits] == 0).all()
+    assert (shadow[answers["shadowed"].max(axis=0) == 1] > 0).all()
+    assert shadow.max() <= 2 * TRIANGLES
+    single = Session(make_method("bvh2", {"precision": precision}), one, WIDTH, HEIGHT, device)
+    single.answers(one.moment(0, WIDTH, HEIGHT))
+    assert (single.method.tests_per_pixel()[1] <= shadow).all()
+    assert single.method.tests_per_pixel()[1].sum() < shadow.sum()

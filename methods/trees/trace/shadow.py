@@ -21,7 +21,7 @@ from ..constants import REGISTERS
 from ..nodes import Tree
 from ..records.planes import LightPlanes
 from .closest import Listed, pixel_at, ray_at
-from .traversal import make_any
+from .traversal import make_any, make_count_any
 from .undecided import Undecided
 
 
@@ -158,3 +158,35 @@ def make_shadow_kernel(exact: bool, marks: bool) -> Any:
         )  # fmt: skip
 
     return shadow_kernel
+
+
+@functools.cache
+def make_shadow_tests_kernel(exact: bool) -> Any:
+    """One thread per pixel: how many triangles the shadow ray of its primary hit is tested against, added to its others."""
+    count, count_holes = (make_count_any(exact, holes) for holes in (False, True))
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def shadow_tests_kernel(
+        light: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        tree: Tree,
+        planes: LightPlanes,
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+        receivers: wp.array2d(dtype=wp.uint8),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        pixel = wp.tid()
+        hit = entry(hits.triangle, pixel)
+        wanted = hit >= 0
+        if wp.static(effects.receivers):
+            wanted = wanted and entry(receivers, light, pixel) != wp.uint8(0)
+        if wanted:
+            place = entry(lights, light)
+            start = entry(starts, pixel)
+            if wp.static(effects.alpha):
+                tests[pixel] += count_holes(start, place, hit, tree, planes)[0]
+            else:
+                tests[pixel] += count(start, place, hit, tree, planes)[0]
+
+    return shadow_tests_kernel

@@ -24,7 +24,7 @@ from ..records import planes
 from ..records.planes import LightPlanes
 from .closest import Listed, make_eye_kernel, make_tests_kernel
 from .listed_rays import RECORDS, ListedRays
-from .shadow import make_shadow_kernel
+from .shadow import make_shadow_kernel, make_shadow_tests_kernel
 from .shares import Shares
 from .together import make_together_kernel
 from .undecided import Undecided
@@ -118,8 +118,9 @@ class TreeRays:
             pairs["mirror"] = int(found[1:, 0].sum())
         return pairs
 
-    def tests_per_pixel(self) -> NDArray[np.int32]:
-        """Triangle tests of each primary ray of the last frame, traced again alone, not in a packet."""
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Triangle tests of each pixel's primary ray of the last frame, traced again alone, not in a packet, and of the
+        shadow rays of its hit."""
         f = self.frame
         records, triangles = "eye", self.eye_records
         if self.effects.orthographic and self.listed is not None:
@@ -131,7 +132,15 @@ class TreeRays:
             inputs=[f.camera, f.rays(0), self.tree, triangles, tests],
             device=f.device,
         )
-        return tests.numpy()
+        shadow = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
+        for i in self.lights:
+            wp.launch(
+                specialised(make_shadow_tests_kernel(self._exactly(i)), self.effects.switches(i)),
+                dim=f.pixels,
+                inputs=[i, f.lights, self.tree, self.planes[i], f.hits(0), self.starts[0], f.masks(0), shadow],
+                device=f.device,
+            )
+        return tests.numpy(), shadow.numpy()
 
     def _exactly(self, light: int) -> bool:
         """Whether the shadow rays of a light are exact: float32 cannot trace rays from a directional one, which lies where
