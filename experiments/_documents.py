@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
 from ..harness.report import claims as verdict
-from ..harness.report import compare, document, numbers, ranking, sentences, style
+from ..harness.report import compare, document, numbers, ranking, sentences, style, two_runs
 from ..harness.report import paper_table1 as paper
 from ..harness.report.documents import Results
 from ..harness.report.page.gather import PARTS as PARTS_OF_A_FRAME
 from ..harness.report.page.gather import machine_of, written
 from ..harness.results.folder import read_environment
+from ..harness.results.newest import newest
 from . import _rivals, effects, soft_shadows
 from .accuracy.hard_cases import read_hard
 from .claims import CLAIMS
@@ -235,6 +237,20 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share == share else "-"
 
 
+def repeated(results: Results, folder: str, again: str) -> list[str]:
+    """How many points of two runs of one experiment :mod:`.report.two_runs` finds the same, and which methods the others are
+    of."""
+    first, second = (two_runs.entries(newest(results.folder / name)[0]) for name in (folder, again))
+    rows = two_runs.compared(first, second).rows
+    told = [f"{sum(row.verdict == two_runs.SAME for row in rows)} of {len(rows)} points are the same"]
+    for other in (one for one in two_runs.VERDICTS if one != two_runs.SAME):
+        labels = Counter(row.label for row in rows if row.verdict == other)
+        if labels:
+            named = ", ".join(f"{label} ({count})" for label, count in labels.most_common())
+            told.append(f"{labels.total()} {other}: {named}")
+    return [f"A second run against the first, within {two_runs.MARGIN:.0%}: {'; '.join(told)}."]
+
+
 def folders(results: Results, name: str) -> list[str]:
     """The folders of a machine: what was measured, when, and with which version of the first of its methods."""
     import pandas as pd
@@ -274,6 +290,7 @@ PARTS = {
         claims,
         verdicts,
         folders,
+        repeated,
         soft,
     )
 }

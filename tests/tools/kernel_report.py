@@ -2,7 +2,7 @@
 
     python tests/tools/kernel_report.py            compile, and print the table beside what is recorded
     python tests/tools/kernel_report.py bvh2       only modules whose names begin so
-    python tests/tools/kernel_report.py --record   keep what was found as results/nvidia-h200/kernels.csv
+    python tests/tools/kernel_report.py --record   keep what was found as results/kernels.csv
 
 A binary for the GPU is an ELF file: a kernel's instructions are its section ``.text.NAME``, 16 bytes each, and the
 sections ``.nv.info`` hold pairs (symbol, value) of registers a thread and bytes of its stack. The stack is what
@@ -22,7 +22,7 @@ from pathlib import Path
 import warp as wp
 
 ARCH = 90
-RECORD = Path(__file__).resolve().parents[2] / "results" / "nvidia-h200" / "kernels.csv"
+RECORD = Path(__file__).resolve().parents[2] / "results" / "kernels.csv"
 
 INSTRUCTION_BYTES = 16
 SYMBOL_BYTES = 24
