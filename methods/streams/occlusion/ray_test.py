@@ -77,38 +77,6 @@ def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
 
 
 @wp.func
-def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
-    """Test a ray (hit point and pixel) against a triangle. Few pairs are undecided, but nearly every warp meets one; if
-    it were decided here, all lanes of the warp would wait."""
-    misses, hits = certain(h, occluder)
-    if not misses:
-        pixel = wp.cast(h[3], wp.int32)
-        if hits:
-            set_shadowed(bits, pixel, occluder.i)
-        elif entry(bits.triangle, pixel) != occluder.i:
-            queue_if_lit(bits, queue, occluder.i, pixel)
-
-
-@wp.func
-def test_rays_of_row(
-    bits: Any,
-    queue: Queue,
-    cells: Any,
-    along: wp.int32,
-    face: wp.int32,
-    y: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
-    occluder: Occluder,
-):
-    """Test the rays in cells first..last of a row; ``along``: cells along a face."""
-    if last >= first:
-        span = span_of(cells.offset, face, first, last, y, along)
-        for at in range(span[0], span[1]):
-            test_ray(bits, queue, entry(cells.rays, at), occluder)
-
-
-@wp.func
 def test_rays_of_box(
     bits: Any, queue: Queue, cells: Any, along: wp.int32, face: wp.int32, box: wp.vec4i, occluder: Occluder
 ):
