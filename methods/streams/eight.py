@@ -17,7 +17,7 @@ EIGHT = wp.constant(AT_ONCE)
 
 FLOATS = "typedef float floats __attribute__((ext_vector_type(8)));"
 
-FOUND = """
+PACKED = """
 typedef bool bits __attribute__((ext_vector_type(8)));
 auto packed = [number](auto lanes) {
     bits some = __builtin_convertvector(lanes, bits);
@@ -25,8 +25,9 @@ auto packed = [number](auto lanes) {
     memcpy(&word, &some, 1);
     return word & (number < 8 ? (1u << number) - 1u : 255u);
 };
-return packed(inside) | packed(~(inside | outside)) << 8;
 """
+
+FOUND = PACKED + "return packed(inside) | packed(~(inside | outside)) << 8;"
 
 
 def on_cpu(text: str) -> str:
@@ -108,6 +109,7 @@ floats high_x = -inf, high_y = -inf;
 for (int k = 0; k < 2; ++k) wide = most(wide, __builtin_fabsf(w.low[k]));
 for (int corner = 0; corner < 3; ++corner) {
     floats p[3], q[3];
+    #pragma unroll
     for (int k = 0; k < 8; ++k) {
         int i = first + k < mesh.triangles.shape[0] ? first + k : first;
         const wp::vec_t<3, float> &at = mesh.points.data[mesh.triangles.data[i][corner]];
@@ -150,3 +152,29 @@ def boxes_of_eight(mesh: Mesh, first: wp.int32, more: wp.float32, w: Window) -> 
 
     A triangle behind the point has no coordinate, -inf above inf; one that cannot be projected has all of them.
     """
+
+
+@wp.func_native(
+    on_cpu(
+        """
+floats low[2], high[2];
+for (int k = 0; k < 2; ++k) {
+    floats none = 0.0f, last = (floats)size[k];
+    memcpy(low + k, boxes.data[k], sizeof(floats));
+    memcpy(high + k, boxes.data[2 + k], sizeof(floats));
+    low[k] = low[k] > none ? low[k] : none;
+    high[k] = high[k] < last ? high[k] : last;
+    if (whole) {
+        low[k] = __builtin_elementwise_ceil(low[k]);
+        high[k] = __builtin_elementwise_floor(high[k]);
+    }
+}
+auto inside = (low[0] <= high[0]) & (low[1] <= high[1]);
+"""
+        + PACKED
+        + "return packed(inside);"
+    )
+)
+def boxes_met(boxes: Boxes, size: wp.vec2f, whole: wp.bool, number: wp.int32) -> wp.uint32:
+    """A bit for each of the first ``number`` boxes that meets a window, whose coordinates go from 0 to ``size``; ``whole``:
+    that holds a point of whole coordinates there."""

@@ -1,4 +1,4 @@
-"""Primary rays on a CPU: a thread takes eight triangles, and tests all their pixels."""
+"""Primary rays on a CPU: a thread takes a block of triangles, and tests all their pixels."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ...common.reads import corners_at, direction_at
 from ...common.screen import screen_scale
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, entry_now
-from ..eight import EIGHT, Window, boxes_of_eight, pixels_found
-from ..queues import Queue, Share, queue_undecided, triangle_of
+from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, pixels_found
+from ..queues import BLOCK_DIM, Queue, Share, queue_undecided, triangle_of
 from .pixels import Candidate, candidate_of, store_if_nearer
 from .stream import Lines, box_of, lines_of, pixels_of_row
 
@@ -58,6 +58,30 @@ def test_pixels_of_row(
         x += EIGHT
 
 
+@wp.func
+def test_triangle(
+    candidate: Candidate,
+    box: wp.vec4i,
+    large: wp.bool,
+    camera: Camera,
+    nearest: wp.array(dtype=wp.uint64),
+    queue: Queue,
+):
+    """Test the pixels in a box against a triangle; of a ``large`` one those of its rows that are cut to it."""
+    lines = Lines()
+    if large:
+        last = entry(camera.column, camera.width - 1)
+        lines = lines_of(candidate.planes, candidate.bound, entry(camera.column, 0), last, camera.width)
+    y = wp.int32(box[1])
+    while y <= box[3]:
+        ends = wp.vec2i(box[0], box[2])
+        if large:
+            d = entry(camera.row, y)
+            ends = pixels_of_row(candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width)
+        test_pixels_of_row(nearest, queue, camera, y, ends, candidate)
+        y += 1
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def stream_kernel(
     share: Share,
@@ -69,40 +93,31 @@ def stream_kernel(
     exact_path: wp.array(dtype=wp.uint8),
     queue: Queue,
 ):
-    """Of a triangle with a box of more than ``inline_pixels`` the rows are cut to it."""
-    first = triangle_of(EIGHT * wp.tid(), share)
-    if first >= share.triangles:
-        return
-    width = wp.float32(camera.width)
-    height = wp.float32(camera.height)
-    boxes = boxes_of_eight(mesh, first, 0.0, window_of(camera))
-    i = wp.int32(first)
-    while i < wp.min(first + EIGHT, share.triangles):
-        k = i - first
-        x0 = wp.ceil(wp.max(boxes[0, k], 0.0))
-        y0 = wp.ceil(wp.max(boxes[1, k], 0.0))
-        x1 = wp.floor(wp.min(boxes[2, k], width - 1.0))
-        y1 = wp.floor(wp.min(boxes[3, k], height - 1.0))
-        if x0 <= x1 and y0 <= y1 and entry(mesh.valid, i) != wp.uint8(0):
-            o = entry(camera.eye, 0)
-            corners = corners_at(mesh, i)
-            box = wp.vec4i(wp.int32(x0), wp.int32(y0), wp.int32(x1), wp.int32(y1))
-            if boxes[0, k] == -wp.INF:
-                box = box_of(corners, o, camera)
-            if box[0] <= box[2] and box[1] <= box[3]:
-                candidate = candidate_of(i, o, corners, camera, alpha, share.triangles, exact_path)
-                large = (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > inline_pixels
-                lines = Lines()
-                if large:
-                    start = entry(camera.column, 0)
-                    end = entry(camera.column, camera.width - 1)
-                    lines = lines_of(candidate.planes, candidate.bound, start, end, camera.width)
-                y = wp.int32(box[1])
-                while y <= box[3]:
-                    ends = wp.vec2i(box[0], box[2])
-                    if large:
-                        d = entry(camera.row, y)
-                        ends = pixels_of_row(candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width)
-                    test_pixels_of_row(nearest, queue, camera, y, ends, candidate)
-                    y += 1
-        i += 1
+    """A triangle with more than ``inline_pixels`` in its box is large."""
+    first = triangle_of(BLOCK_DIM * wp.tid(), share)
+    end = wp.min(first + BLOCK_DIM, share.triangles)
+    o = entry(camera.eye, 0)
+    window = window_of(camera)
+    size = wp.vec2f(wp.float32(camera.width - 1), wp.float32(camera.height - 1))
+    while first < end:
+        boxes = boxes_of_eight(mesh, first, 0.0, window)
+        met = boxes_met(boxes, size, True, end - first)
+        while met != wp.uint32(0):
+            k = lowest_bit(met)
+            met = without_lowest_bit(met)
+            i = first + k
+            if entry(mesh.valid, i) != wp.uint8(0):
+                corners = corners_at(mesh, i)
+                box = wp.vec4i(
+                    wp.int32(wp.ceil(wp.max(boxes[0, k], 0.0))),
+                    wp.int32(wp.ceil(wp.max(boxes[1, k], 0.0))),
+                    wp.int32(wp.floor(wp.min(boxes[2, k], size[0]))),
+                    wp.int32(wp.floor(wp.min(boxes[3, k], size[1]))),
+                )
+                if boxes[0, k] == -wp.INF:
+                    box = box_of(corners, o, camera)
+                if box[0] <= box[2] and box[1] <= box[3]:
+                    candidate = candidate_of(i, o, corners, camera, alpha, share.triangles, exact_path)
+                    large = (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > inline_pixels
+                    test_triangle(candidate, box, large, camera, nearest, queue)
+        first += EIGHT

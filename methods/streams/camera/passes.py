@@ -13,7 +13,6 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
-from ..eight import EIGHT
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..settings import Settings
 from . import on_cpu, remainder, resolve, rows, stream
@@ -106,7 +105,7 @@ def launch_stream(camera: Camera, share: int) -> None:
     if q.queued:
         camera.launch(stream.make_stream_kernel(), share, q.share_threads, inputs, outputs)
     else:
-        camera.launch(on_cpu.stream_kernel, share, q.share_threads // int(EIGHT), inputs, outputs)
+        camera.launch(on_cpu.stream_kernel, share, q.share_threads // int(BLOCK_DIM), inputs, outputs)
 
 
 def launch_rows(camera: Camera, share: int) -> None:

@@ -1,4 +1,4 @@
-"""Shadow rays on a CPU: a thread takes eight triangles, and tests all their rays."""
+"""Shadow rays on a CPU: a thread takes a block of triangles, and tests all their rays."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from ..cube.footprint import (
 from ..cube.lights import Cube, Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row, max_coordinate_of
 from ..cube.spacing import BIN_SLACK, BINS
-from ..eight import EIGHT, Window, boxes_of_eight, rays_found
-from ..queues import Queue, Share, triangle_of
+from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, rays_found
+from ..queues import BLOCK_DIM, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box, span_of
 from .groups import sides_on_face
 from .planes import Occluder, occluder_of, occludes_none
@@ -82,6 +82,66 @@ def test_rays_of_row(
         at += EIGHT
 
 
+@wp.func
+def test_triangle(
+    i: wp.int32,
+    face: wp.int32,
+    bins: wp.vec4f,
+    depth: wp.float32,
+    inline_cells: wp.int32,
+    inline_rays: wp.int32,
+    light: Light,
+    cells: Any,
+    mesh: Mesh,
+    alpha: Alpha,
+    bits: Any,
+    queue: Queue,
+):
+    """Test the rays on a face against a triangle that lies between ``bins`` there and is nowhere nearer than ``depth``."""
+    row = last_row(cells.table)
+    along = cells_of(row)
+    cube = cube_of_light(light)
+    corners = corners_at(mesh, i)
+    f = corners_on(in_cube_space(corners, cube), face)
+    extent = extent_with_rays(cube, corners, row)
+    if bins[0] == -wp.INF and beyond_face(f, depth_slack(extent, cube)):
+        return
+    box = wp.vec4i(
+        first_cell(cells, 0, face, bins[0], along),
+        first_cell(cells, 1, face, bins[1], along),
+        last_cell(cells, 0, face, bins[2], along),
+        last_cell(cells, 1, face, bins[3], along),
+    )
+    if all_rays_end_before(depth, cells.farthest, face, box, along):
+        return
+    rows = box[3] - box[1] + 1
+    number = wp.int32(MANY)
+    if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
+        number = rays_in_box(cells.offset, face, box, along)
+    if number == 0:
+        return
+    large = number > inline_rays
+    holes = wp.bool(False)
+    if wp.static(effects.alpha):
+        holes = alpha.masked[i] != wp.uint8(0)
+    position = position_of(light)
+    occluder = occluder_of(i, holes, position, corners, row, large)
+    if occludes_none(occluder):
+        return
+    sides = Sides()
+    if large:
+        r = entry(cells.table, face)
+        sides = sides_on_face(on_bins(f, extent, r), position, cube, face, corners, r)
+    y = wp.int32(box[1])
+    while y <= box[3]:
+        ends = wp.vec2i(box[0], box[2])
+        if large:
+            ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
+        if ends[1] >= ends[0]:
+            test_rays_of_row(bits, queue, cells, along, face, y, ends, occluder)
+        y += 1
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def stream_kernel(
     share: Share,
@@ -95,65 +155,27 @@ def stream_kernel(
     queue: Queue,
 ):
     """Of a triangle with more than ``inline_rays`` the rows are cut to it."""
-    first = triangle_of(EIGHT * wp.tid(), share)
-    if first >= share.triangles:
-        return
+    start = triangle_of(BLOCK_DIM * wp.tid(), share)
+    end = wp.min(start + BLOCK_DIM, share.triangles)
     row = last_row(cells.table)
-    along = cells_of(row)
-    cube = cube_of_light(light)
-    position = position_of(light)
-    n = wp.float32(BINS)
+    size = wp.vec2f(wp.float32(BINS), wp.float32(BINS))
     faces = faces_of(row)
     while faces != wp.uint32(0):
         face = lowest_bit(faces)
         faces = without_lowest_bit(faces)
-        r = entry(cells.table, face)
-        boxes = boxes_of_eight(mesh, first, 0.125 * max_coordinate_of(row), window_of(cube, face, r))
-        i = wp.int32(first)
-        while i < wp.min(first + EIGHT, share.triangles):
-            k = i - first
-            x0 = boxes[0, k]
-            y0 = boxes[1, k]
-            x1 = boxes[2, k]
-            y1 = boxes[3, k]
-            wanted = x0 <= n and y0 <= n and x1 >= 0.0 and y1 >= 0.0 and entry(mesh.valid, i) != wp.uint8(0)
-            if wanted and x0 == -wp.INF:
-                corners = corners_at(mesh, i)
-                slack = depth_slack(extent_with_rays(cube, corners, row), cube)
-                wanted = not beyond_face(corners_on(in_cube_space(corners, cube), face), slack)
-            if wanted:
-                box = wp.vec4i(
-                    first_cell(cells, 0, face, x0, along),
-                    first_cell(cells, 1, face, y0, along),
-                    last_cell(cells, 0, face, x1, along),
-                    last_cell(cells, 1, face, y1, along),
-                )
-                rows = box[3] - box[1] + 1
-                number = wp.int32(MANY)
-                if all_rays_end_before(boxes[4, k], cells.farthest, face, box, along):
-                    number = 0
-                elif (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
-                    number = rays_in_box(cells.offset, face, box, along)
-                if number > 0:
-                    corners = corners_at(mesh, i)
-                    holes = wp.bool(False)
-                    if wp.static(effects.alpha):
-                        holes = alpha.masked[i] != wp.uint8(0)
-                    large = number > inline_rays
-                    occluder = occluder_of(i, holes, position, corners, row, large)
-                    sides = Sides()
-                    if large:
-                        f = corners_on(in_cube_space(corners, cube), face)
-                        flat = on_bins(f, extent_with_rays(cube, corners, row), r)
-                        sides = sides_on_face(flat, position, cube, face, corners, r)
-                    y = wp.int32(box[1])
-                    if occludes_none(occluder):
-                        y = box[3] + 1
-                    while y <= box[3]:
-                        ends = wp.vec2i(box[0], box[2])
-                        if large:
-                            ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
-                        if ends[1] >= ends[0]:
-                            test_rays_of_row(bits, queue, cells, along, face, y, ends, occluder)
-                        y += 1
-            i += 1
+        window = window_of(cube_of_light(light), face, entry(cells.table, face))
+        first = wp.int32(start)
+        while first < end:
+            boxes = boxes_of_eight(mesh, first, 0.125 * max_coordinate_of(row), window)
+            met = boxes_met(boxes, size, False, end - first)
+            while met != wp.uint32(0):
+                k = lowest_bit(met)
+                met = without_lowest_bit(met)
+                i = first + k
+                if entry(mesh.valid, i) != wp.uint8(0):
+                    bins = wp.vec4f(boxes[0, k], boxes[1, k], boxes[2, k], boxes[3, k])
+                    depth = boxes[4, k]
+                    test_triangle(
+                        i, face, bins, depth, inline_cells, inline_rays, light, cells, mesh, alpha, bits, queue
+                    )
+            first += EIGHT

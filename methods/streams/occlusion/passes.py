@@ -9,7 +9,6 @@ import warp as wp
 
 from ....harness.frame.effects.specialise import specialised, with_type
 from ....harness.frame.geometry import filled
-from ..eight import EIGHT
 from ..queues import BLOCK_DIM, Step
 from ..rays.light_rays import LightRays
 from . import groups, on_cpu, rows, stream
@@ -54,7 +53,7 @@ class Occlusion:
 
     def launch_stream(self, share: int) -> None:
         r, f, q, settings = self.rays, self.rays.frame, self.rays.queues, self.rays.settings
-        threads, kernel = q.share_threads // int(EIGHT), on_cpu.stream_kernel
+        threads, kernel = q.share_threads // int(BLOCK_DIM), on_cpu.stream_kernel
         if q.queued:
             threads = q.share_threads
             kernel = stream.make_stream_kernel(settings.groups == "stream", not self.overlaps)
