@@ -77,6 +77,19 @@ def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
 
 
 @wp.func
+def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
+    """Test a ray (hit point and pixel) against a triangle. Few pairs are undecided, but nearly every warp meets one; if
+    it were decided here, all lanes of the warp would wait."""
+    misses, hits = certain(h, occluder)
+    if not misses:
+        pixel = wp.cast(h[3], wp.int32)
+        if hits:
+            set_shadowed(bits, pixel, occluder.i)
+        elif entry(bits.triangle, pixel) != occluder.i:
+            queue_if_lit(bits, queue, occluder.i, pixel)
+
+
+@wp.func
 def test_rays_of_box(
     bits: Any, queue: Queue, cells: Any, along: wp.int32, face: wp.int32, box: wp.vec4i, occluder: Occluder
 ):
