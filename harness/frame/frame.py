@@ -26,6 +26,9 @@ from .materials import LAMP, lamp_rows, reflectances
 
 MISS = -1
 
+AT_ONCE = 8
+"""Elements that a CPU may read at once: where it does, an array has room for so many beyond its end."""
+
 
 BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "shadowed")
 """The fields of :class:`.geometry.Bounces` that are copied to the host, there prefixed with "bounce_"."""
@@ -111,7 +114,7 @@ class Frame:
             self.axes = wp.zeros(3, dtype=wp.vec3f)
             self.max_coordinate = wp.zeros(1, dtype=wp.float32)
             self.tangents = wp.zeros(2, dtype=wp.float32)
-            self.column = wp.zeros(width, dtype=wp.vec3f)
+            self.column = wp.zeros(width + AT_ONCE, dtype=wp.vec3f)[:width]
             self.row = wp.zeros(height, dtype=wp.vec3f)
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
             far = effects is not None and any(effects.directional)

@@ -220,9 +220,9 @@ def made_kernels() -> dict[str, wp.Kernel]:
     made = {
         make_trace_kernel: make_trace_kernel(0, 64),
         make_shadow_kernel: make_shadow_kernel(0, 64),
-        camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
+        camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(),
         camera_resolve.make_resolve_kernel: camera_resolve.make_resolve_kernel("rounded"),
-        light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
+        light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
         light_rows.make_rows_kernel: light_rows.make_rows_kernel(False),
         sort.make_scatter_kernel: sort.make_scatter_kernel(False),
         light_undecided.make_undecided_kernel: light_undecided.make_undecided_kernel(False, False),

@@ -12,9 +12,7 @@ import warp as wp
 from helpers.compiled_twins import kernels_with_effects, source_of, with_source
 from shadowbench.harness.frame.effects.specialise import named
 from shadowbench.harness.scene.effects import Switches
-from shadowbench.methods.streams.camera import stream as camera_stream
 from shadowbench.methods.streams.occlusion import rows as light_rows
-from shadowbench.methods.streams.occlusion import stream as light_stream
 from tools.kernel_report import hot_modules, uses_of
 
 EFFECTS = kernels_with_effects()
@@ -35,18 +33,6 @@ def modules_with_kernels() -> list[str]:
 @pytest.mark.parametrize("name", modules_with_kernels())
 def test_module_compiles_for_cuda(name):
     assert uses_of(name)
-
-
-STREAMS = {
-    "camera": lambda: camera_stream.make_stream_kernel(False),
-    "light": lambda: light_stream.make_stream_kernel(False, False),
-}
-
-
-@pytest.mark.parametrize("name", STREAMS)
-def test_streams_without_a_queue_compile_for_cuda(name):
-    """Those with one are hot: ``test_kernel_report`` reads their binaries."""
-    assert uses_of(STREAMS[name]().module)
 
 
 def test_a_queue_that_is_read_again_compiles_for_cuda():

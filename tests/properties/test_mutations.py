@@ -27,8 +27,10 @@ from shadowbench.methods.perspective_spherical.light import mapping as light_map
 from shadowbench.methods.perspective_spherical.light import rays as light_rays
 from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.rays import kernels as ray_kernels
+from shadowbench.methods.streams import eight
 from shadowbench.methods.streams.camera import pixels as camera_pixels
 from shadowbench.methods.streams.cube import footprint
+from shadowbench.methods.streams.occlusion import on_cpu as light_on_cpu
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.rays import region as light_region
 from shadowbench.methods.warp_bvh import method as warp_bvh
@@ -277,6 +279,12 @@ MUTATIONS = (
                 "on_bins",
                 (("32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
                 light_stream,
+            ),
+            Planted(
+                eight,
+                "boxes_of_eight",
+                (("unit * ((1.0f + wide) * extent / near + wide) * span + w.slack", "0.0f"),),
+                light_on_cpu,
             ),
         ),
         "ray_grids",

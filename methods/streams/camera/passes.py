@@ -15,7 +15,7 @@ from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..settings import Settings
-from . import remainder, resolve, rows, stream
+from . import on_cpu, remainder, resolve, rows, stream
 
 
 class Camera:
@@ -101,8 +101,11 @@ def undecided_step(camera: Camera) -> Step:
 def launch_stream(camera: Camera, share: int) -> None:
     f, q = camera.frame, camera.queues
     inputs = [q.share(share), camera.settings.inline_pixels, f.camera, f.mesh, f.alpha]
-    kernel = stream.make_stream_kernel(q.queued)
-    camera.launch(kernel, share, q.share_threads, inputs, [q.nearest, q.exact_path])
+    outputs = [q.nearest, q.exact_path]
+    if q.queued:
+        camera.launch(stream.make_stream_kernel(), share, q.share_threads, inputs, outputs)
+    else:
+        camera.launch(on_cpu.stream_kernel, share, q.share_threads // int(BLOCK_DIM), inputs, outputs)
 
 
 def launch_rows(camera: Camera, share: int) -> None:

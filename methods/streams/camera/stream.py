@@ -12,14 +12,14 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Corners, Mesh
-from ...common.reads import corners_at, direction_at, ray_of_pixel, weld_at
+from ...common.reads import corners_at, ray_of_pixel, weld_at
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import hit_distance, spare_bits, to_float64
 from ...gpu.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...gpu.reserve import reserve
 from ..queues import ITEMS, Queue, Share, held_undecided, triangle_of
-from .pixels import Candidate, Planes, candidate_of, hit_word, inverse_depth, test_box, test_pixel_or_queue
+from .pixels import Candidate, Planes, candidate_of, hit_word, inverse_depth, test_box
 from .queued import store_candidate
 
 GROUP = wp.constant(32)
@@ -137,9 +137,8 @@ def box_of(corners: Corners, o: wp.vec3f, camera: Camera) -> wp.vec4i:
 
 
 @functools.cache
-def make_stream_kernel(queued: bool) -> wp.Kernel:
-    """One thread per triangle. Small triangles test their pixels here; larger ones are queued, or tested here too
-    (CPU)."""
+def make_stream_kernel() -> wp.Kernel:
+    """One thread per triangle. Small triangles test their pixels here; larger ones are queued."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def stream_kernel(
@@ -167,9 +166,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
             test_box(nearest, queue, box, candidate, camera)
             return
-        tall = wp.bool(False)
-        if wp.static(queued):
-            tall = box[3] - box[1] >= TALL * (box[2] - box[0] + 1)
+        tall = box[3] - box[1] >= TALL * (box[2] - box[0] + 1)
         start = entry(camera.column, 0)
         end = entry(camera.column, camera.width - 1)
         length = camera.width
@@ -178,14 +175,6 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
             end = entry(camera.row, camera.height - 1)
             length = camera.height
         lines = lines_of(candidate.planes, candidate.bound, start, end, length)
-        if wp.static(not queued):
-            for y in range(box[1], box[3] + 1):
-                d = entry(camera.row, y)
-                ends = pixels_of_row(candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width)
-                for x in range(ends[0], ends[1] + 1):
-                    pixel = y * camera.width + x
-                    test_pixel_or_queue(nearest, queue, pixel, candidate, direction_at(camera, x, y))
-            return
         queue_triangle(queue, box, tall, candidate, lines)
 
     return stream_kernel

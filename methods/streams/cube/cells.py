@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from ....harness.frame.frame import Frame
+from ....harness.frame.frame import AT_ONCE, Frame
 from ....harness.frame.geometry import struct_with_bases
 from ...gpu.entries import entry, set_entry
 from .faces import FACES
@@ -84,7 +84,7 @@ def cell_arrays(frame: Frame, cells: tuple[int, int, int], sorted_rays: bool = T
             "rank": wp.zeros(sorted_pixels, dtype=wp.int32),
             "count": wp.zeros(sorted_cells, dtype=wp.int32),
             "offset": wp.zeros(sorted_cells + 1, dtype=wp.int32),
-            "rays": wp.zeros(sorted_pixels, dtype=wp.vec4f),
+            "rays": wp.zeros(sorted_pixels + AT_ONCE, dtype=wp.vec4f),
             "farthest": wp.zeros(-(-number // int(TILE_CELLS)), dtype=wp.int32),
         }
 

@@ -11,7 +11,7 @@ from ....harness.frame.effects.specialise import specialised, with_type
 from ....harness.frame.geometry import filled
 from ..queues import BLOCK_DIM, Step
 from ..rays.light_rays import LightRays
-from . import groups, rows, stream
+from . import groups, on_cpu, rows, stream
 from .ray_test import RememberedBits, ShadowBits
 from .undecided import make_undecided_kernel
 
@@ -53,10 +53,13 @@ class Occlusion:
 
     def launch_stream(self, share: int) -> None:
         r, f, q, settings = self.rays, self.rays.frame, self.rays.queues, self.rays.settings
-        kernel = stream.make_stream_kernel(q.queued, q.queued and settings.groups == "stream", not self.overlaps)
+        threads, kernel = q.share_threads // int(BLOCK_DIM), on_cpu.stream_kernel
+        if q.queued:
+            threads = q.share_threads
+            kernel = stream.make_stream_kernel(settings.groups == "stream", not self.overlaps)
         inputs = [q.share(share), settings.inline_cells, settings.inline_rays, r.light, r.cells, f.mesh, f.alpha]
         outputs = [self.bits, r.queue[share]]
-        f.launch(self.of_rays(r.of_cells(kernel)), q.share_threads, inputs, outputs, BLOCK_DIM)
+        f.launch(self.of_rays(r.of_cells(kernel)), threads, inputs, outputs, BLOCK_DIM)
 
     def launch_split(self, share: int) -> None:
         r, f = self.rays, self.rays.frame

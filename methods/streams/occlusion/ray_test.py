@@ -90,25 +90,6 @@ def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
 
 
 @wp.func
-def test_rays_of_row(
-    bits: Any,
-    queue: Queue,
-    cells: Any,
-    along: wp.int32,
-    face: wp.int32,
-    y: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
-    occluder: Occluder,
-):
-    """Test the rays in cells first..last of a row; ``along``: cells along a face."""
-    if last >= first:
-        span = span_of(cells.offset, face, first, last, y, along)
-        for at in range(span[0], span[1]):
-            test_ray(bits, queue, entry(cells.rays, at), occluder)
-
-
-@wp.func
 def test_rays_of_box(
     bits: Any, queue: Queue, cells: Any, along: wp.int32, face: wp.int32, box: wp.vec4i, occluder: Occluder
 ):

@@ -19,23 +19,14 @@ from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number
 from ..cube.cells import RayCells
 from ..cube.farthest import all_rays_end_before, nearest_depth
-from ..cube.footprint import (
-    cells_of_row,
-    corners_on,
-    depth_slack,
-    extent_with_rays,
-    flat_box,
-    in_cube_space,
-    leaves_out,
-    on_bins,
-)
+from ..cube.footprint import corners_on, depth_slack, extent_with_rays, flat_box, in_cube_space, leaves_out, on_bins
 from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
 from .groups import queue_rows, sides_on_face
 from .planes import occluder_of, occludes_none
-from .ray_test import ShadowBits, test_rays_of_box, test_rays_of_row
+from .ray_test import ShadowBits, test_rays_of_box
 
 INLINE_ROWS = wp.constant(16)
 """A triangle over more rows of cells is queued: its thread would read them one after the other."""
@@ -52,8 +43,8 @@ REGISTERS_OF_FEW = 112
 
 
 @functools.cache
-def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Kernel:
-    """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU). Triangles are queued
+def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
+    """One thread per triangle: few rays are tested here; more are queued. Triangles are queued
     in groups of rows (``splits``; then all that have rays), or whole for :func:`.groups.split_kernel`. Not ``counts``: all
     that rays may reach, as the farthest receivers tell, which are known before the rays lie in their cells.
 
@@ -124,19 +115,11 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
                         large = occluder_of(i, False, position, again, row, True)
                         if not occludes_none(large):
                             queue_rows(queue, i, face, box, sides_here, large)
-                    elif wp.static(queued):
+                    else:
                         place = next_number(queue.counts, LARGE)
                         if place < queue.large.shape[0]:
                             work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
                             set_entry(queue.large, place, work)
-                    else:
-                        origin = position_of(light)
-                        sides = sides_on_face(flat, origin, cube, face, corners, r)
-                        planes = occluder_of(i, holes, origin, corners, row, True)
-                        last = wp.where(occludes_none(planes), box[1] - 1, box[3])
-                        for y in range(box[1], last + 1):
-                            ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
-                            test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
         if wp.static(not splits):
             if here >= 0:
                 # Corners are read again: held until here, they would take the registers of the loop.

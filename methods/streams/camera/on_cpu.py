@@ -1,0 +1,123 @@
+"""Primary rays on a CPU: a thread takes a block of triangles, and tests all their pixels."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Mesh
+from ...common.reads import corners_at, direction_at
+from ...common.screen import screen_scale
+from ...gpu.bits import lowest_bit, without_lowest_bit
+from ...gpu.entries import entry, entry_now
+from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, pixels_found
+from ..queues import BLOCK_DIM, Queue, Share, queue_undecided, triangle_of
+from .pixels import Candidate, candidate_of, store_if_nearer
+from .stream import Lines, box_of, lines_of, pixels_of_row
+
+
+@wp.func
+def window_of(camera: Camera) -> Window:
+    """The image, in pixels, with the slack of :func:`...common.screen.pixel_box`."""
+    right = entry(camera.axes, 0)
+    up = entry(camera.axes, 1)
+    ahead = entry(camera.axes, 2)
+    tx = camera.tangents[0]
+    ty = camera.tangents[1]
+    s = screen_scale(tx, ty, camera.width, camera.height)
+    w = Window()
+    for k in range(3):
+        w.axes[0, k] = ahead[k]
+        w.axes[1, k] = right[k]
+        w.axes[2, k] = -up[k]
+    w.origin = entry(camera.eye, 0)
+    w.per = wp.vec2f(s[0], s[1])
+    w.low = wp.vec2f(-s[2] / s[0], -s[3] / s[1])
+    off = wp.max((1.0 + tx) * s[0], (1.0 + ty) * s[1])
+    w.slack = 0.01 + 4.0e-6 * off + 1.0e-6 * wp.float32(wp.max(camera.width, camera.height))
+    return w
+
+
+@wp.func
+def test_pixels_of_row(
+    nearest: wp.array(dtype=wp.uint64), queue: Queue, camera: Camera, y: wp.int32, ends: wp.vec2i, candidate: Candidate
+):
+    """Test pixels ends[0]..ends[1] of a row, eight at a time."""
+    x = wp.int32(ends[0])
+    while x <= ends[1]:
+        found = pixels_found(camera, x, y, ends[1] - x + 1, candidate)
+        while found != wp.uint32(0):
+            k = lowest_bit(found)
+            found = without_lowest_bit(found)
+            at = x + (k & 7)
+            pixel = y * camera.width + at
+            if k < EIGHT:
+                store_if_nearer(nearest, pixel, entry_now(nearest, pixel), candidate, direction_at(camera, at, y))
+            else:
+                queue_undecided(queue, candidate.i, pixel)
+        x += EIGHT
+
+
+@wp.func
+def test_triangle(
+    candidate: Candidate,
+    box: wp.vec4i,
+    large: wp.bool,
+    camera: Camera,
+    nearest: wp.array(dtype=wp.uint64),
+    queue: Queue,
+):
+    """Test the pixels in a box against a triangle; of a ``large`` one those of its rows that are cut to it."""
+    lines = Lines()
+    if large:
+        last = entry(camera.column, camera.width - 1)
+        lines = lines_of(candidate.planes, candidate.bound, entry(camera.column, 0), last, camera.width)
+    y = wp.int32(box[1])
+    while y <= box[3]:
+        ends = wp.vec2i(box[0], box[2])
+        if large:
+            d = entry(camera.row, y)
+            ends = pixels_of_row(candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width)
+        test_pixels_of_row(nearest, queue, camera, y, ends, candidate)
+        y += 1
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def stream_kernel(
+    share: Share,
+    inline_pixels: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    alpha: Alpha,
+    nearest: wp.array(dtype=wp.uint64),
+    exact_path: wp.array(dtype=wp.uint8),
+    queue: Queue,
+):
+    """A triangle with more than ``inline_pixels`` in its box is large."""
+    first = triangle_of(BLOCK_DIM * wp.tid(), share)
+    end = wp.min(first + BLOCK_DIM, share.triangles)
+    o = entry(camera.eye, 0)
+    window = window_of(camera)
+    size = wp.vec2f(wp.float32(camera.width - 1), wp.float32(camera.height - 1))
+    while first < end:
+        boxes = boxes_of_eight(mesh, first, 0.0, window)
+        met = boxes_met(boxes, size, True, end - first)
+        while met != wp.uint32(0):
+            k = lowest_bit(met)
+            met = without_lowest_bit(met)
+            i = first + k
+            if entry(mesh.valid, i) != wp.uint8(0):
+                corners = corners_at(mesh, i)
+                box = wp.vec4i(
+                    wp.int32(wp.ceil(wp.max(boxes[0, k], 0.0))),
+                    wp.int32(wp.ceil(wp.max(boxes[1, k], 0.0))),
+                    wp.int32(wp.floor(wp.min(boxes[2, k], size[0]))),
+                    wp.int32(wp.floor(wp.min(boxes[3, k], size[1]))),
+                )
+                if boxes[0, k] == -wp.INF:
+                    box = box_of(corners, o, camera)
+                if box[0] <= box[2] and box[1] <= box[3]:
+                    candidate = candidate_of(i, o, corners, camera, alpha, share.triangles, exact_path)
+                    large = (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > inline_pixels
+                    test_triangle(candidate, box, large, camera, nearest, queue)
+        first += EIGHT
