@@ -26,7 +26,7 @@ class Forest:
     """
 
     def __init__(self, corners: NDArray[np.float32], bodies: NDArray[np.int32], first: int):
-        finite = np.isfinite(corners).all(axis=(1, 2))
+        finite = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
         low, high = boxes(np.where(finite[:, None, None], corners, np.float32(0.0)), finite.astype(np.uint8))
         low[~finite], high[~finite] = np.inf, -np.inf
         made = sah_topology(corners, finite.astype(np.uint8), bodies)

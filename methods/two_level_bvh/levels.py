@@ -69,7 +69,8 @@ class Levels:
         self.least = min(8.0 * kept.extent, 2.0**126)
         self.chunks = len(kept.chunks)
         top = np.zeros((kept.count, 12), dtype=np.float32)
-        nodes = np.concatenate([top, kept.forest.packed(unit * units)]).reshape(-1, 4)
+        # The last term: what float32 loses below its normal numbers, as in :func:`..trees.nodes.padding`.
+        nodes = np.concatenate([top, kept.forest.packed(unit * units + 1.0e-37)]).reshape(-1, 4)
         rows = np.zeros((kept.count, 4, 4), dtype=np.float32)
         rows[:, 3, 0] = kept.forest.roots.view(np.float32)
         faces = 2 * np.arange(kept.count)[:, None] + [0, 1, 0]
