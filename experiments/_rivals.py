@@ -34,6 +34,9 @@ REFITTED = (
 )
 """Trees of the first frame whose boxes are refitted: they do less work than the others."""
 
+BODIES = (Entry("two_level_bvh", {"deforming": "refuse"}, "two-level BVH"),)
+"""Trees of bodies that move rigidly, kept; for scenes that do not say which triangles move together a row says so."""
+
 GRIDS = (
     Entry(METHOD, {}, "the paper's grids"),
     Entry("uniform_grid", {}, "uniform grid"),
@@ -60,6 +63,7 @@ REBUILDS = {
     "mesh rebuilt": "rebuilds its tree",
     **dict.fromkeys([entry.label for entry in REBUILT], "rebuilds its tree"),
     **dict.fromkeys([entry.label for entry in REFITTED], "refits its tree"),
+    BODIES[0].label: "rebuilds the tree of its bodies",
     **dict.fromkeys([entry.label for entry in GRIDS], "rebuilds its grids"),
     "driver built": "rebuilds its tree",
     "driver updated": "refits its tree",

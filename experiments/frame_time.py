@@ -22,6 +22,7 @@ METHODS = (
     faithful("paper-faithful"),
     *REBUILD,
     *_rivals.REFITTED,
+    *_rivals.BODIES,
     *_rivals.GRIDS,
     *_rivals.DRIVER,
 )

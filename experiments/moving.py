@@ -13,12 +13,14 @@ from ..harness.report import document, numbers, panels, sentences
 from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
+from . import _rivals
 from ._paper import METHOD, SCENES
 
 METHODS = (
     Entry(METHOD, {}, "the paper's grids"),
     Entry("ray_grids", {}, "ray grids"),
     Entry("warp_bvh", {}, "mesh rebuilt"),
+    *_rivals.BODIES,
 )
 ANIMATED = ("fairy", "bunny_dragon", "cloth")
 STATIC = tuple(scene for scene in SCENES if scene not in ANIMATED)

@@ -15,13 +15,14 @@ LOOKS = {
     "shadow_map": ("#DDCC77", "h"),
     "accuracy_ladder": ("#661100", "d"),
     "driver": ("#117733", "H"),
+    "two_level_bvh": ("#AA4499", "d"),
 }
 """The colour and the marker of each method in every drawing. The first eight are distinct with every common colour vision
 (Okabe and Ito's colours, a wine red, a brown); a method that is not listed gets one from its name."""
 
 KINDS = {
     **dict.fromkeys(("ray_grids", "hybrid"), "grids of rays"),
-    **dict.fromkeys(("bvh2", "warp_bvh", "embree", "kdtree", "accuracy_ladder", "driver"), "trees"),
+    **dict.fromkeys(("bvh2", "warp_bvh", "embree", "kdtree", "accuracy_ladder", "driver", "two_level_bvh"), "trees"),
     **dict.fromkeys(("visibility_buffer", "shadow_map"), "rasterised buffers"),
     "perspective_spherical": "the paper's grids",
     **dict.fromkeys(("uniform_grid", "two_level_grid", "coherent_grid"), "grids of triangles"),

@@ -69,6 +69,18 @@ class Prepared:
         return self.geometry.moves
 
     @property
+    def bodies(self) -> NDArray[np.int32] | None:
+        """The body of each triangle, 0, 1, 2, ..., int32 [triangle_count]; None: the mesh deforms, or nothing says what of
+        it moves together. A mesh that does not move is one body, unless its scene names more."""
+        motion = self.geometry.motion
+        if motion is None or motion.bodies is None:
+            return None if self.moves else np.zeros(self.triangle_count, dtype=np.int32)
+        if np.shape(motion.bodies) != (self.triangle_count,):
+            given = f"bodies of shape {np.shape(motion.bodies)}"
+            raise UserError(f"{self.scene.name}: {given}, but there are {self.triangle_count} triangles")
+        return np.unique(motion.bodies, return_inverse=True)[1].astype(np.int32).ravel()
+
+    @property
     def triangle_count(self) -> int:
         return len(self.faces)
 

@@ -132,14 +132,23 @@ class LightPath(Protocol):
 
 @dataclass(frozen=True)
 class Moves:
-    """How a mesh moves: ``kind`` is "rigid" or "deforming"; ``vertices`` first and end of what moves, None: all."""
+    """How a mesh moves.
+
+    kind      "rigid" or "deforming"
+    vertices  first and end of what moves, None: all
+    bodies    of a rigid motion, which triangles move together as one body: a number for each, int [triangle_count]; what
+              rests is a body, too. None: not known
+    """
 
     kind: str
     vertices: tuple[int, int] | None = None
+    bodies: NDArray[np.integer] | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.kind not in ("rigid", "deforming"):
             raise ValueError(f"motion {self.kind!r}: it is rigid or deforming")
+        if self.kind != "rigid" and self.bodies is not None:
+            raise ValueError(f"motion {self.kind!r}: only a rigid one has bodies")
 
 
 @dataclass(frozen=True, eq=False)

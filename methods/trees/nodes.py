@@ -48,6 +48,7 @@ class Tree:
     masked  uint8 [triangles]: 1 = it has holes; empty where none has
     max_coordinate  float32 [1]: of the frame
     extent  float32 [1]: the largest coordinate of the scene's box; infinite where nothing is in it
+    bodies  vec4f [4 * bodies]: of a tree with two levels (:mod:`.trace.bodies`); else empty
     """
 
     nodes: wp.array(dtype=wp.vec4f)
@@ -55,6 +56,7 @@ class Tree:
     masked: wp.array(dtype=wp.uint8)
     max_coordinate: wp.array(dtype=wp.float32)
     extent: wp.array(dtype=wp.float32)
+    bodies: wp.array(dtype=wp.vec4f)
 
 
 def empty_tree(frame: Frame) -> Any:
@@ -102,11 +104,15 @@ and box b with s as the other. A choice of words costs the lanes of a warp less 
 ``SOME_EMPTY``: whether a box may hold nothing."""
 
 MEET = """
-float largest = high(size(d[0]), high(size(d[1]), size(d[2])));
-float least = largest * 9.0949470e-13f + tiny;
-auto slope = [&](float x) { return shrink * inverse_of(size(x) > least ? x : (x < 0.0f ? -least : least)); };
-float ix = slope(d[0]), iy = slope(d[1]), iz = slope(d[2]);
-float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
+float ix, iy, iz, ox, oy, oz, jx, jy, jz;
+auto aim = [&](float x, float y, float z, float dx, float dy, float dz) {
+    float largest = high(size(dx), high(size(dy), size(dz)));
+    float least = largest * 9.0949470e-13f + tiny;
+    auto slope = [&](float x) { return shrink * inverse_of(size(x) > least ? x : (x < 0.0f ? -least : least)); };
+    ix = slope(dx), iy = slope(dy), iz = slope(dz);
+    ox = x * ix, oy = y * iy, oz = z * iz, jx = size(ix), jy = size(iy), jz = size(iz);
+};
+aim(o[0], o[1], o[2], d[0], d[1], d[2]);
 struct Children { unsigned int ref0, ref1; float near0, near1; bool met0, met1; };
 auto children_of = [&](unsigned int node) {
     const char* at = threes(tree.nodes.data, node);
@@ -122,6 +128,6 @@ auto children_of = [&](unsigned int node) {
     return Children{bits(a.w), bits(e.w), near0, near1, !(near0 > far0), !(near1 > far1)};
 };
 """
-"""``children_of(node)``: the references to both children, where the ray (o, d) enters them, and whether it meets them
-between 0 and ``limit``, in units of t times ``shrink``. ``tiny`` > 0: the least part of a direction whose inverse, and a
-coordinate times that, float32 still holds."""
+"""``aim``: sets up the ray, at first (o, d). ``children_of(node)``: the references to both children, where the ray enters
+them, and whether it meets them between 0 and ``limit``, in units of t times ``shrink``. ``tiny`` > 0: the least part of a
+direction whose inverse, and a coordinate times that, float32 still holds."""

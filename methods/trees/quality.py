@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .native import LEAF, NONE, PAIR
+from .native import INDEX, LEAF, NONE, PAIR
 from .nodes import NODE_BYTES, Tree
 
 F64 = NDArray[np.float64]
@@ -36,6 +36,9 @@ def expected(tree: Tree) -> dict[str, int]:
     centres, extents, refs = children(tree.nodes.numpy().reshape(-1, NODE_BYTES // 4))
     areas = surface(2.0 * extents)
     root = int(tree.root.numpy().view(np.uint32)[0])
+    bodies = tree.bodies.numpy().view(np.uint32)[3::4, 0] if tree.bodies else np.zeros(0, dtype=np.uint32)
+    if len(bodies) and root & LEAF and root != NONE:
+        root = int(bodies[root & INDEX])
     if root & LEAF:
         return counters_of(0.0, 0.0 if root == NONE else 1.0 + ((root & PAIR) != 0), 1.0)
     some = areas[root] > 0
@@ -47,6 +50,9 @@ def expected(tree: Tree) -> dict[str, int]:
     level = np.array([root], dtype=np.uint32)
     while len(level):
         own, area = refs[level].ravel(), areas[level].ravel()
+        if len(bodies):  # a leaf of the first level is the root of a body's tree
+            outer = np.repeat(level < len(bodies), 2) & ((own & np.uint32(LEAF)) != 0)
+            own[outer] = bodies[own[outer] & np.uint32(INDEX)]
         leaf = (own & np.uint32(LEAF)) != 0
         held = 1 + ((own & np.uint32(PAIR)) != 0)
         tested += float((area * held)[leaf].sum())

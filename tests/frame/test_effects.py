@@ -56,7 +56,7 @@ WITHOUT = {
 MARK_RECEIVERS = ("ray_grids", "visibility_buffer")
 """Methods that mark receivers in a pass that every frame has."""
 
-MARK_ON_A_GPU = ("bvh2", "hybrid", "perspective_spherical", "grids clamped to the scene")
+MARK_ON_A_GPU = ("bvh2", "two_level_bvh", "hybrid", "perspective_spherical", "grids clamped to the scene")
 """Methods that do so on a GPU."""
 
 
@@ -70,7 +70,7 @@ def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPa
     with_it, without = session_of(label, scene(**on)), session_of(label, scene(**off))
     # Where a tree is traced the order differs too: triangles are set up for a light later if it may have no receiver, and
     # the threads of a CPU launch the two kernels of a pass of warp_bvh, each for its share of the pixels.
-    listed = sorted if label in ("bvh2", "hybrid", "warp_bvh") else list
+    listed = sorted if label in ("bvh2", "two_level_bvh", "hybrid", "warp_bvh") else list
     assert listed(names(without)) == listed(work.name for work in with_it.all_passes if work.effect not in tags)
     # With facing they have a pass for the triangles.
     own = {"receivers"} if label in MARK_RECEIVERS and not on.get("facing") else set()

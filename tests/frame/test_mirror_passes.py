@@ -154,7 +154,7 @@ def test_every_method_takes_part_or_says_why_not():
     scene = plane_and_ball().scene
     can = {name for name in method_names() if "mirror" in method_class(name).simulates}
     trees, grids = (
-        {"bvh2", "driver", "embree", "hybrid", "kdtree", "warp_bvh"},
+        {"bvh2", "driver", "embree", "hybrid", "kdtree", "two_level_bvh", "warp_bvh"},
         {"coherent_grid", "two_level_grid", "uniform_grid"},
     )
     assert can == trees | grids

@@ -18,7 +18,7 @@ TRACING = [(name, given) for name, given in exact_methods() if "orthographic" in
 
 
 def test_which_methods_trace_parallel_rays() -> None:
-    names = {"bvh2", "coherent_grid", "kdtree", "two_level_grid", "uniform_grid", "warp_bvh"}
+    names = {"bvh2", "coherent_grid", "kdtree", "two_level_bvh", "two_level_grid", "uniform_grid", "warp_bvh"}
     assert {name for name, _ in TRACING} == names
     scene = judged("O03 x").trial.prepared.scene
     for name in set(method_names()) - names - {"embree", "driver"}:

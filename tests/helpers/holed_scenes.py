@@ -21,6 +21,7 @@ EXACT = [
     ("kdtree", {}),
     ("warp_bvh", {"update": "bvh_rebuild"}),
     ("bvh2", {}),
+    ("two_level_bvh", {}),
     ("hybrid", {}),
     ("hybrid", {"shadows": "tree"}),
     ("perspective_spherical", {}),

@@ -30,7 +30,7 @@ VARIANTS: list[tuple[str, dict[str, str]]] = [
     ("ray_grids", {"trial": "region=triangles+overlaps=false"}),
     ("hybrid", {"shadows": "grid"}),
 ]
-MARKING = ("ray_grids", "visibility_buffer", "bvh2", "hybrid", "perspective_spherical")
+MARKING = ("ray_grids", "visibility_buffer", "bvh2", "two_level_bvh", "hybrid", "perspective_spherical")
 """Methods of which no pass on a GPU says whether a light has a receiver."""
 
 

@@ -53,7 +53,7 @@ ROWS = (
     "ray_grids:occluders=last,trial=region=triangles",
     "ray_grids:trial=inline_cells=0+region=triangles+groups=split",
     "ray_grids:trial=inline_cells=0+groups=stream+overlaps=false", "ray_grids:trial=spacing=rays",
-    "two_level_grid", "uniform_grid", "visibility_buffer", "warp_bvh", "warp_bvh:update=bvh_rebuild",
+    "two_level_bvh", "two_level_grid", "uniform_grid", "visibility_buffer", "warp_bvh", "warp_bvh:update=bvh_rebuild",
     "warp_bvh:constructor=lbvh,leaf_size=4",
 )  # fmt: skip
 """The exact methods, with settings that take other ways to the same answers."""

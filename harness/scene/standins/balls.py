@@ -137,7 +137,8 @@ def moving_geometry(count: int, moving: float | None, swirl: float | None = None
     speeds[ground_size : ground_size + balls * size] = np.repeat(turns[:balls], size)
     if moving > 1 - GROUND_SHARE:
         speeds[:ground_size] = np.radians(90.0)
-    return turned(still, speeds, Moves("rigid"))
+    bodies = np.unique(speeds[still.faces[:, 0]], return_inverse=True)[1]
+    return turned(still, speeds, Moves("rigid", bodies=bodies))
 
 
 def turned(still: Geometry, speeds: F64, moves: Moves) -> Geometry:

@@ -174,7 +174,8 @@ def _geometry() -> Geometry:
     rabbit, rabbit_piece = _broken(rabbit, 0.15, SEED)
     beast, beast_piece = _broken(beast, 0.13, SEED + 1)
     pieces = _Pieces(rabbit, rabbit_piece, beast, beast_piece)
-    return Geometry(join([rabbit, beast]).faces, pieces.positions, FRAMES, Moves("rigid"))
+    faces = join([rabbit, beast]).faces
+    return Geometry(faces, pieces.positions, FRAMES, Moves("rigid", bodies=pieces.piece[faces[:, 0]]))
 
 
 _IMPACT = np.array([-0.74, 0.56, 0.04])

@@ -44,18 +44,22 @@ class Topology:
         return np.where(leaf, np.uint32(LEAF) | triangles, self.refs)
 
 
-def sah_topology(corners: NDArray[np.float32], valid: NDArray[np.uint8]) -> Topology:
-    """The tree of triangles with these corners, [triangles, 3, 3]. A triangle that is left out is placed in the scene's
-    middle."""
+def sah_topology(
+    corners: NDArray[np.float32], valid: NDArray[np.uint8], bodies: NDArray[np.int32] | None = None
+) -> Topology:
+    """The tree of triangles with these corners, [triangles, 3, 3], or one for each of the ``bodies`` that they belong to,
+    [triangles] (0, 1, 2, ...). A triangle that is left out is placed in the scene's middle."""
     count = len(corners)
+    bodies = np.zeros(count, dtype=np.int32) if bodies is None else bodies
     low, high = boxes(corners, valid)
     centre = 0.5 * (low + high)
-    order = np.arange(count)
+    order = np.argsort(bodies, kind="stable")
     refs = np.zeros(2 * max(1, count - 1), dtype=np.uint32)
     leaf_parent = np.full(count, -1, dtype=np.int32)
     node_parent = np.full(max(1, count - 1), -1, dtype=np.int32)
     # Ranges of places that are nodes of this level, and where their parents refer to them.
-    begin, end, slot = np.array([0]), np.array([count]), np.array([-1])
+    end = np.cumsum(np.bincount(bodies))
+    begin, slot = np.concatenate([[0], end[:-1]]), np.full(len(end), -1)
     for depth in range(DEEP + 32):
         single = end - begin == 1
         places, above = begin[single], slot[single]

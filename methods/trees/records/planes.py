@@ -182,6 +182,14 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
     return s.inward * about(wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size)))
 
 
+@wp.func
+def clear_record(records: wp.array(dtype=wp.vec4f), at: wp.int32):
+    """Of a triangle that is never hit, which a tree that was made of another frame may still hold: zeros leave its rays to
+    float64, which rejects it."""
+    for k in range(3):
+        set_entry(records, 3 * at + k, wp.vec4f())
+
+
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
 def eye_kernel(
     mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f), cleared: wp.array(dtype=wp.int32)
@@ -192,6 +200,7 @@ def eye_kernel(
         for k in range(cleared.shape[0]):
             cleared[k] = 0
     if entry(mesh.valid, at) == wp.uint8(0):
+        clear_record(records, at)
         return
     s = seen_from(entry(eye, 0), corners_at(mesh, at))
     x = wp.vec3f()
@@ -243,6 +252,7 @@ def light_kernel(
     at = wp.tid()
     joins = entry(joined, at >> 1)
     if entry(mesh.valid, at) == wp.uint8(0):
+        clear_record(edges, at)
         set_entry(facing, at, wp.uint8(0))
         return
     size = entry(extent, 0)

@@ -41,6 +41,7 @@ from ...common.reads import corners_at
 from ...exact.triangle import largest, to_float32, to_float64
 from ...gpu.entries import entry, set_entry
 from ..constants import RECORD_REGISTERS
+from .planes import clear_record
 
 WEIGHT_UNITS = 16.0
 PLANE_UNITS = 6.0
@@ -116,6 +117,7 @@ def ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
     """Three words per triangle: a, and the edges and the normal in the triangle's own scale."""
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
+        clear_record(records, at)
         return
     corners = corners_at(mesh, at)
     a = to_float64(corners.a)

@@ -154,10 +154,10 @@ def write_weights(ray: Ray, pixel: wp.int32, mesh: Mesh, hits: Hits):
 
 
 @functools.cache
-def make_eye(exact: bool, packets: bool) -> Any:
+def make_eye(exact: bool, packets: bool, levels: int = 1) -> Any:
     """A function of a thread, 8 x 4 pixels per warp: the answer of its pixel, and the origin of shadow rays. Returns the
     pixel and the hit triangle, or -1."""
-    closest, closest_holes = (make_closest("eye", exact, packets, holes) for holes in (False, True))
+    closest, closest_holes = (make_closest("eye", exact, packets, holes, levels) for holes in (False, True))
 
     @wp.func(module="unique")
     def trace_eye(
@@ -202,9 +202,9 @@ def make_eye(exact: bool, packets: bool) -> Any:
 
 
 @functools.cache
-def make_eye_kernel(exact: bool, packets: bool) -> Any:
+def make_eye_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
     """One thread per pixel: :func:`make_eye`."""
-    trace_eye = make_eye(exact, packets)
+    trace_eye = make_eye(exact, packets, levels)
 
     @wp.kernel(
         enable_backward=False,
@@ -229,9 +229,9 @@ def make_eye_kernel(exact: bool, packets: bool) -> Any:
 
 
 @functools.cache
-def make_tests_kernel(records: str, exact: bool) -> Any:
+def make_tests_kernel(records: str, exact: bool, levels: int = 1) -> Any:
     """One thread per pixel: how many triangles its ray is tested against. The kernels of a frame do not count."""
-    count, count_holes = (make_count(records, exact, holes) for holes in (False, True))
+    count, count_holes = (make_count(records, exact, holes, levels) for holes in (False, True))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def tests_kernel(
@@ -265,10 +265,10 @@ def list_kernel(camera: Camera, tiles: wp.array(dtype=wp.int32), rays: Rays, hit
 
 
 @functools.cache
-def make_listed_kernel(exact: bool) -> Any:
+def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
     """One thread per listed pixel: what the traversal found, for :func:`resolve_kernel`; in float32 the answer and the
     origin of shadow rays."""
-    closest, closest_holes = (make_closest("ray", exact, holes=holes) for holes in (False, True))
+    closest, closest_holes = (make_closest("ray", exact, holes=holes, levels=levels) for holes in (False, True))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def listed_kernel(

@@ -35,9 +35,16 @@ class ListedRays:
     """
 
     def __init__(
-        self, frame: Frame, tree: Tree, effects: Effects, exact: bool, shares: Shares, starts: Sequence[wp.array]
+        self,
+        frame: Frame,
+        tree: Tree,
+        effects: Effects,
+        exact: bool,
+        shares: Shares,
+        starts: Sequence[wp.array],
+        levels: int = 1,
     ):
-        self.frame, self.tree, self.effects, self.exact = frame, tree, effects, exact
+        self.frame, self.tree, self.effects, self.exact, self.levels = frame, tree, effects, exact, levels
         self.shares, self.starts = shares, starts
         with wp.ScopedDevice(frame.device):
             self.records = wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f)
@@ -67,7 +74,7 @@ class ListedRays:
         rays, hits, starts = f.rays(bounce), f.hits(bounce), self.starts[bounce]
         switches = self.effects.switches(bounce=1)
         self._run(closest.list_kernel, [f.camera, self.shares.tiles[share], rays], [hits, listed])
-        kernel = specialised(closest.make_listed_kernel(self.exact), switches)
+        kernel = specialised(closest.make_listed_kernel(self.exact, self.levels), switches)
         self._run(kernel, [listed, rays, self.tree, self.records, undecided], [found, hits, starts])
         if self.exact:
             kernel = specialised(closest.make_resolve_kernel(bounce == 0), switches)

@@ -58,13 +58,13 @@ def hidden(
 
 
 @functools.cache
-def make_shadow(exact: bool, marks: bool) -> Any:
+def make_shadow(exact: bool, marks: bool, levels: int = 1) -> Any:
     """A function of a pixel and the triangle that it ``hit``, or -1, that writes its shadow bit.
 
     ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, they are marked,
     too; else they are marked already. ``faces``: only those that face it do.
     """
-    between, between_holes = (make_any(exact, holes) for holes in (False, True))
+    between, between_holes = (make_any(exact, holes, levels) for holes in (False, True))
 
     @wp.func(module="unique")
     def trace_shadow(
@@ -116,10 +116,10 @@ def make_shadow(exact: bool, marks: bool) -> Any:
 
 
 @functools.cache
-def make_shadow_kernel(exact: bool, marks: bool) -> Any:
+def make_shadow_kernel(exact: bool, marks: bool, levels: int = 1) -> Any:
     """One thread per pixel, 8 x 4 per warp, or per listed pixel: :func:`make_shadow`. The bits of pixels that are not listed
     stay."""
-    trace_shadow = make_shadow(exact, marks)
+    trace_shadow = make_shadow(exact, marks, levels)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def shadow_kernel(

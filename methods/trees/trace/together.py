@@ -22,10 +22,10 @@ from .undecided import Undecided
 
 
 @functools.cache
-def make_together_kernel(exact: bool, packets: bool) -> Any:
+def make_together_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
     """One thread per pixel, 8 x 4 per warp: :func:`.closest.make_eye`, then :func:`.shadow.make_shadow`. The undecided
     triangles of both have lists of their own."""
-    trace_eye, trace_shadow = make_eye(exact, packets), make_shadow(exact, True)
+    trace_eye, trace_shadow = make_eye(exact, packets, levels), make_shadow(exact, True, levels)
 
     @wp.kernel(
         enable_backward=False,

@@ -3,6 +3,7 @@
 closest, any     the nearest triangle; or whether any hides a hit point from a light: the traversal ends at the first
 single, packet   each ray has its own stack; or the 32 rays of a warp share one and visit the union of their nodes, where
                  the warp votes which child comes first (Wald et al. 2001; Guenther et al. 2007)
+one level, two   a tree of triangles; or one of bodies, each with a tree of its own (:mod:`.bodies`)
 float32, exact   triangles are tested as usual; or with bounds (:mod:`.triangle_tests`), and what float32 does not decide
                  is left to float64 (:mod:`.undecided`)
 holes            every hit on a triangle with holes is left, too: float64 asks whether it lies in a hole
@@ -24,6 +25,7 @@ from ..constants import BLOCK
 from ..native import BASICS, STACK
 from ..nodes import MEET, Tree
 from ..records.planes import LightPlanes
+from .bodies import LEVELS
 from .triangle_tests import TESTS
 from .undecided import TRAVERSED, Undecided
 
@@ -96,9 +98,11 @@ if (!seen) limit = -1.0f;
 """
 """A lane without a ray has a limit that no box is before."""
 
+START = "unsigned int now = PACKET || seen ? (unsigned int)tree.root.data[0] : NONE;\n"
+
 TRAVERSE = """
-unsigned int now = PACKET || seen ? (unsigned int)tree.root.data[0] : NONE;
 auto descends = [&]() {
+    if (BODIES && now == BACK) return go_out();
     Children c = children_of(now);
     auto some0 = vote(c.met0), some1 = vote(c.met1);
     if (!some0 && !some1) return false;
@@ -125,6 +129,10 @@ auto traverse = [&](auto leave, auto full) {
     if (now == NONE) return false;
     while (true) {
         bool done = true;
+        if (BODIES && !inside && (now & LEAF)) {
+            go_in();
+            continue;
+        }
         if (ANY || PACKET) {
             if (PACKET) {
                 while (!(now & LEAF))
@@ -132,7 +140,7 @@ auto traverse = [&](auto leave, auto full) {
             } else if (!(now & LEAF) && !steps()) {
                 break;
             }
-            done = now & LEAF;
+            done = (now & LEAF) && inside;
             if (done) {
                 if (ends_in_leaf(leave)) return true;
                 if (full()) break;
@@ -159,7 +167,14 @@ COUNTING = "int tests = 0;" + TRAVERSE.replace("test(at, leave)", "(tests++, tes
 
 
 def traversal(
-    ray: str, test: str, result: str, exact: bool, packets: bool = False, holes: bool = False, counts: bool = False
+    ray: str,
+    test: str,
+    result: str,
+    exact: bool,
+    packets: bool = False,
+    holes: bool = False,
+    levels: int = 1,
+    counts: bool = False,
 ) -> str:
     """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle.
 
@@ -167,9 +182,9 @@ def traversal(
 
     def loop(stack: str, leaving: str) -> str:
         return (
-            f"{stack}{test}{COUNTING}{TRAVERSED['float32']}"
+            f"{stack}{test}{START}{LEVELS[levels]}{COUNTING}{TRAVERSED['float32']}"
             if counts
-            else f"{stack}{test}{TRAVERSE}{TRAVERSED[leaving]}"
+            else f"{stack}{test}{START}{LEVELS[levels]}{TRAVERSE}{TRAVERSED[leaving]}"
         )
 
     single = loop(SINGLE, "exact" if exact else "float32")
@@ -181,7 +196,7 @@ def traversal(
 
 
 @functools.cache
-def make_closest(records: str, exact: bool, packets: bool = False, holes: bool = False) -> Any:
+def make_closest(records: str, exact: bool, packets: bool = False, holes: bool = False, levels: int = 1) -> Any:
     """A function of a ray that gives (first, second, last, closest certain triangle), with what it left
     (:mod:`.undecided`); in float32 the bits of (t, u, v) and the closest triangle. -1: none.
 
@@ -194,7 +209,7 @@ def make_closest(records: str, exact: bool, packets: bool = False, holes: bool =
         else "return {(int)bits(limit), (int)bits(u), (int)bits(v), best};"
     )
 
-    @wp.func_native(traversal(CLOSEST, test, result, exact, packets, holes))
+    @wp.func_native(traversal(CLOSEST, test, result, exact, packets, holes, levels))
     def closest(
         seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f), undecided: Undecided
     ) -> wp.vec4i: ...
@@ -203,24 +218,24 @@ def make_closest(records: str, exact: bool, packets: bool = False, holes: bool =
 
 
 @functools.cache
-def make_count(records: str, exact: bool, holes: bool = False) -> Any:
+def make_count(records: str, exact: bool, holes: bool = False, levels: int = 1) -> Any:
     """A function of a ray that gives (its tests, 0, 0, 0), as :func:`make_closest` traverses it alone."""
     result = "return {tests, 0, 0, 0};"
 
-    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, holes=holes, counts=True))
+    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, holes=holes, levels=levels, counts=True))
     def count(seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f)) -> wp.vec4i: ...
 
     return count
 
 
 @functools.cache
-def make_any(exact: bool, holes: bool = False) -> Any:
+def make_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
     """A function of the hit point h on triangle ``own`` and a light that gives (first, second, last, 1 if some other
     triangle certainly lies between, else 0), with what it left (:mod:`.undecided`)."""
     test = TESTS["light", exact]
     result = "return {first, second, last, (int)found};"
 
-    @wp.func_native(traversal(ANY[exact], test, result, exact, holes=holes))
+    @wp.func_native(traversal(ANY[exact], test, result, exact, holes=holes, levels=levels))
     def any_between(
         h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes, undecided: Undecided
     ) -> wp.vec4i: ...

@@ -53,7 +53,8 @@ class TreeRays:
     ``precision``: "exact" or "float32" (holes, rays of an orthographic camera and to a directional light are exact in
     either case); ``packets``: of rays from the eye on a GPU; ``threads``: of a CPU; ``shares``: of a GPU; ``capacity``:
     of the pairs. ``primary_starts``: those of the primary hits, if another method finds these. ``together``: whether a GPU
-    traces the rays of the eye and of a light in one launch, if there is one light and all hits receive it."""
+    traces the rays of the eye and of a light in one launch, if there is one light and all hits receive it. ``levels``:
+    of the tree; with two (:mod:`.bodies`) there are no packets."""
 
     def __init__(
         self,
@@ -67,9 +68,10 @@ class TreeRays:
         capacity: int,
         primary_starts: wp.array | None = None,
         together: bool = False,
+        levels: int = 1,
     ):
         self.frame, self.tree, self.effects = frame, tree, effects
-        self.packets, self.threads = packets, threads
+        self.packets, self.threads, self.levels = packets and levels == 1, threads, levels
         self.exact = precision == "exact" or effects.alpha or effects.orthographic
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         cuda = wp.get_device(frame.device).is_cuda
@@ -103,7 +105,7 @@ class TreeRays:
         self.listed: ListedRays | None = None
         if effects.bounces or effects.orthographic:
             listed_shares = Shares(frame, 1) if cuda else self.shares
-            self.listed = ListedRays(frame, tree, effects, self.exact, listed_shares, self.starts)
+            self.listed = ListedRays(frame, tree, effects, self.exact, listed_shares, self.starts, levels)
         self._launches: dict[tuple[int, int | None], Launch] = {}
 
     def built(self) -> dict[str, int]:
@@ -127,7 +129,7 @@ class TreeRays:
             records, triangles = "ray", self.listed.records
         tests = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
         wp.launch(
-            specialised(make_tests_kernel(records, self.exact), self.effects.switches()),
+            specialised(make_tests_kernel(records, self.exact, self.levels), self.effects.switches()),
             dim=f.pixels,
             inputs=[f.camera, f.rays(0), self.tree, triangles, tests],
             device=f.device,
@@ -277,7 +279,7 @@ class TreeRays:
 
     def _primary(self, share: int) -> None:
         f = self.frame
-        kernel = make_eye_kernel(self.exact, self.packets)
+        kernel = make_eye_kernel(self.exact, self.packets, self.levels)
         seen = [f.camera, self.shares.tiles[share], self.tree, self.eye_records]
         inputs = [*seen, f.mesh, f.alpha, self._undecided(0, 0, share)]
         outputs = [f.hits(0), self.starts[0]]
@@ -285,7 +287,7 @@ class TreeRays:
 
     def _together(self, light: int) -> None:
         f, e = self.frame, self.effects
-        kernel = specialised(make_together_kernel(self.exact, self.packets), e.switches(light))
+        kernel = specialised(make_together_kernel(self.exact, self.packets, self.levels), e.switches(light))
         seen = [f.camera, self.shares.tiles[0], self.tree, self.eye_records, f.mesh, f.alpha, self._undecided(0, 0, 0)]
         lit = [light, e.facing, f.lights, f.spots, f.front_facing, self.planes[light], f.rays(0)]
         inputs = [*seen, *lit, self._undecided(0, 1 + light, 0, pairs=1)]
@@ -295,7 +297,7 @@ class TreeRays:
     def _shadow(self, light: int, bounce: int, shares: Shares, share: int) -> None:
         f = self.frame
         listed = self.listed.lists[bounce][share] if self.listed is not None and f.tabled(bounce) else Listed()
-        kernel = make_shadow_kernel(self._exactly(light), self.marks and bounce == 0)
+        kernel = make_shadow_kernel(self._exactly(light), self.marks and bounce == 0, self.levels)
         lit = [light, self.effects.facing, f.lights, f.spots, f.front_facing]
         tree = [self.tree, self.planes[light], f.mesh, f.alpha]
         found = [f.rays(bounce), f.hits(bounce), self.starts[bounce], self._undecided(bounce, 1 + light, share)]
