@@ -1,7 +1,5 @@
 """The order of the packages: each imports only those before it, nothing imports in a circle, no harness names a method."""
 
-from __future__ import annotations
-
 import ast
 import shutil
 

@@ -1,7 +1,5 @@
 """``shadowbench render``: pictures of a scene, shaded from the hits and shadow bits of one method."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Appearance of surfaces and lights: a reflectance per triangle and a row of numbers per light."""
 
-from __future__ import annotations
-
 import hashlib
 import weakref
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 What is judged are the shadow bits of the targets; a surface exactly at a target does not count.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene.scene import Light, Vector

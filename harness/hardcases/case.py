@@ -8,8 +8,6 @@ To place receivers freely, the camera looks at a plane of receivers from the sid
 is geometric: the plane does not shadow its own points, and the occluder does not hide them from the camera.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace

@@ -5,8 +5,6 @@ hits nothing has leaked through the surface, whatever the rounding. Sheets are c
 (:func:`~.case.closed_behind`); the eye or the light is inside.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .case import (

@@ -6,8 +6,6 @@ need all of float32's digits, rounding puts such a hit before or behind the eye.
 must be measured at the receiver.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

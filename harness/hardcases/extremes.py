@@ -4,8 +4,6 @@ Products of two lengths overflow from 2e19 on and underflow from 1e-19 down, tho
 below 1.2e-38 are subnormal: they lose digits, and a processor that flushes them treats them as 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """P01-P03, P07, P09-P10, P17-P18 and more: eyes inside, on, near to and far from surfaces, and unusual image sizes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ cell. No other case depends on these pads. With default settings the cases are e
 which the pad decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ The bitmap is a chequerboard over x and y, so that rays through pixel centres me
 their middle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

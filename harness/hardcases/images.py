@@ -1,7 +1,5 @@
 """P17: images with unusual sides: prime numbers, small, narrow and large."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .case import Trial, ball, case, joined, quad, triangles, view

@@ -3,8 +3,6 @@
 Each case exists three times with permuted coordinates, so that it meets a seam or pole along any axis.
 """
 
-from __future__ import annotations
-
 import math
 
 from .case import Counts, Trial, along_axes, joined, plane, quad, spot_light, triangles, view

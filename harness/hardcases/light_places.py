@@ -1,7 +1,5 @@
 """S06-S16 and more: lights inside, on, near to and far from surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene.scene import Light

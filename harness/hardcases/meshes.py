@@ -1,7 +1,5 @@
 """P04-P06, P08, P11-P16, the empty scene and more: unusual meshes."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -3,8 +3,6 @@
 The harness makes the rays (:mod:`..frame.effects.mirrors`); the cases test whether a method finds their closest hits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -3,8 +3,6 @@
 Their rays are parallel: along an axis they have components of 0 and meet meshes with integer corners exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ Where a thread gives its numbers only in part or in a file that is not available
 describes and says so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

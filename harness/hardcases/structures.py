@@ -4,8 +4,6 @@ Structures sort triangles by centroids and boxes. Where these do not distinguish
 list of a cell long. Where the number of triangles reaches the end of a block or a warp, the last of them may be skipped.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

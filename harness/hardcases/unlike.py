@@ -4,8 +4,6 @@ borders touch a contact of two surfaces, and axes of unlike scale.
 An edge whose ends are 1e9 and more times as far away as what passes it is decided by digits that float64 does not have.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

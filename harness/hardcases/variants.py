@@ -3,8 +3,6 @@
 With scales and offsets that are not powers of two the mesh is rounded again; the referee judges on the rounded mesh.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

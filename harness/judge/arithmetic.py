@@ -5,8 +5,6 @@ distance t and every tie is exact. Conventions: closed two-sided triangles, t > 
 does not see it), a coplanar ray is no hit, shadows are judged on the open segment.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

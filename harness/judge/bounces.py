@@ -5,8 +5,6 @@ itself: its rays against a numpy version computed from the answers of the bounce
 and shadow bits against Embree and the exact referee on those very rays, as primary rays are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 
 import numpy as np

@@ -4,8 +4,6 @@ No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge
 short, and their triangles are decided exactly elsewhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 """The class of every pixel's answers: decided by the referee at selected pixels, by comparison with the reference
 elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

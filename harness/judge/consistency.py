@@ -3,8 +3,6 @@
 The check of t, u and v runs over every pixel in float64, whose own error is far below the float32 tolerance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Exact decisions in integer arithmetic: which of a few triangles a ray, or a segment to a light, intersects."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ the farthest corner, so it suffices unless corners are :data:`FAR` times as far 
 are the same for both: arrays hold float64 numbers, or fractions as objects. Until the end distances are squares.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction

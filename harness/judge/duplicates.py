@@ -1,7 +1,5 @@
 """Duplicates: triangles with the same three positions, in any order."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

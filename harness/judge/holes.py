@@ -3,8 +3,6 @@
 The rule is :mod:`.scene.alpha`'s, without rounding: a hit counts if a texel that contains it, border included, is opaque.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Where rays meet the planes of triangles: in float64 where that suffices, exactly elsewhere."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

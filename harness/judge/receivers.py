@@ -8,8 +8,6 @@ unit length, right-handed; then the cosine of the cone's half-angle and 0, or th
 elevation, in radians. :func:`receivers` reads them; kernels compute the same in float64.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ arithmetic (:mod:`.judge.arithmetic`) decides among them. The class says whether
 can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near an edge the ray must be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 

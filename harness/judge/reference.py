@@ -6,8 +6,6 @@ which are overwritten; do not read the details of an OCCLUDED query, which are u
 does not. It has no minimum ray length; so the origin of a shadow ray is moved off the surface by a bound of its rounding.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import importlib.util

@@ -11,8 +11,6 @@ An answer is never excused by its position in the image, only by :func:`.judge.a
 timed, and methods get no information from it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,8 +1,6 @@
 """The pixels where answers and reference differ, and the pixels that are decided exactly: those, their neighbours, a
 random sample."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ methods differ, or a method and the reference, is then decided for all methods.
 Wrong t, u or v are not shared, because they are checked at every pixel of every method.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

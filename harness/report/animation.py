@@ -1,7 +1,5 @@
 """An animated picture: frames as one looping WebP file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

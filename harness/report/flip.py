@@ -4,8 +4,6 @@ FLIP (Andersson et al. 2020) measures how different two pictures look when one f
 million hardly change it, so it is shown beside the counts and never instead of them.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any

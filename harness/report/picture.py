@@ -3,8 +3,6 @@
 Never part of a timed frame. A caption says what is a stand-in, so that it cannot be mistaken for the original.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import struct

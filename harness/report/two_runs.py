@@ -7,8 +7,6 @@ is the same where the 95 % interval of the gap lies within the margin. Otherwise
 wrongly and A did not is wrong, never faster.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Work counts of single pixels, stored as small pictures beside the records: what a heat map is drawn from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -8,8 +8,6 @@ float64 operations in another order could give another answer. Therefore methods
 own rounding on both sides, and count the hit if any of them is opaque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields, replace
 

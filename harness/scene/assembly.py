@@ -13,8 +13,6 @@ a translation; or a ``matrix`` of four rows that column vectors are multiplied b
 longest stays as in its last one.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 from collections.abc import Callable, Sequence

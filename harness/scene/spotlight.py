@@ -1,7 +1,5 @@
 """A light's mask as numbers that a kernel reads: cone, rectangle, direction."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Rules that choose triangles of any mesh, for effects whose surfaces the scene does not define."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

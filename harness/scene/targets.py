@@ -5,8 +5,6 @@ are the first points of a scrambled Sobol sequence, so that a light's first 2^k 
 seed is the light's place in the scene: all methods, the reference and the judge get the same targets, in each frame.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A camera and a light for geometry without them: from its bounds, its walls, and its upward axis."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -15,8 +15,6 @@ triangle, the larger of both; for all others it is taken from the triangle that 
 wide, and methods then find the signs in more digits (the switch ``wide``).
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

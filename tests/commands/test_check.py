@@ -1,7 +1,5 @@
 """The command ``check``: what fails it, what is excused and how much, and what a method may declare."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

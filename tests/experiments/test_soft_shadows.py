@@ -1,7 +1,5 @@
 """The report of soft shadows, from made-up records: who overtakes whom, fronts, errors; and the errors of a small scene."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Triangles with holes: the rule against rational brute force, and every method that can."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Constructions of hard cases: what a hand expects is what exact arithmetic says, and rays meet what they aim at."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

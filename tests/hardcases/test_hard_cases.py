@@ -1,7 +1,5 @@
 """The catalogue of hard cases: what a hand expects is what exact arithmetic says, and every exact method passes."""
 
-from __future__ import annotations
-
 import collections
 from dataclasses import replace
 

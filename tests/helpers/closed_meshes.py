@@ -1,7 +1,5 @@
 """Closed meshes that rays meet at edges and vertices, for the tests of culling."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.hardcases.case import Trial, box, plane, sheet, view

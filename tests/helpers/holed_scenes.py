@@ -1,7 +1,5 @@
 """Scenes whose triangles have holes, and what answers them exactly."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -5,8 +5,6 @@ and shrink by powers of two. Lights cross seams and hulls, and stand on vertices
 fly through geometry, stand on it, and look away. Also the first frame may be such a one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

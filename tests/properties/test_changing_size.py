@@ -1,7 +1,5 @@
 """Meshes that grow and shrink by powers of two: each frame is as right as if its mesh had always had that size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.played_stories import Judging, Player, keeps_still, play, players

@@ -1,7 +1,5 @@
 """A few vertices very far from the rest of a mesh: lights are placed by them, and the rest is as right as without them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.played_stories import Judging, fresh

@@ -4,8 +4,6 @@ Scales and offsets that are no powers of two round the mesh anew; the referee de
 surface stays closed, wherever its vertices were rounded to. The exact methods take turns over cases and places.
 """
 
-from __future__ import annotations
-
 import collections
 import functools
 from dataclasses import replace

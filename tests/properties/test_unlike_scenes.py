@@ -2,8 +2,6 @@
 their corners in other orders, axes of their own scale; eyes and lights on them, in their planes or beside these by little.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.judged_hard_cases import EVERYTHING, EXACT_SETTINGS

@@ -1,7 +1,5 @@
 """Targets of lights with an area: where they are, what a picture makes of them, and that a point light has none of it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

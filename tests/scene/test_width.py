@@ -1,7 +1,5 @@
 """Which frames are wide: where float64 leaves signs open that float32 inputs decide."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

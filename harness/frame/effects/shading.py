@@ -11,8 +11,6 @@ own colour.
 The picture shows the answers of a method: the triangle gives the normal, t the position. Wrong answers are visible.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ normal indices, counts relative (negative) indices from the end of the file inst
 with what trimesh reads.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path

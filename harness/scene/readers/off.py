@@ -4,8 +4,6 @@ trimesh 5.2 is not used because it sorts faces by their number of corners, fans 
 there are where the header claims more.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ file as a smaller mesh, and an index of 1.5 as 1. tests/scene/test_load.py has a
 of triangles with what trimesh reads.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

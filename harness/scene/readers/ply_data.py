@@ -1,7 +1,5 @@
 """The data of a PLY file after its header: the columns of each element, from records or from rows of text."""
 
-from __future__ import annotations
-
 import struct
 from array import array
 from pathlib import Path

@@ -4,8 +4,6 @@ A fan about the first corner is right for a convex polygon, and for any other th
 is not, the fan about another corner may be; else the polygon's ears are clipped (mapbox_earcut).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -4,8 +4,6 @@ trimesh 5.2 is not used because it refuses an ASCII file without ``endsolid`` an
 triangle, and takes three times as long.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections.abc import Sequence

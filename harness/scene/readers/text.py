@@ -1,7 +1,5 @@
 """What the text formats share: encodings and line ends, numbers in lines, and the line of a mistake."""
 
-from __future__ import annotations
-
 import codecs
 import re
 import warnings

@@ -1,7 +1,5 @@
 """The XML parts of a 3MF package: relationships, and models of objects with triangles or components, and what is built."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import IO, Any

@@ -1,7 +1,5 @@
 """Parts of a scene over time as one mesh of fixed topology: what vanishes or changes has NaN positions where it is not."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

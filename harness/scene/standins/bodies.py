@@ -4,8 +4,6 @@ A :class:`Body` is a list of :class:`Blob` united smoothly, one after the other 
 its surface is meshed by :mod:`.scene.standins.implicit`, projected onto the zero set and roughened. Lengths in metres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ One dense, closed, consistently oriented surface, as the scan is: signed distanc
 folds of cloth and chisel marks on top, turned into triangles of nearly one size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

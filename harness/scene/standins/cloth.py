@@ -4,8 +4,6 @@ The motion is simulated by :mod:`.scene.standins.cloth_solver` on a coarse sheet
 interpolation. Sheet 90,738 triangles, ball 1,470, ground 2: together 92,210, against 92,230 of the original.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

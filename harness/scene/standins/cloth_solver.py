@@ -8,8 +8,6 @@ root alone, in a fixed order, so other platforms should agree; that has not been
 Arrays of the sheet are component first, shape [3, n, n], so that a batch of constraints is a slice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

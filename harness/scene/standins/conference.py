@@ -4,8 +4,6 @@ Furniture of all sizes: walls, floor and ceiling of two triangles each, long thi
 chairs, lamps and cups that hold most of the triangles. x runs along the table, y is up, metres.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Camera, Geometry, Light, Scene

@@ -5,8 +5,6 @@ and thousands of blades and leaves (:mod:`.scene.standins.forest`). Wings beat, 
 motion repeats after the last frame. Both figures are modelled looking towards +x, then turned.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

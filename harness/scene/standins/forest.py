@@ -3,8 +3,6 @@
 The clearing is flat (y = 0) where anything stands. Blades and leaves are made all at once as arrays.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray

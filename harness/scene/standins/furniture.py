@@ -3,8 +3,6 @@
 The pieces are curved and finely tessellated, so that they hold most of the room's triangles.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ Surface nets (Gibson 1998, "Constrained elastic surface nets"): one vertex in ea
 passes, one quad for each lattice edge that it crosses. Only lattice points near the surface are evaluated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

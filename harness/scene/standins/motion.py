@@ -3,8 +3,6 @@
 A motion changes the vertices of one part in place, for a phase from 0 to 1 of the period.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol

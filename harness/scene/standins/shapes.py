@@ -4,8 +4,6 @@ Every function returns a :class:`Mesh`: float64 vertices in metres, int32 faces,
 from outside. y is up. Only :func:`noise` draws random numbers, and it takes its seed: same call, same bytes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 

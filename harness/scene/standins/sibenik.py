@@ -4,8 +4,6 @@ Very large and long thin triangles (walls, floor, barrel vaults, the wall above 
 turned columns, balusters and mouldings, as in the original. x runs from the west door to the apse, y is up.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Camera, Geometry, Light, Scene

@@ -1,7 +1,5 @@
 """Arrays of a glTF file: accessors, of which each is checked against the bytes that there are before it is read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ The first animation is read, from its first key to its last. Its frames follow e
 frame (:func:`own_rate`), or at the rate that is asked for. Between keys, values are interpolated as the file says.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

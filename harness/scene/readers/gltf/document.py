@@ -1,7 +1,5 @@
 """The JSON part of a glTF file: its entries by index, and values of the type that they must have."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

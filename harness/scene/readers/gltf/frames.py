@@ -1,7 +1,5 @@
 """The vertices of a glTF scene at a time, and in the frames of its animation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a glTF scene draws: which vertices stand where in the result, what moves them, and the triangles of all."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The nodes of a glTF scene: their order, their transforms to the scene, which are shown, and the instances of a node."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Primitives whose attributes are the same accessors share their vertices: some fi
 Strips and fans are cut as the specification says; points and lines are counted and left out.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Reads glTF 2.0 files, ``.glb`` and ``.gltf``."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Both look along -z of their node. Intensities in candela and lux become shares: pictures know no distance.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ All but cube and plane are surfaces of revolution: a profile of radii and height
 number of triangles does not depend on the sizes, so that a shape that grows keeps its topology.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

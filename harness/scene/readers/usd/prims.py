@@ -4,8 +4,6 @@ These are the rules of usdview: prims that are inactive or abstract, or only an 
 type without a place, such as a material, nothing is drawn; visibility and purpose are inherited.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What one prim is made of at a time code: the triangles of a mesh, or of a tessellated sphere, cube ..."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """The cameras and lights of a stage, at the time of its first frame."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable
