@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from shadowbench.harness.hardcases.case import Mesh, ball, icosphere, joined, quad, sheet, soup
+from shadowbench.harness.hardcases.shapes import Mesh, ball, icosphere, joined, quad, sheet, soup
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot

@@ -6,7 +6,7 @@ from helpers.played_stories import Judging, fresh
 from helpers.stories import Story
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.case import ball, joined, quad
+from shadowbench.harness.hardcases.shapes import ball, joined, quad
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
