@@ -17,12 +17,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64, U8
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
-from .shapes import F64, Mesh
+from .shapes import Mesh
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -141,7 +141,7 @@ def view(
     closed: bool = False,
     offset: Sequence[float] | F64 = (0.0, 0.0, 0.0),
     alpha: Callable[[Geometry], AlphaMask] | None = None,
-    mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None,
+    mirror: Callable[[Geometry], U8] | None = None,
     bounces: int = 0,
     height: float | None = None,
 ) -> Trial:

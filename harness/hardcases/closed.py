@@ -7,8 +7,9 @@ hits nothing has leaked through the surface, whatever the rounding. Sheets are c
 
 import numpy as np
 
+from ..arrays import F64
 from .case import ORIGIN, Counts, Trial, hard, rows, view
-from .shapes import F64, Mesh, closed_behind, icosphere, joined, pixel_centres, plane, quad, sheet, split
+from .shapes import Mesh, closed_behind, icosphere, joined, pixel_centres, plane, quad, sheet, split
 
 NO_RULE = "boxes without padding; no rule for rays through edges"
 NEIGHBOURS = "neighbours of the hit triangle taken for occluders"

@@ -8,8 +8,9 @@ must be measured at the receiver.
 
 import numpy as np
 
+from ..arrays import F64
 from .case import Counts, Trial, hard, rows, view
-from .shapes import F64, Mesh, float32_of, icosphere, joined, plane, quad, sheet, triangles
+from .shapes import Mesh, float32_of, icosphere, joined, plane, quad, sheet, triangles
 
 PLACES = ("vertex", "edge", "plane")
 

@@ -4,9 +4,10 @@ import itertools
 
 import numpy as np
 
+from ..arrays import F64
 from ..scene.scene import AlphaMask
 from .case import ORIGIN, Counts, Trial, axes, hard, rows, view
-from .shapes import F64, Mesh, ball, box, float32_of, joined, pixel_centres, plane, quad, sheet, soup, split, triangles
+from .shapes import Mesh, ball, box, float32_of, joined, pixel_centres, plane, quad, sheet, soup, split, triangles
 
 FAR = "cancellation in float64 edge functions, for rays through vertices"
 LEAVES = "0 times infinity: the ray leaves the box before it enters"

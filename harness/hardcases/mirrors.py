@@ -6,13 +6,13 @@ The harness makes the rays (:mod:`..frame.effects.mirrors`); the cases test whet
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import U8
 from ..scene.scene import Geometry
 from .case import Counts, Trial, axes, hard, rows, view
 from .shapes import ball, box, joined, plane, quad, soup
 
-Mirrors = Callable[[Geometry], NDArray[np.uint8]]
+Mirrors = Callable[[Geometry], U8]
 
 
 def first(count: int) -> Mirrors:

@@ -7,9 +7,10 @@ describes and says so.
 
 import numpy as np
 
+from ..arrays import F64
 from ..scene.scene import Light
 from .case import ORIGIN, TURNED, Counts, Trial, axes, hard, rows, view
-from .shapes import F64, closed_behind, icosphere, joined, plane, sheet, triangles
+from .shapes import closed_behind, icosphere, joined, plane, sheet, triangles
 
 START = np.array([0x3E6A2C13, 0x3FAD24CE, 0x3E6A2C13], dtype=np.uint32).view(np.float32).astype(np.float64)
 """Origin of the rays of embree#423: x and y are the bits given in the thread, z is not known."""

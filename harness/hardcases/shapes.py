@@ -3,10 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
-Mesh = tuple[F64, NDArray[np.int64]]
+from ..arrays import F64, I64
+
+Mesh = tuple[F64, I64]
 
 
 def pixel_centres(count: int, half: float = 1.0) -> F64:

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..arrays import F64
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light
 from .case import ORIGIN, TURNED, Counts, Trial, axes, hard, rows, view
-from .shapes import F64, Mesh, ball, box, joined, plane, quad, sheet, soup, triangles
+from .shapes import Mesh, ball, box, joined, plane, quad, sheet, soup, triangles
 
 FLOAT32_HALVINGS = 148
 """How often 1 can be halved in float32, to 2^-148: twice the smallest positive number, which a corner still halves."""

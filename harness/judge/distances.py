@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arithmetic import F64
+from ..arrays import F64
 
 EDGES = ((0, 1), (1, 2), (2, 0))
 

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from ..arrays import F64
 from . import arithmetic as exact
-from .arithmetic import F64, edge_bound
+from .arithmetic import edge_bound
 from .distances import triangle_distance
 
 ROUNDING = 2.0**-49

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..results.newest import entry_of
 from ..results.record import Record
 from ..results.throttled import disturbed, usual_clock
@@ -34,8 +34,6 @@ LEVEL = 0.05
 
 SPLITS = 200
 """Ways to halve a run, at most, to find its own spread."""
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import I32
 from ..errors import UserError
 from .corner_order import follow
 from .scene import AlphaMask, Geometry, Scene
@@ -51,7 +52,7 @@ def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
     )
 
 
-def alpha_of(scene: Scene, geometry: Geometry, faces: NDArray[np.int32]) -> AlphaMask | None:
+def alpha_of(scene: Scene, geometry: Geometry, faces: I32) -> AlphaMask | None:
     """The checked mask of a scene's geometry, its coordinates in the order of the corners of ``faces``; None where every
     triangle is opaque."""
     if scene.alpha is None:

@@ -11,13 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..errors import UserError
 from .scene import Light, Vector
-
-F64 = NDArray[np.float64]
-
 
 SHAPE, SAMPLES = "sphere", 16
 """Shape and number of targets of a light that gets an area of which only the size is given."""

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import F64, I64
 from .text import numbers
 
 _SCHEMAS = "http://schemas.microsoft.com/3dmanufacturing/"
@@ -25,7 +26,7 @@ _BLOCK = 3 << 14
 
 _READ = 1 << 16
 
-AffineRows = NDArray[np.float64]
+AffineRows = F64
 """A transform of row vectors [4, 3]: p becomes p @ m[:3] + m[3]."""
 
 
@@ -47,8 +48,8 @@ class Solid:
     """An object: points [n, 3] and faces [m, 3], or components."""
 
     identity: str
-    points: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
-    faces: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+    points: F64 = field(default_factory=lambda: np.zeros((0, 3)))
+    faces: I64 = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     components: list[Use] = field(default_factory=list)
     shaped: bool = False
 

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64
 from .shapes import Mesh, join
-
-F64 = NDArray[np.float64]
 
 
 class Motion(Protocol):

@@ -8,16 +8,16 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-F64 = NDArray[np.float64]
+from ...arrays import F64, I32, Ints
 
 
 class Mesh(NamedTuple):
     """``vertices`` float64 [vertex_count, 3] in metres; ``faces`` int32 [triangle_count, 3]."""
 
     vertices: F64
-    faces: NDArray[np.int32]
+    faces: I32
 
 
 def join(meshes: Iterable[Mesh]) -> Mesh:
@@ -142,7 +142,7 @@ def lathe(profile: ArrayLike, segments: int, start: float = 0.0, sweep: float = 
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-def _fan(first: NDArray[np.integer], second: NDArray[np.integer], pole: int) -> NDArray[np.int32]:
+def _fan(first: Ints, second: Ints, pole: int) -> I32:
     """Triangles from each edge (first, second) to one pole vertex."""
     return np.stack([first, second, np.full(len(first), pole)], axis=-1).astype(np.int32)
 

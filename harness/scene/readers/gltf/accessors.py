@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Floats
 from .compressed import MESHOPT, unpacked
 from .container import Container
-from .document import Entry, Floats
+from .document import Entry
 from .extensions import refuse_unknown
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

@@ -3,14 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ....errors import UserError
 from ..checks import broken
 
 Entry = dict[str, Any]
-Floats = NDArray[np.floating]
 
 _ONE = {
     "accessors": "accessor",

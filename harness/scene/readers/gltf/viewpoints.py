@@ -6,8 +6,8 @@ Both look along -z of their node. Intensities in candela and lux become shares: 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import F64
 from ...scene import Camera, Light, Spot, Vector
 from .animation import aimed
 from .document import Document, Entry
@@ -56,7 +56,7 @@ def moving(document: Document, tree: Tree) -> int:
     return sum("camera" in tree.entry(i) or _LIGHTS in tree.entry(i).get("extensions", {}) for i in below)
 
 
-def _camera(entry: Entry, matrix: NDArray[np.float64]) -> Camera | None:
+def _camera(entry: Entry, matrix: F64) -> Camera | None:
     parallel = entry.get("type") == "orthographic"
     lens = entry.get("orthographic" if parallel else "perspective")
     size = lens.get("ymag" if parallel else "yfov") if isinstance(lens, dict) else None
@@ -72,7 +72,7 @@ def _camera(entry: Entry, matrix: NDArray[np.float64]) -> Camera | None:
     return Camera(eye, target, _vector(up), math.degrees(size))
 
 
-def _light(document: Document, entry: Entry, matrix: NDArray[np.float64], where: str) -> Light | None:
+def _light(document: Document, entry: Entry, matrix: F64, where: str) -> Light | None:
     kind = entry.get("type")
     r, g, b = (min(max(x, 0.0), _BRIGHTEST) for x in document.numbers(entry, "color", where, (1.0, 1.0, 1.0)))
     strength = min(max(document.number(entry, "intensity", where, 1.0), 0.0), _BRIGHTEST)
@@ -91,7 +91,7 @@ def _light(document: Document, entry: Entry, matrix: NDArray[np.float64], where:
     return Light(place, True, (r, g, b), strength, Spot(_vector(forward), angle))
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _unit(vector: F64) -> F64 | None:
     """The direction of a vector; None where it has none."""
     largest = np.abs(vector).max()
     if not 0.0 < largest < np.inf:
@@ -100,7 +100,7 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return vector / np.linalg.norm(vector)
 
 
-def _vector(values: NDArray[np.float64]) -> Vector:
+def _vector(values: F64) -> Vector:
     x, y, z = (float(value) + 0.0 for value in values)  # without negative zeros
     return x, y, z
 
