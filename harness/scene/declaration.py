@@ -39,9 +39,9 @@ mesh there may be several [[meshes]], see :mod:`.assembly`.
 
 import dataclasses
 import functools
-import hashlib
 import tomllib
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +95,9 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
         "closed": typed(path, "closed", table.get("closed", base.closed), bool),
         "facing": typed(path, "facing", table.get("facing", base.facing), bool),
         "source": dataclasses.replace(
-            base.source, file=f"{visible(path.name)}: {base.source.file or base.name}", sha256=_hash(base, data)
+            base.source,
+            file=f"{visible(path.name)}: {base.source.file or base.name}",
+            sha256=sha256(base.source.sha256.encode() + data).hexdigest(),
         ),
     }
     if "outputs" in table:
@@ -173,8 +175,3 @@ def _title(path: Path, table: Any) -> str:
     if not title.strip() or not title.isprintable():
         raise UserError(f"{path}: title must be one line of text")
     return title
-
-
-def _hash(base: Scene, data: bytes) -> str:
-    """A hash of the mesh and of the declaration."""
-    return hashlib.sha256(base.source.sha256.encode() + data).hexdigest()

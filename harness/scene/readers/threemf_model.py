@@ -144,7 +144,10 @@ class _Reader:
             case "basematerials":
                 self._model.left_out.add("materials")
             case "object":
-                self._begin(attributes.get("id", ""))
+                identity = attributes.get("id", "")
+                if identity in self._model.solids or self._within:
+                    raise WrongError(f"object {identity} is there twice or within another")
+                self._solid, self._within = Solid(identity), True
             case "mesh" | "components":
                 self._solid.shaped = True
             case "vertices":
@@ -176,11 +179,6 @@ class _Reader:
             uri = self._prefixes.get(prefix, prefix)
             if uri not in _UNDERSTOOD:
                 raise WrongError(f"needs the extension {uri}")
-
-    def _begin(self, identity: str) -> None:
-        if identity in self._model.solids or self._within:
-            raise WrongError(f"object {identity} is there twice or within another")
-        self._solid, self._within = Solid(identity), True
 
     def _end_object(self) -> None:
         solid, self._solid, self._within = self._solid, Solid(""), False

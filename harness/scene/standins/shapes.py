@@ -115,6 +115,11 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
     return Mesh(np.array(corners, dtype=np.float64), np.array(faces, dtype=np.int32))
 
 
+def pairs(*values: float) -> F64:
+    """A profile (radius, y), (radius, y), ... written in one row."""
+    return np.array(values).reshape(-1, 2)
+
+
 def lathe(profile: ArrayLike, segments: int, start: float = 0.0, sweep: float = 360.0) -> Mesh:
     """A profile [(radius, y), ...], listed upwards for a surface facing out, turned about the y axis.
 

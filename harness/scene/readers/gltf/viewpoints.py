@@ -48,12 +48,13 @@ def lights(document: Document, tree: Tree, world: Matrices) -> dict[str, Light]:
     return found
 
 
-def moving(document: Document, tree: Tree) -> int:
-    """How many cameras and lights the first animation moves."""
+def moving(document: Document, tree: Tree) -> list[str]:
+    """A note if the first animation moves cameras and lights."""
     aims = aimed(document, document.all("animations")[:1])
     places = {tree.place[node] for node, path in aims if path != "weights" and node in tree.place}
     below = [int(place) for level in tree.moved(places) for place in level]
-    return sum("camera" in tree.entry(i) or _LIGHTS in tree.entry(i).get("extensions", {}) for i in below)
+    count = sum("camera" in tree.entry(i) or _LIGHTS in tree.entry(i).get("extensions", {}) for i in below)
+    return [f"moving cameras and lights read at the first frame: {count}"] if count else []
 
 
 def _camera(entry: Entry, matrix: F64) -> Camera | None:
