@@ -6,8 +6,6 @@ Conference and Cloth are not; only Buddha is. There ``ablation`` measures it sep
 with the paper's test a ray may pass between two front faces and then meets no back face either.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from ..harness.runner.planning.experiment import Entry

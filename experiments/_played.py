@@ -4,8 +4,6 @@ For methods that keep something from frame to frame: timed over and over, one fr
 moments are kept on the device and copied in outside the timed part, which is one launch of the same graph.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

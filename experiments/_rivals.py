@@ -4,8 +4,6 @@ Settings were chosen on scenes other than those in the tables: the balls of :mod
 that are not part of the project.
 """
 
-from __future__ import annotations
-
 from ..harness.runner.planning.experiment import Entry
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD

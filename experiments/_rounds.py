@@ -1,7 +1,5 @@
 """Points that an experiment measures itself, as a run measures those of methods: journals, rounds in turn, records."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence

@@ -3,8 +3,6 @@
 Answers are compared bit by bit with those of the preset's first entry, on a frame that follows no other.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from pathlib import Path

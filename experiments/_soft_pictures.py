@@ -1,7 +1,5 @@
 """The pictures of soft shadows, and their errors against the picture of very many targets."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from functools import partial

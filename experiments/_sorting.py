@@ -6,8 +6,6 @@ measures it by its own rules (whole frames, passes apart, graphs on a GPU), in i
 checked against NumPy's.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

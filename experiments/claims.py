@@ -5,8 +5,6 @@ configuration decides it; ours is judged beside it, never instead of it. Each cl
 it, with its thresholds: times that differ by less than 3 % count as equal. A ratio is taken within one run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -3,8 +3,6 @@
 They are defined in other modules and only collected here.
 """
 
-from __future__ import annotations
-
 from .commands.run import plan_run, run
 from .errors import UserError
 from .frame.devices import find_device

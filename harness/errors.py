@@ -1,7 +1,5 @@
 """Errors that are shown to the user, warnings, and suggestions for misspelt names."""
 
-from __future__ import annotations
-
 import difflib
 import functools
 import shlex

@@ -1,7 +1,5 @@
 """Files written whole or not at all, files read only where they are regular, values as JSON holds them, and hashes."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib

@@ -4,8 +4,6 @@ Such a text may hold codes that move a terminal's cursor, reverse the direction 
 characters that no file can be written with, and HTML. What is read from a record is :func:`visible` from then on.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

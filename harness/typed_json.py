@@ -1,7 +1,5 @@
 """Dataclasses as JSON and back. Reading checks every field and names the first one that is wrong."""
 
-from __future__ import annotations
-
 import math
 import re
 import types

@@ -3,8 +3,6 @@
 A test of a whole run waits for no run of another test process on this machine.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

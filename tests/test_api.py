@@ -1,7 +1,5 @@
 """The pages that are notebooks, too: the same code, and it runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib

@@ -1,7 +1,5 @@
 """What is installed: every import is declared, every package has its hashes, a source distribution is whole."""
 
-from __future__ import annotations
-
 import ast
 import importlib.metadata
 import itertools

@@ -1,7 +1,5 @@
 """What the documents show must work: the example method runs, and its answers are exact."""
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import inspect

@@ -1,7 +1,5 @@
 """One quantity has one value: every measured number of a document is drawn from records (helpers/page_numbers.py)."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

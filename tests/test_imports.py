@@ -1,7 +1,5 @@
 """The order of the packages: each imports only those before it, nothing imports in a circle, no harness names a method."""
 
-from __future__ import annotations
-
 import ast
 import shutil
 
@@ -11,13 +9,13 @@ from helpers.import_graph import ROOT, circles, imports, modules
 from shadowbench.harness.frame.registry import built_in_names
 
 ORDER = (
-    "harness.texts", "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame",
-    "harness.judge", "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands",
-    "harness.api", "harness.cli", "harness.shadowbench", "methods", "experiments",
+    "harness.arrays", "harness.texts", "harness.errors", "harness.files", "harness.typed_json", "harness.scene",
+    "harness.frame", "harness.judge", "harness.results", "harness.report", "harness.runner", "harness.hardcases",
+    "harness.commands", "harness.api", "harness.cli", "harness.shadowbench", "methods", "experiments",
 )  # fmt: skip
 """Each imports only from those before it. Methods may import only the harness's scene and frame."""
 
-FOR_METHODS = ("harness.errors", "harness.files", "harness.scene", "harness.frame", "methods")
+FOR_METHODS = ("harness.arrays", "harness.errors", "harness.files", "harness.scene", "harness.frame", "methods")
 NAMES = built_in_names()
 
 

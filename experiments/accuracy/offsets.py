@@ -5,8 +5,6 @@ for every method and for the judge. All of them get the same rounded triangles, 
 arithmetic, not of the rounding of the input. Nothing is timed.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

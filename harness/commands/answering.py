@@ -1,7 +1,5 @@
 """The answers of a method to one frame. A failure is reported as a status."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """``shadowbench cache``: the compiled kernels that Warp keeps on the disk: how many, and remove them."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """``shadowbench compare``: what is faster and what is slower in run B than in run A, with its uncertainty."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """The method of a command that shows a scene and was given none."""
 
-from __future__ import annotations
-
 import importlib
 
 from ..frame.devices import placed_method

@@ -1,7 +1,5 @@
 """``shadowbench keep``: pack the results of one or several runs of an experiment into a small folder."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """``shadowbench new-method``: a package with a method of one's own, from a template that passes ``check`` as it is."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import keyword
 import os

@@ -4,8 +4,6 @@ Exit codes: 0: success; 1: a check or a point failed; 2: the command line was wr
 error; ``--debug`` adds the traceback. :mod:`.cli` registers the commands.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 import os

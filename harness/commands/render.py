@@ -1,14 +1,12 @@
 """``shadowbench render``: pictures of a scene, shaded from the hits and shadow bits of one method."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import U8
 from ..errors import CapacityRejected, UserError, warn
 from ..frame.devices import find_device, placed_method
 from ..frame.session import Session
@@ -38,7 +36,7 @@ class Renderer:
     session: Session
     size: tuple[int, int]
 
-    def picture(self, frame: int) -> NDArray[np.uint8]:
+    def picture(self, frame: int) -> U8:
         """The picture of a frame, uint8 [height, width, 3]; a stand-in gets a caption that names it as one."""
         from ..report.picture import captioned, shade
 

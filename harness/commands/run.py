@@ -1,7 +1,5 @@
 """``shadowbench run``: check the arguments, measure every point that has no record yet, and draw."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """``shadowbench scenes``: real scenes from the archives and packages that have them: what there is, and to fetch it."""
 
-from __future__ import annotations
-
 import re
 import sys
 import tempfile

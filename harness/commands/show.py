@@ -1,7 +1,5 @@
 """``shadowbench show``: draw from records. Nothing is timed or scored."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext

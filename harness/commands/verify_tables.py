@@ -44,7 +44,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
             default=None,
         )
         if most is not None and most.reference_errors:
-            table.add_row("reference", *_reference_cells(most.reference_errors))
+            table.add_row("reference", "", *_counts(most.reference_errors), "", "", "")
             notes.append(
                 f"reference on {scene}: wrong answers of Embree among {most.primary.judged:,} pixels decided exactly"
             )
@@ -85,10 +85,6 @@ def _cells(score: Score | None, status: str, known_inexact: str | None = None) -
     share = f"{100 * score.excused_share:.3f}"
     counts = _counts(score, primary.unjudged)
     return [str(disputed), *counts, f"{primary.t_max_relative_error:.1e}", share, check]
-
-
-def _reference_cells(errors: ReferenceErrors) -> list[str]:
-    return ["", *_counts(errors), "", "", ""]
 
 
 def _counts(found: Score | ReferenceErrors, unjudged: int = 0) -> list[str]:

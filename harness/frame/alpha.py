@@ -1,7 +1,5 @@
 """Triangles with holes: the texture lookup in kernels, shared by all methods."""
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray

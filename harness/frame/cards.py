@@ -1,7 +1,5 @@
 """Which GPUs have units that trace rays. No call of CUDA says so: it follows from the kind of chip and the card's name."""
 
-from __future__ import annotations
-
 UNITS = "ray tracing units"
 """What the ``built`` of a method that may use them calls this fact; its values are yes, none and unknown."""
 

@@ -1,7 +1,5 @@
 """Devices by name, as ``--device`` gives them."""
 
-from __future__ import annotations
-
 import functools
 import platform
 from collections.abc import Mapping

@@ -6,8 +6,6 @@ has twice the digits, and the expansions of Shewchuk (1997, "Adaptive precision 
 geometric predicates") have all.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from .geometry import Corners, Ray

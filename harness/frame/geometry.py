@@ -4,8 +4,6 @@ A launch copies a struct, with the addresses of its arrays, into the kernel's ar
 lifetime of a frame, so a captured graph may store them. :class:`.frame.Frame` makes each struct once.
 """
 
-from __future__ import annotations
-
 from typing import Any, TypeVar, dataclass_transform
 
 import warp as wp

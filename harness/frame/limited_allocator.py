@@ -4,8 +4,6 @@ Warp has no such place for arrays on the CPU. There the memory of the process is
 (:mod:`.runner.measuring.memory`).
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from typing import Any

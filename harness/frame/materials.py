@@ -1,14 +1,12 @@
 """Appearance of surfaces and lights: a reflectance per triangle and a row of numbers per light."""
 
-from __future__ import annotations
-
 import hashlib
 import weakref
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, F64, I64
 from ..scene.names import scene_names
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
@@ -26,11 +24,11 @@ HUES = np.array(
 """Linear reflectances. Each scene or mesh has one of them; its connected pieces vary around it."""
 
 
-_KNOWN: weakref.WeakKeyDictionary[Prepared, NDArray[np.float32]] = weakref.WeakKeyDictionary()
+_KNOWN: weakref.WeakKeyDictionary[Prepared, F32] = weakref.WeakKeyDictionary()
 """The reflectances of prepared scenes in use. Finding the connected pieces takes longer than a frame."""
 
 
-def reflectances(prepared: Prepared) -> NDArray[np.float32]:
+def reflectances(prepared: Prepared) -> F32:
     """Linear reflectance of each triangle, float32 [triangle_count, 3]. Not to be written to."""
     if prepared not in _KNOWN:
         made = _reflectances(prepared)
@@ -39,7 +37,7 @@ def reflectances(prepared: Prepared) -> NDArray[np.float32]:
     return _KNOWN[prepared]
 
 
-def _reflectances(prepared: Prepared) -> NDArray[np.float32]:
+def _reflectances(prepared: Prepared) -> F32:
     # A declared scene gets the reflectance of its mesh, so that two declarations of one mesh look alike.
     known = prepared.scene.name in scene_names()
     identity = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()
@@ -55,7 +53,7 @@ def _reflectances(prepared: Prepared) -> NDArray[np.float32]:
     return np.clip(tint, 0.05, 0.95).astype(np.float32)
 
 
-def pieces(prepared: Prepared) -> NDArray[np.int64]:
+def pieces(prepared: Prepared) -> I64:
     """For each triangle the lowest vertex of the connected piece that it belongs to, int64 [triangle_count].
 
     Two triangles are connected if they share a vertex of the welded mesh. The lowest label spreads over connected
@@ -79,7 +77,7 @@ LAMP = 5
 """Numbers per light: red, green, blue, fall-off, and whether its shadow bits count."""
 
 
-def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> NDArray[np.float64]:
+def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> F64:
     """Colour, fall-off and shadow flag of each light, float64 [light_count, 5].
 
     The lights are scaled so that a surface that faces all of them receives 1. ``shadows``: whether the shadow bits of

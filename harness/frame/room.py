@@ -1,7 +1,5 @@
 """Room for the shadow bits of many targets: what they need, and how many fit where a method was rejected."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Vector functions for the kernels of the harness and of the methods: casts, largest coordinate, sum."""
 
-from __future__ import annotations
-
 import warp as wp
 
 

@@ -1,7 +1,5 @@
 """Start Warp without output on standard output and without its warning on machines that have no GPU."""
 
-from __future__ import annotations
-
 import os
 import platform
 import sys

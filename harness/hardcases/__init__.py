@@ -4,31 +4,19 @@ A :class:`.case.HardCase` constructs the scene. The exact referee computes the e
 derived by hand also state it. ``shadowbench check METHOD`` runs all cases.
 """
 
-from __future__ import annotations
+import importlib
+import pkgutil
 
 from ..errors import UserError, did_you_mean
-from . import (
-    areas,
-    closed,
-    contact,
-    extremes,
-    eyes,
-    found,
-    holes,
-    images,
-    light_angles,
-    light_places,
-    meshes,
-    mirrors,
-    parallel,
-    reported,
-    structures,
-    unlike,
-    variants,
-)
-from .case import Counts, HardCase, Trial
+from .case import CASES, Counts, HardCase, Trial
 
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
+
+FURTHER = ("variants", "extremes")
+"""The modules whose cases come last."""
+
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")
 
 
 def all_cases(large: bool = False) -> tuple[HardCase, ...]:
@@ -37,29 +25,13 @@ def all_cases(large: bool = False) -> tuple[HardCase, ...]:
 
     Those that take long (:attr:`.case.HardCase.large`) only with ``large``.
     """
-    single = (
-        *areas.CASES,
-        *closed.CASES,
-        *contact.CASES,
-        *light_angles.CASES,
-        *light_places.CASES,
-        *eyes.CASES,
-        *found.CASES,
-        *images.CASES,
-        *meshes.CASES,
-        *holes.CASES,
-        *mirrors.CASES,
-        *parallel.CASES,
-        *reported.CASES,
-        *structures.CASES,
-        *unlike.CASES,
-    )
+    single = (case for module, cases in CASES.items() if module not in FURTHER for case in cases)
     ordered = sorted(single, key=lambda case: (case.name[0] == "P", case.name))
-    return tuple(case for case in (*ordered, *variants.CASES, *extremes.CASES) if large or not case.large)
+    further = [case for module in FURTHER for case in CASES[module]]
+    return tuple(case for case in (*ordered, *further) if large or not case.large)
 
 
 def find_case(name: str) -> HardCase:
-    """A case by its name. Raises :class:`UserError` for an unknown one."""
     known = {case.name: case for case in all_cases(large=True)}
     if name not in known:
         raise UserError(f"no hard case {name!r}{did_you_mean(name, known)}")

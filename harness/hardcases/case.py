@@ -2,29 +2,29 @@
 
 Rays through vertices and edges must be exact in float32. If the view is along an axis, the half width is a power of two
 (or a small multiple) and the image side is a power of two, then the pixel centres are odd multiples of half / side:
-:func:`pixel_centres`. Rays then meet a plane at a dyadic depth in dyadic points.
+:func:`.shapes.pixel_centres`. Rays then meet a plane at a dyadic depth in dyadic points.
 
 To place receivers freely, the camera looks at a plane of receivers from the side that is away from the light. Visibility
 is geometric: the plane does not shadow its own points, and the occluder does not hide them from the camera.
 """
 
-from __future__ import annotations
-
+import inspect
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64, U8
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
+from .shapes import Mesh
 
-F64 = NDArray[np.float64]
-Mesh = tuple[F64, NDArray[np.int64]]
+ORIGIN = (0.0, 0.0, 0.0)
 
 EXCUSABLE = 0.02
 """Largest share of the rays of a case whose answers may be excused because an edge is near. Many cases aim rays at edges.
@@ -83,27 +83,46 @@ class HardCase:
     large: bool = False
 
 
-def case(
-    name: str,
-    title: str,
-    breaks: str,
-    build: Callable[..., Trial],
-    *arguments: Any,
-    refused: bool = False,
-    excusable: float = EXCUSABLE,
-    large: bool = False,
-    **given: Any,
-) -> HardCase:
-    """A case whose scene ``build`` makes from the further arguments; see :class:`HardCase`."""
-    return HardCase(name, title, breaks, partial(build, *arguments, **given), refused, excusable, large)
+CASES: dict[str, list[HardCase]] = {}
+"""The cases by the module of their builders, in the order of their registration."""
+
+Rows = Sequence[dict[str, Any]]
 
 
-def along_axes(
-    name: str, title: str, breaks: str, build: Callable[..., Trial], *arguments: Any, ends: str = " yz", **given: Any
-) -> Iterator[HardCase]:
-    """A case, and the same with its axes permuted once and twice (``turn`` of its builder). ``ends``: of their names."""
-    for turn, end in enumerate(ends):
-        yield case(f"{name}{end.strip()}", title, breaks, build, *arguments, turn=turn, **given)
+def rows(names: str, *values: Any) -> Rows:
+    """Named values of several cases, a tuple for each: ``rows("seed turn", (5, 0), (6, 1))``; of one name bare values."""
+    keys = names.split()
+    return [dict(zip(keys, row if len(keys) > 1 else (row,), strict=True)) for row in values]
+
+
+def axes(ends: str = " yz") -> Rows:
+    """The axes as they are, permuted once and twice (``turn``); ``axis``: for the name of the case."""
+    return [{"turn": turn, "axis": end.strip()} for turn, end in enumerate(ends)]
+
+
+TURNED = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40))
+
+
+def hard(
+    name: str, title: str, breaks: str, *tables: Rows, refused: bool = False, excusable: float = EXCUSABLE,
+    large: bool = False, **given: Any,
+) -> Callable[[Callable[..., Trial]], Callable[..., Trial]]:  # fmt: skip
+    """Register what a builder makes as a :class:`HardCase`: one for each combination of the rows of ``tables``.
+
+    The texts name values in braces. The builder gets those of ``given`` and of the rows that are its parameters.
+    """
+
+    def register(build: Callable[..., Trial]) -> Callable[..., Trial]:
+        parameters = inspect.signature(build).parameters
+        own = CASES.setdefault(build.__module__.rpartition(".")[2], [])
+        for parts in itertools.product(*tables):
+            values = given | {key: value for part in parts for key, value in part.items()}
+            called, what, provoked = (text.format(**values) for text in (name, title, breaks))
+            make = partial(build, **{key: value for key, value in values.items() if key in parameters})
+            own.append(HardCase(called, what, provoked, make, refused, excusable, large))
+        return build
+
+    return register
 
 
 def view(
@@ -122,7 +141,7 @@ def view(
     closed: bool = False,
     offset: Sequence[float] | F64 = (0.0, 0.0, 0.0),
     alpha: Callable[[Geometry], AlphaMask] | None = None,
-    mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None,
+    mirror: Callable[[Geometry], U8] | None = None,
     bounces: int = 0,
     height: float | None = None,
 ) -> Trial:
@@ -179,146 +198,3 @@ def view(
 def spot_light(position: Vector, direction: Vector, angle: float, rise: float | None, up: Vector) -> Light:
     """A light limited to a spot (degrees)."""
     return Light(position, spot=Spot(direction, angle, rise, up))
-
-
-def pixel_centres(count: int, half: float = 1.0) -> F64:
-    """The pixel centres on the image plane at distance 1, from -half to half: odd multiples of half / count."""
-    return (2 * np.arange(count) + 1 - count) / count * half
-
-
-# --- meshes ----------------------------------------------------------------------------------------------------
-
-
-def float32_of(values: object) -> F64:
-    """Numbers that float32 holds exactly."""
-    return np.asarray(values, dtype=np.float32).astype(np.float64)
-
-
-def triangles(*corners: Any) -> Mesh:
-    """Triangles from their corners, without shared vertices."""
-    points = np.asarray(corners, dtype=np.float64).reshape(-1, 3)
-    return points, np.arange(len(points)).reshape(-1, 3)
-
-
-def quad(a: Any, b: Any, c: Any, d: Any) -> Mesh:
-    """Two triangles that share the edge ac."""
-    return np.asarray([a, b, c, d], dtype=np.float64), np.array([(0, 1, 2), (0, 2, 3)])
-
-
-def plane(axis: int, at: float, half: float, middle: tuple[float, float] = (0.0, 0.0)) -> Mesh:
-    """A square perpendicular to ``axis``; ``middle`` gives its centre along the next two axes."""
-    corners = np.zeros((4, 3))
-    corners[:, axis] = at
-    corners[:, (axis + 1) % 3] = middle[0] + half * np.array([-1, 1, 1, -1])
-    corners[:, (axis + 2) % 3] = middle[1] + half * np.array([-1, -1, 1, 1])
-    return quad(*corners)
-
-
-def joined(*meshes: Mesh) -> Mesh:
-    """Several meshes as one; faces keep their order."""
-    points, faces, first = [], [], 0
-    for vertices, own in meshes:
-        points.append(np.asarray(vertices, dtype=np.float64).reshape(-1, 3))
-        faces.append(np.asarray(own, dtype=np.int64).reshape(-1, 3) + first)
-        first += len(points[-1])
-    return np.concatenate(points), np.concatenate(faces)
-
-
-def box(low: Any, high: Any) -> Mesh:
-    """A closed box of twelve triangles that face outwards."""
-    low, high = np.broadcast_to(low, 3), np.broadcast_to(high, 3)
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
-    return low + corners * (high - low), np.array(faces)
-
-
-def sheet(x: Any, y: Any, depth: Any) -> Mesh:
-    """A welded grid of triangles in front of the origin, seen along -z.
-
-    ``x`` [m], ``y`` [n]: coordinates on the image plane at distance 1. ``depth``: a number, or [n, m]. A vertex is
-    depth * (x, y, -1), so it lies on the ray through (x, y) at any depth.
-    """
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    across, along = np.meshgrid(x, y)
-    depth = np.broadcast_to(np.asarray(depth, dtype=np.float64), across.shape)
-    points = np.stack([across * depth, along * depth, -depth], axis=-1).reshape(-1, 3)
-    index = np.arange(across.size).reshape(across.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
-    return points, faces
-
-
-def closed_behind(mesh: Mesh, tip: Any) -> Mesh:
-    """A mesh whose border is closed by a cone to ``tip``; an eye between mesh and tip sees the surface all around."""
-    points, faces = mesh
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    count = len(points)
-    border = edges[~np.isin(edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0])]
-    cone = np.concatenate([border[:, ::-1], np.full((len(border), 1), count)], axis=1)
-    return np.concatenate([points, [tip]]), np.concatenate([faces, cone])
-
-
-def split(mesh: Mesh) -> Mesh:
-    """The same triangles without shared vertices, as from a file that does not share them."""
-    points, faces = mesh
-    return points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
-
-
-def moved(mesh: Mesh, by: Any, scale: float = 1.0) -> Mesh:
-    """The mesh scaled, then translated."""
-    return mesh[0] * scale + np.asarray(by, dtype=np.float64), mesh[1]
-
-
-def ball(radius: float, centre: Any, rings: int = 6, sectors: int = 9) -> Mesh:
-    """A closed ball."""
-    across = np.pi * np.arange(1, rings) / rings
-    around = 2 * np.pi * np.arange(sectors) / sectors
-    belt = np.stack(
-        [
-            np.outer(np.sin(across), np.cos(around)),
-            np.repeat(np.cos(across)[:, None], sectors, axis=1),
-            np.outer(np.sin(across), np.sin(around)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    points = np.concatenate([[(0.0, 1.0, 0.0)], belt, [(0.0, -1.0, 0.0)]]) * radius + np.asarray(centre)
-    last, top = len(points) - 1, 1 + (rings - 2) * sectors
-    faces = [(0, 1 + (j + 1) % sectors, 1 + j) for j in range(sectors)]
-    for i in range(rings - 2):
-        for j in range(sectors):
-            p, q = 1 + i * sectors + j, 1 + i * sectors + (j + 1) % sectors
-            faces += [(p, q, p + sectors), (q, q + sectors, p + sectors)]
-    faces += [(last, top + j, top + (j + 1) % sectors) for j in range(sectors)]
-    return points, np.array(faces)
-
-
-def icosphere(times: int) -> Mesh:
-    """The unit sphere as an icosahedron whose triangles are repeatedly split into four."""
-    g = (1 + 5**0.5) / 2
-    points = [p for a in (-1.0, 1.0) for b in (-g, g) for p in ((0, a, b), (a, b, 0), (b, 0, a))]
-    corners = np.array(points) / np.hypot(1, g)
-    near = np.linalg.norm(corners[:, None] - corners, axis=-1) < 1.1  # an edge is 1.05 long
-    faces = [
-        (i, j, k) if np.linalg.det(corners[[i, j, k]]) > 0 else (i, k, j)
-        for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12) if near[i, j] and near[j, k] and near[k, i]
-    ]  # fmt: skip
-    whole, triangles = corners, np.array(faces)
-    for _ in range(times):
-        edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        unique, middle = np.unique(edges, axis=0, return_inverse=True)
-        middles = whole[unique].sum(axis=1)
-        ab, bc, ca = (middle.reshape(-1, 3) + len(whole)).T
-        whole = np.concatenate([whole, middles / np.linalg.norm(middles, axis=1, keepdims=True)])
-        a, b, c = triangles.T
-        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        triangles = np.concatenate([np.stack(part, axis=-1) for part in parts])
-    return whole, triangles
-
-
-def soup(seed: int, count: int, size: float = 0.4, spread: float = 1.0) -> Mesh:
-    """Random triangles of mixed sizes around the origin."""
-    random = np.random.default_rng(seed)
-    centre = random.uniform(-spread, spread, (count, 1, 3))
-    arms = random.normal(size=(count, 3, 3)) * size * np.exp(random.uniform(-3, 0.7, (count, 1, 1)))
-    return (centre + arms).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)

@@ -5,28 +5,12 @@ hits nothing has leaked through the surface, whatever the rounding. Sheets are c
 (:func:`~.case.closed_behind`); the eye or the light is inside.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from .case import (
-    F64,
-    Counts,
-    Mesh,
-    Trial,
-    case,
-    closed_behind,
-    icosphere,
-    joined,
-    pixel_centres,
-    plane,
-    quad,
-    sheet,
-    split,
-    view,
-)
+from ..arrays import F64
+from .case import ORIGIN, Counts, Trial, hard, rows, view
+from .shapes import Mesh, closed_behind, icosphere, joined, pixel_centres, plane, quad, sheet, split
 
-ORIGIN = (0.0, 0.0, 0.0)
 NO_RULE = "boxes without padding; no rule for rays through edges"
 NEIGHBOURS = "neighbours of the hit triangle taken for occluders"
 FLAT = "hit points off their ray by rounding, and far along it at grazing incidence"
@@ -40,7 +24,11 @@ ODD = ((1.0, 0.4, -0.8), (-0.3, 0.9, -0.5), (0.2, -0.1, 1.0))
 """View directions that are not along an axis, so that all bits of a float32 direction are used."""
 
 
-def bumpy(every: int, unwelded: bool, shift: float = 0.0) -> Trial:
+@hard("P12", "rays through vertices", NO_RULE, every=1)
+@hard("P13", "rays through edges", NO_RULE, every=2)
+@hard("P14", "rays through split vertices", UNWELDED, every=1, unwelded=True)
+@hard("P15", "rays through split edges", UNWELDED, every=2, unwelded=True, shift=0.375)
+def bumpy(every: int, unwelded: bool = False, shift: float = 0.0) -> Trial:
     """A sheet whose vertices lie at varying depths on the rays of pixels; coordinates are small dyadic numbers.
 
     ``every``: 1: rays through vertices only; 2: rays through vertices, edges and diagonals.
@@ -73,6 +61,9 @@ def on_rays(towards: tuple[float, float, float], half: float, deepest: int, side
     return closed_behind((points, faces), -np.asarray(towards) * 2.0 ** (deepest + 1))
 
 
+@hard("P29", "rays through vertices in odd directions", NO_RULE, towards=ODD[0], half=0.7, deepest=2)
+@hard("P29b", "the same, split", NO_RULE, towards=ODD[1], half=0.45, deepest=3, unwelded=True)
+@hard("P29c", "the same, shallow", NO_RULE, towards=ODD[2], half=0.6, deepest=1)
 def odd_vertices(towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False) -> Trial:
     """Every ray of the image meets a vertex of :func:`on_rays`. Without lights; :func:`odd_lights` has them."""
     mesh = on_rays(towards, half, deepest)
@@ -82,6 +73,10 @@ def odd_vertices(towards: tuple[float, float, float], half: float, deepest: int,
     )  # fmt: skip
 
 
+@hard("P29d", "lights on rays through vertices", NEIGHBOURS, towards=ODD[0], half=0.7, deepest=2, side=16)
+@hard("P29e", "the same, deeper", NEIGHBOURS, towards=ODD[1], half=0.45, deepest=3, side=16)
+@hard("S35", "lights on flat rays through vertices", FLAT, towards=ODD[0], half=0.15, deepest=6, side=32, behind=False)
+@hard("S35b", "the same, shallower", FLAT, towards=ODD[1], half=0.3, deepest=4, side=32, behind=False)
 def odd_lights(towards: tuple[float, float, float], half: float, deepest: int, side: int, behind: bool = True) -> Trial:
     """The same with a light at the eye, and with ``behind`` one more behind the eye.
 
@@ -95,6 +90,7 @@ def odd_lights(towards: tuple[float, float, float], half: float, deepest: int, s
     )  # fmt: skip
 
 
+@hard("S19c", "shadow rays through vertices in odd directions", NO_RULE, half=0.7)
 def odd_shadow_vertices(half: float) -> Trial:
     """Every shadow ray meets a vertex of :func:`on_rays`, which contains the light; the receivers are outside.
 
@@ -107,6 +103,10 @@ def odd_shadow_vertices(half: float) -> Trial:
     )  # fmt: skip
 
 
+@hard("S19", "shadow rays through vertices", NO_RULE, unwelded=False, every=1)
+@hard("S19b", "shadow rays through split vertices", UNWELDED, unwelded=True, every=1)
+@hard("S20", "shadow rays through edges", NO_RULE, unwelded=False, every=2)
+@hard("S20b", "shadow rays through split edges", UNWELDED, unwelded=True, every=2)
 def through_vertices(unwelded: bool, every: int) -> Trial:
     """Shadow rays exactly through the vertices (every = 1) or vertices, edges and diagonals (2) of a bumpy sheet.
 
@@ -122,6 +122,7 @@ def through_vertices(unwelded: bool, every: int) -> Trial:
     )  # fmt: skip
 
 
+@hard("S24", "shadow rays through a flat rim", NO_RULE)
 def through_rim() -> Trial:
     """A flat sheet whose border, met by the outer shadow rays, lies in the faces of its bounding box; walls behind it.
 
@@ -152,6 +153,8 @@ def snapped_sphere(eye: tuple[float, float, float]) -> Mesh:
     return arms + eye, faces
 
 
+@hard("P12i", "rays through an icosphere's vertices and edges", NO_RULE, eye=ORIGIN)
+@hard("P12j", "the same from another point within", NO_RULE, eye=(0.25, -0.125, 0.375))
 def inside_sphere(eye: tuple[float, float, float]) -> Trial:
     """An icosphere seen from a point inside it, and a light at another."""
     return view(
@@ -173,6 +176,7 @@ def far_shell(radii: float) -> Mesh:
     return closed_behind((points, faces), AXES[0] * radii * 1.25)
 
 
+@hard("P31 {radii:g}", "within a shell {radii:g} long", FAR, rows("radii", 1e3, 1e5, 1e6, 1e7))
 def far_inside(radii: float) -> Trial:
     """The patch seen from inside its shell, from far away: the rounding of the rays is larger than its triangles."""
     eye = AXES[0] * radii
@@ -183,6 +187,7 @@ def far_inside(radii: float) -> Trial:
     )  # fmt: skip
 
 
+@hard("S31 {radii:g}", "a light in a shell {radii:g} long", FAR, rows("radii", 1e3, 1e5, 1e6, 1e7))
 def far_light_inside(radii: float) -> Trial:
     """A distant light inside the shell, and a floor behind the patch, seen from behind: the floor is all in shadow."""
     floor = [(-2.0 * AXES[0] + 0.75 * (i * AXES[1] + j * AXES[2])) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -190,34 +195,3 @@ def far_light_inside(radii: float) -> Trial:
         joined(far_shell(radii), quad(*floor)), [tuple((AXES[0] * radii).tolist())], (AXES[0] * -4).tolist(),
         AXES[0].tolist(), 0.25, (24, 24), up=AXES[2].tolist(), watertight=True, stated=Counts(576, (576,)),
     )  # fmt: skip
-
-
-CASES = (
-    case("P12", "rays through vertices", NO_RULE, bumpy, 1, False),
-    case("P12i", "rays through an icosphere's vertices and edges", NO_RULE, inside_sphere, ORIGIN),
-    case("P12j", "the same from another point within", NO_RULE, inside_sphere, (0.25, -0.125, 0.375)),
-    case("P13", "rays through edges", NO_RULE, bumpy, 2, False),
-    case("P14", "rays through split vertices", UNWELDED, bumpy, 1, True),
-    case("P15", "rays through split edges", UNWELDED, bumpy, 2, True, 0.375),
-    case("P29", "rays through vertices in odd directions", NO_RULE, odd_vertices, ODD[0], 0.7, 2),
-    case("P29b", "the same, split", NO_RULE, odd_vertices, ODD[1], 0.45, 3, True),
-    case("P29c", "the same, shallow", NO_RULE, odd_vertices, ODD[2], 0.6, 1),
-    case("P29d", "lights on rays through vertices", NEIGHBOURS, odd_lights, ODD[0], 0.7, 2, 16),
-    case("P29e", "the same, deeper", NEIGHBOURS, odd_lights, ODD[1], 0.45, 3, 16),
-    *(
-        case(f"P31 {radii:g}", f"within a shell {radii:g} long", FAR, far_inside, radii)
-        for radii in (1e3, 1e5, 1e6, 1e7)
-    ),
-    case("S19", "shadow rays through vertices", NO_RULE, through_vertices, False, 1),
-    case("S19b", "shadow rays through split vertices", UNWELDED, through_vertices, True, 1),
-    case("S19c", "shadow rays through vertices in odd directions", NO_RULE, odd_shadow_vertices, 0.7),
-    case("S20", "shadow rays through edges", NO_RULE, through_vertices, False, 2),
-    case("S20b", "shadow rays through split edges", UNWELDED, through_vertices, True, 2),
-    case("S35", "lights on flat rays through vertices", FLAT, odd_lights, ODD[0], 0.15, 6, 32, False),
-    case("S35b", "the same, shallower", FLAT, odd_lights, ODD[1], 0.3, 4, 32, False),
-    case("S24", "shadow rays through a flat rim", NO_RULE, through_rim),
-    *(
-        case(f"S31 {radii:g}", f"a light in a shell {radii:g} long", FAR, far_light_inside, radii)
-        for radii in (1e3, 1e5, 1e6, 1e7)
-    ),
-)  # fmt: skip

@@ -21,8 +21,8 @@ from ..scene.effects import Effects
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Camera, Geometry, Light, Scene, Spot
-from .case import ball, joined, quad
 from .judge import same_bits
+from .shapes import ball, joined, quad
 
 SIZE = (33, 26)
 FRAMES = 4
@@ -71,7 +71,6 @@ def moments(prepared: Prepared) -> list[Moment]:
 
 
 def conformance(make_method: Callable[[], Method], device: str) -> list[Check]:
-    """Every requirement on one method."""
     prepared = moving_scene()
     reason = make_method().applies(prepared.scene, device)
     names = ("frames", "graph replays", "allocations", "shadows not asked for", "partial frames")

@@ -6,30 +6,16 @@ need all of float32's digits, rounding puts such a hit before or behind the eye.
 must be measured at the receiver.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import numpy as np
 
-from .case import (
-    F64,
-    Counts,
-    HardCase,
-    Mesh,
-    Trial,
-    case,
-    float32_of,
-    icosphere,
-    joined,
-    plane,
-    quad,
-    sheet,
-    triangles,
-    view,
-)
+from ..arrays import F64
+from .case import Counts, Trial, hard, rows, view
+from .shapes import Mesh, float32_of, icosphere, joined, plane, quad, sheet, triangles
 
 PLACES = ("vertex", "edge", "plane")
+
+BEHIND = "t of a hit at the eye is rounding, of either sign"
+LOST = "a tolerance from the lengths of edges, or from where the eye is, is wider than the gap"
 
 
 def touched(seed: int, place: str) -> tuple[Mesh, F64]:
@@ -46,6 +32,13 @@ def touched(seed: int, place: str) -> tuple[Mesh, F64]:
     return triangles(a, middle - half, middle + half), point
 
 
+@hard("P34 {place} {seed}", "eye on the {place} of a triangle", BEHIND, rows("place", *PLACES), rows("seed", 0, 1))
+@hard("P34 vertex {seed}", "eye on the vertex of a triangle", BEHIND, rows("seed", 2, 3), place="vertex")
+@hard(
+    "P34 {place} {what}", "the same, {what}", BEHIND, rows("place", *PLACES),
+    rows("what seed scale turn", ("small", 5, 2.0**-30, 0), ("large", 6, 2.0**40, 0), ("y", 7, 1.0, 1), ("z", 8, 1.0, 2)),
+)  # fmt: skip
+@hard("P34 vertex off", "the same, off the origin", BEHIND, seed=9, place="vertex", offset=3.7)
 def eye_on(seed: int, place: str, scale: float = 1.0, turn: int = 0, offset: float = 0.0) -> Trial:
     """An eye on a triangle, which therefore no ray hits; all rays hit a wall ahead, which is lit from the eye.
 
@@ -62,6 +55,7 @@ def eye_on(seed: int, place: str, scale: float = 1.0, turn: int = 0, offset: flo
     )  # fmt: skip
 
 
+@hard("P34 mesh {seed}", "eye on a vertex of a dented ball", BEHIND, rows("seed", 0, 1, 2))
 def eye_on_mesh(seed: int) -> Trial:
     """An eye on a vertex of a dented ball: the triangles around it are not hit, those across are; a light on another."""
     points, faces = icosphere(2)
@@ -71,6 +65,10 @@ def eye_on_mesh(seed: int) -> Trial:
     return view((points, faces), [light.tolist(), eye.tolist()], eye.tolist(), -eye, 1.0)
 
 
+@hard(
+    "S36 {place} {seed}", "light on the {place} of a triangle", "a surface at the light shadows all",
+    rows("place", *PLACES), rows("seed scale turn", (0, 1.0, 0), (1, 2.0**-30, 1), (2, 2.0**40, 2)),
+)  # fmt: skip
 def light_on(seed: int, place: str, scale: float = 1.0, turn: int = 0) -> Trial:
     """Lights on a vertex, an edge and in the plane of a triangle, which does not shadow the receivers."""
     mesh, light = touched(seed, place)
@@ -82,6 +80,10 @@ def light_on(seed: int, place: str, scale: float = 1.0, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "S38 {height:g}", "light {height:g} above a triangle", "a surface near the light taken for one at the light",
+    rows("height turn", (1e-12, 0), (1e-11, 1), (1e-10, 2)),
+)  # fmt: skip
 def light_off_plane(height: float, turn: int = 0) -> Trial:
     """A light above a triangle by far less than the rounding of float32: the triangle is not at the light, and shadows
     everything below."""
@@ -92,6 +94,7 @@ def light_off_plane(height: float, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("M07", "eye on a vertex of mirrors", BEHIND, seed=3)
 def mirrors_at_the_eye(seed: int) -> Trial:
     """An eye on a vertex of mirrors: no ray starts at the mirrors that the eye touches."""
     points, faces = icosphere(1)
@@ -103,9 +106,18 @@ def mirrors_at_the_eye(seed: int) -> Trial:
     )  # fmt: skip
 
 
-def blade(distance: float, width: float, gap: float, turn: int = 0, scale: float = 1.0) -> Trial:
+@hard(
+    "S37 {distance:g} {width:g}", "a blade {width:g} wide, seen from {distance:g}", LOST,
+    rows("distance width", (1e5, 1e-4), (1e3, 1e-5), (1e7, 1e-4), (1e4, 1e-6)),
+)  # fmt: skip
+@hard(
+    "S37 {what}", "the blade at 1e5, {what}", LOST,
+    rows("what turn scale", ("y", 1, 1.0), ("z", 2, 1.0), ("small", 0, 1e-9), ("large", 1, 1e9)), distance=1e5, width=1e-4,
+)  # fmt: skip
+def blade(distance: float, width: float, turn: int = 0, scale: float = 1.0) -> Trial:
     """A blade close above a floor that a distant eye sees from below: every visible point lies under the blade."""
     floor = quad((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0))
+    gap = width / 10
     long = triangles((0, -0.9, gap), (width / 2, 0.9, gap), (-width / 2, 0.9, gap))
     return view(
         joined(floor, long), [(0.3, 0.1, 4)], (0, 0, -distance), (0, 0, 1), 0.125 * width / distance, (8, 10),
@@ -113,6 +125,12 @@ def blade(distance: float, width: float, gap: float, turn: int = 0, scale: float
     )  # fmt: skip
 
 
+@hard(
+    "P35{end}", "two sheets {gap:g} apart, seen from {distance:g}",
+    "the lower index wins where t differ by less than a method can tell",
+    rows("end distance gap turn scale", ("", 1e6, 1e-3, 0, 1.0), ("y", 1e6, 2e-4, 1, 1e-7), ("z", 1e6, 2e-4, 2, 1e7),
+         ("near", 1e3, 2e-7, 0, 1.0)),
+)  # fmt: skip
 def two_sheets(distance: float, gap: float, turn: int = 0, scale: float = 1.0) -> Trial:
     """A hidden sheet whose triangles have the lower indices, close behind the visible one."""
     x = np.arange(-2, 3) / 2
@@ -128,6 +146,10 @@ def moved_sheet(x: F64, z: float) -> Mesh:
     return points + np.array([0, 0, 1 + z]), faces
 
 
+@hard(
+    "P36 {half:g} {axis}", "a floor of half-width {half:g} from nearby", "tolerances that grow with the size of a triangle",
+    rows("half axis turn", (1e4, "x", 0), (1e7, "x", 0), (1e7, "y", 1), (1e8, "z", 2)),
+)  # fmt: skip
 def wide_floor(half: float, turn: int = 0) -> Trial:
     """A floor of two triangles whose common edge crosses the picture, seen from nearby, with objects on it."""
     floor = plane(2, 0, half)
@@ -138,6 +160,10 @@ def wide_floor(half: float, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "P37 {distance:.0e}", "rays exactly through vertices {distance:.0e} away",
+    "no rule for rays through vertices, or one that ends where float64 does", rows("distance", 2.0**20, 2.0**26),
+)  # fmt: skip
 def far_fan(distance: float) -> Trial:
     """Fans of six triangles, seen from so far away that one float32 step of a direction is wider than they are; a ray is
     aimed exactly at each."""
@@ -154,58 +180,3 @@ def far_fan(distance: float) -> Trial:
             ring = around[angle]
             corners += [p for k in range(6) for p in (middle, ring[k], ring[(k + 1) % 6])]
     return view(triangles(*corners), [(0.0, 0.0, 1.0)], (0, 0, 0), (0, 0, -1), 1.0, (size, size))
-
-
-def _cases() -> Iterator[HardCase]:
-    behind = "t of a hit at the eye is rounding, of either sign"
-    for place in PLACES:
-        for seed in range(4 if place == "vertex" else 2):
-            yield case(f"P34 {place} {seed}", f"eye on the {place} of a triangle", behind, eye_on, seed, place)
-        for suffix, seed, scale, turn in (
-            ("small", 5, 2.0**-30, 0), ("large", 6, 2.0**40, 0), ("y", 7, 1.0, 1), ("z", 8, 1.0, 2)
-        ):  # fmt: skip
-            yield case(f"P34 {place} {suffix}", f"the same, {suffix}", behind, eye_on, seed, place, scale, turn)
-        if place == "vertex":
-            yield case("P34 vertex off", "the same, off the origin", behind, eye_on, 9, place, 1.0, 0, 3.7)
-        for seed, scale, turn in ((0, 1.0, 0), (1, 2.0**-30, 1), (2, 2.0**40, 2)):
-            yield case(
-                f"S36 {place} {seed}", f"light on the {place} of a triangle", "a surface at the light shadows all",
-                light_on, seed, place, scale, turn,
-            )  # fmt: skip
-    for height, turn in ((1e-12, 0), (1e-11, 1), (1e-10, 2)):
-        yield case(
-            f"S38 {height:g}", f"light {height:g} above a triangle",
-            "a surface near the light taken for one at the light", light_off_plane, height, turn,
-        )  # fmt: skip
-    for seed in range(3):
-        yield case(f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, eye_on_mesh, seed)
-    yield case("M07", "eye on a vertex of mirrors", behind, mirrors_at_the_eye, 3)
-    lost = "a tolerance from the lengths of edges, or from where the eye is, is wider than the gap"
-    for distance, width in ((1e5, 1e-4), (1e3, 1e-5), (1e7, 1e-4), (1e4, 1e-6)):
-        yield case(
-            f"S37 {distance:g} {width:g}", f"a blade {width:g} wide, seen from {distance:g}", lost, blade, distance,
-            width, width / 10,
-        )  # fmt: skip
-    for suffix, turn, scale in (("y", 1, 1.0), ("z", 2, 1.0), ("small", 0, 1e-9), ("large", 1, 1e9)):
-        yield case(f"S37 {suffix}", f"the blade at 1e5, {suffix}", lost, blade, 1e5, 1e-4, 1e-5, turn, scale)
-    hidden = "the lower index wins where t differ by less than a method can tell"
-    for suffix, distance, gap, turn, scale in (
-        ("", 1e6, 1e-3, 0, 1.0), ("y", 1e6, 2e-4, 1, 1e-7), ("z", 1e6, 2e-4, 2, 1e7), ("near", 1e3, 2e-7, 0, 1.0)
-    ):  # fmt: skip
-        yield case(
-            f"P35{suffix}", f"two sheets {gap:g} apart, seen from {distance:g}", hidden, two_sheets, distance, gap,
-            turn, scale,
-        )  # fmt: skip
-    for half, turn in ((1e4, 0), (1e7, 0), (1e7, 1), (1e8, 2)):
-        yield case(
-            f"P36 {half:g} {'xyz'[turn]}", f"a floor of half-width {half:g} from nearby",
-            "tolerances that grow with the size of a triangle", wide_floor, half, turn,
-        )  # fmt: skip
-    for distance in (2.0**20, 2.0**26):
-        yield case(
-            f"P37 {distance:.0e}", f"rays exactly through vertices {distance:.0e} away",
-            "no rule for rays through vertices, or one that ends where float64 does", far_fan, distance,
-        )  # fmt: skip
-
-
-CASES = tuple(_cases())

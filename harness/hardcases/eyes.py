@@ -1,33 +1,18 @@
 """P01-P03, P07, P09-P10, P17-P18 and more: eyes inside, on, near to and far from surfaces, and unusual image sizes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
-from .case import (
-    Counts,
-    Mesh,
-    Trial,
-    along_axes,
-    ball,
-    box,
-    case,
-    joined,
-    pixel_centres,
-    plane,
-    quad,
-    sheet,
-    soup,
-    triangles,
-    view,
-)
+from .case import ORIGIN, Counts, Trial, axes, hard, rows, view
+from .shapes import Mesh, ball, box, joined, pixel_centres, plane, quad, sheet, soup, triangles
 
-ORIGIN = (0.0, 0.0, 0.0)
 ABOVE = (0.3, 3.0, 0.25)
 
+ONE_CELL = "grid traversal visits only one of the neighbouring cells"
 
+
+@hard("P01{axis}", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division", axes())
 def across_the_eye(turn: int = 0) -> Trial:
     """A triangle from 5 in front of the eye to 0.5 behind it, over the eye's head."""
     return view(
@@ -36,16 +21,17 @@ def across_the_eye(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("P01s", "two hundred triangles around the eye", "the same, with every shape")
 def many_across() -> Trial:
-    """Two hundred triangles of all sizes around the eye; many are partly behind it."""
     return view(soup(31, 200, 1.5, 0.5), [(0.1, 0.05, -0.1), (30, 20, 10)], ORIGIN, (0.2, 0.1, -1), 1.0, (24, 24))
 
 
+@hard("P02", "triangle behind the eye", "a mirror image after the perspective division")
 def behind_the_eye() -> Trial:
-    """A triangle entirely behind the eye."""
     return view(triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)), [ABOVE], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0, (0,)))
 
 
+@hard("P03", "eye inside a closed box", "back-face culling gives a black image")
 def inside_a_box() -> Trial:
     """An eye inside a closed box: every pixel hits a back face; rays meet its edges and a corner."""
     return view(
@@ -54,6 +40,7 @@ def inside_a_box() -> Trial:
     )  # fmt: skip
 
 
+@hard("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner")
 def into_a_corner() -> Trial:
     """The central ray goes exactly through a corner of the box, where three walls meet."""
     return view(box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), watertight=True, stated=Counts(289, (0,)))
@@ -65,6 +52,7 @@ def layers() -> Mesh:
     return joined(*[sheet(x / depth, x / depth, depth) for depth in (1.0, 2.0, 3.0)])
 
 
+@hard("P07", "rays with components 0", "division by 0; 0 times infinity")
 def zero_components() -> Trial:
     """Rays whose x or y component is 0 from the corners of cells, onto layers of squares."""
     return view(
@@ -73,6 +61,7 @@ def zero_components() -> Trial:
     )  # fmt: skip
 
 
+@hard("P07n{axis}", "rays with components -0", "division by -0; the sign of a step along -0", axes())
 def minus_zero(turn: int) -> Trial:
     """The same with components -0: the view is along (-0, -0, -1) with up at (-0, -1, -0), so sums of -0 stay -0."""
     trial = view(
@@ -84,6 +73,7 @@ def minus_zero(turn: int) -> Trial:
     return replace(trial, moment=trial.prepared.moment(0, 17, 17, camera=camera))
 
 
+@hard("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle")
 def in_the_plane() -> Trial:
     """An eye in the plane of a lattice, looking along it: coplanar rays hit nothing."""
     x = pixel_centres(8)
@@ -92,6 +82,8 @@ def in_the_plane() -> Trial:
     return view((flat, faces), [(0, 0, 2)], (3, 0, 0), (-1, 0, 0), 0.25, (9, 9), up=(0, 0, 1), stated=Counts(0, (0,)))
 
 
+@hard("P10", "diagonal through corners of cells", ONE_CELL, start=0.0)
+@hard("P10b", "the same from afar", ONE_CELL, start=-64.0)
 def diagonal_cells(start: float) -> Trial:
     """The central ray goes along x = y = z, through the corners of cells; each diagonal cell has triangles across it."""
     cells = np.arange(1.0, 5.0)
@@ -99,11 +91,13 @@ def diagonal_cells(start: float) -> Trial:
     return view(triangles(*corners), [(-1, -1, -1), (8, 8, 8), (3, 3, 0)], (start,) * 3, (1, 1, 1), 0.25, (9, 9))
 
 
+@hard("P19", "eye on a wall", "t = 0 taken for a hit")
 def on_a_wall() -> Trial:
     """An eye exactly on a wall of a box does not see that wall."""
     return view(box(-1, 1), [ORIGIN], (0, 0, 1), (0, 0, -1), 1.0, (9, 9), stated=Counts(81, (0,)))
 
 
+@hard("P20", "eye on a shared vertex", "directions of 0 divided by 0; every edge function 0")
 def on_a_vertex() -> Trial:
     """An eye exactly on a vertex that six triangles share, and another surface ahead."""
     around = [(np.cos(a), np.sin(a), 0.25) for a in np.arange(6) * np.pi / 3]
@@ -111,6 +105,7 @@ def on_a_vertex() -> Trial:
     return view(joined(fan, plane(2, -2, 8)), [(0, 0, 4)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(256, None))
 
 
+@hard("P21", "eye one step from a wall", "a near plane, an absolute epsilon")
 def touching() -> Trial:
     """An eye one float32 step in front of a wall: t = 2^-23 and smaller."""
     wall = float(np.float32(1) - np.float32(2.0**-24))
@@ -120,16 +115,21 @@ def touching() -> Trial:
     )  # fmt: skip
 
 
+@hard("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step")
 def far_away() -> Trial:
-    """An eye 1e5 scene sizes away."""
     return view(joined(box(-1, 1), ball(1.2, ORIGIN)), [(2, 3, 4)], (1e5, 1e5, 1e5), (-1, -1, -1), 1e-5, (16, 16))
 
 
+@hard("P18", "up along the view", "camera axes of NaN", refused=True)
 def up_along_the_view() -> Trial:
-    """A camera whose up direction is its view direction: an error is expected."""
     return view(plane(2, 0, 1), [ABOVE], (0, 0, 4), (0, 0, -1), up=(0, 0, 1))
 
 
+@hard(
+    "P51 {power}", "a floor seen from almost within it, in the shadow of many strips",
+    "hit points that rounding moves along their rays",
+    rows("power height", ("2^-14", 2.0**-14), ("2^-30", 2.0**-30), ("2^-42", 2.0**-42)),
+)  # fmt: skip
 def along_a_floor(height: float) -> Trial:
     """A floor through the x axis seen along it from almost within it, under many narrow strips that shadow it.
 
@@ -150,6 +150,10 @@ def along_a_floor(height: float) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "P52{end}", "needles that reach far beyond a wide view",
+    "columns of far vertices, which are rounded in proportion to their distance", rows("end seed", ("", 71), ("b", 9)),
+)  # fmt: skip
 def needles(seed: int) -> Trial:
     """A view of 2048 columns, and needles across it whose tips lie thousands of times as far above and below it as in front.
 
@@ -171,43 +175,3 @@ def needles(seed: int) -> Trial:
     ]
     x, y, z = (eye + random.normal(size=3)).tolist()
     return view(triangles(*corners), [(x, y, z)], eye.tolist(), ahead, 0.57735 * 8 / 2048, (2048, 8), up=up.tolist())
-
-
-CASES = (
-    *along_axes(
-        "P01", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division", across_the_eye,
-    ),
-    case("P01s", "two hundred triangles around the eye", "the same, with every shape", many_across),
-    case("P02", "triangle behind the eye", "a mirror image after the perspective division", behind_the_eye),
-    case("P03", "eye inside a closed box", "back-face culling gives a black image", inside_a_box),
-    case("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner", into_a_corner),
-    case("P07", "rays with components 0", "division by 0; 0 times infinity", zero_components),
-    *along_axes("P07n", "rays with components -0", "division by -0; the sign of a step along -0", minus_zero),
-    case("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle", in_the_plane),
-    case(
-        "P10", "diagonal through corners of cells", "grid traversal visits only one of the neighbouring cells",
-        diagonal_cells, 0.0,
-    ),
-    case(
-        "P10b", "the same from afar", "grid traversal visits only one of the neighbouring cells", diagonal_cells, -64.0,
-    ),
-    case("P18", "up along the view", "camera axes of NaN", up_along_the_view, refused=True),
-    case("P19", "eye on a wall", "t = 0 taken for a hit", on_a_wall),
-    case("P20", "eye on a shared vertex", "directions of 0 divided by 0; every edge function 0", on_a_vertex),
-    case("P21", "eye one step from a wall", "a near plane, an absolute epsilon", touching),
-    *(
-        case(
-            f"P51 {name}", "a floor seen from almost within it, in the shadow of many strips",
-            "hit points that rounding moves along their rays", along_a_floor, height,
-        )
-        for name, height in (("2^-14", 2.0**-14), ("2^-30", 2.0**-30), ("2^-42", 2.0**-42))
-    ),
-    *(
-        case(
-            f"P52{suffix}", "needles that reach far beyond a wide view",
-            "columns of far vertices, which are rounded in proportion to their distance", needles, seed,
-        )
-        for suffix, seed in (("", 71), ("b", 9))
-    ),
-    case("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step", far_away),
-)  # fmt: skip

@@ -5,26 +5,24 @@ cell. No other case depends on these pads. With default settings the cases are e
 which the pad decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..scene.prepared import prepare
 from ..scene.scene import Camera, Geometry, Light, Scene, Vector
-from .case import Trial, case
+from .case import Trial, hard
 
 
 def found(
     points: Sequence[Vector], faces: Sequence[Sequence[int]], camera: Camera, light: Light, size: tuple[int, int]
 ) -> Trial:
-    """A trial from exact numbers."""
     mesh = np.array(points), np.array(faces)
     prepared = prepare(Scene("found", "Found", lambda: Geometry.static(*mesh), camera, (light,)))
     return Trial(prepared, prepared.moment(0, *size))
 
 
+@hard("P32", "a triangle on the borders of tiles", "tile bounds without padding")
 def leaning_away() -> Trial:
     """A triangle met at a corner and along its edges; it touches tiles of one pixel only at their border."""
     return found(
@@ -35,6 +33,7 @@ def leaning_away() -> Trial:
     )  # fmt: skip
 
 
+@hard("P33", "a triangle in the face of its box", "cell bounds without padding")
 def in_one_cell() -> Trial:
     """A triangle with an edge in the face of its bounding box, where rays enter the grid; many cells."""
     return found(
@@ -48,6 +47,7 @@ def in_one_cell() -> Trial:
     )  # fmt: skip
 
 
+@hard("S32", "directional light along edges", "light-tile bounds without padding")
 def along_the_light() -> Trial:
     """A directional light and two triangles with a common vertex: float32 rounds the rays to outside their bounds."""
     return found(
@@ -62,6 +62,7 @@ def along_the_light() -> Trial:
     )  # fmt: skip
 
 
+@hard("S33", "rays of a far light that float32 cannot tell apart", "bounds without padding")
 def far_light() -> Trial:
     """A distant light whose rays to three triangles differ by less than float32 can resolve."""
     return found(
@@ -71,11 +72,3 @@ def far_light() -> Trial:
         Camera((0.125, 0.0, -0.625244140625), (0.125, 0.0, -1.625244140625), (1, 0, 0), 28.072486935852957),
         Light((2096128.0, 3146496.0, -4194560.0)), (13, 10),
     )  # fmt: skip
-
-
-CASES = (
-    case("P32", "a triangle on the borders of tiles", "tile bounds without padding", leaning_away),
-    case("P33", "a triangle in the face of its box", "cell bounds without padding", in_one_cell),
-    case("S32", "directional light along edges", "light-tile bounds without padding", along_the_light),
-    case("S33", "rays of a far light that float32 cannot tell apart", "bounds without padding", far_light),
-)  # fmt: skip

@@ -4,16 +4,17 @@ The bitmap is a chequerboard over x and y, so that rays through pixel centres me
 their middle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 
 from ..scene.scene import AlphaMask, Geometry
-from .case import Counts, Mesh, Trial, along_axes, ball, case, joined, plane, quad, view
+from .case import Counts, Trial, axes, hard, view
+from .shapes import Mesh, ball, joined, plane, quad
 
 Mask = Callable[[Geometry], AlphaMask]
+
+EITHER_SIDE = "the texel of a rounded coordinate lies on either side"
 
 
 def chequered(mesh: Mesh, side: float, count: int, turned: int = 0) -> Mask:
@@ -33,6 +34,8 @@ def square(z: float, half: float) -> Mesh:
     return quad((-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z))
 
 
+@hard("H01", "rays on the borders of texels", f"{EITHER_SIDE}, and differs from method to method", scale=1.0)
+@hard("H01b", "rays within rounding of borders", "coordinates interpolated in float32", scale=1e-3)
 def on_borders(scale: float) -> Trial:
     """Every ray meets the common corner of four texels; exactly, if the scale is a power of two."""
     mesh = square(-1, 1.5)
@@ -42,6 +45,7 @@ def on_borders(scale: float) -> Trial:
     )  # fmt: skip
 
 
+@hard("H06", "coordinates along a border", "a rounding bound that is zero here")
 def along_a_border() -> Trial:
     """Texture coordinates exactly on the border between a transparent and an opaque row; nothing is rounded."""
     mesh = square(-1, 1.5)
@@ -50,6 +54,7 @@ def along_a_border() -> Trial:
     return view(mesh, [], (0, 0, 0), (0, 0, -1), 1.0, alpha=lambda geometry: mask, stated=Counts(256))
 
 
+@hard("H02", "holes in one of two duplicates", "the tie is decided before the hole: rays pass both")
 def in_duplicates() -> Trial:
     """Two squares in one place: where one has a hole, the other is opaque. No light passes from behind."""
     mesh = joined(square(-1, 1.5), square(-1, 1.5), square(-3, 8))
@@ -58,6 +63,10 @@ def in_duplicates() -> Trial:
     )
 
 
+@hard(
+    "H03{axis}", "a grate before the light", "any-hit traversal that ends at a hole", axes(), side=1 / 8, shadowed=128
+)
+@hard("H04", "shadow rays on the borders of texels", EITHER_SIDE, side=1 / 16, shadowed=256)
 def grate(side: float, shadowed: int, turn: int = 0) -> Trial:
     """A grate between a light and receivers that are seen from behind; shadow rays meet texels in the middle or on
     borders."""
@@ -68,6 +77,7 @@ def grate(side: float, shadowed: int, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("H05", "a light in a cage", "all of the above, from both sides", fields=6)
 def caged_light(fields: int) -> Trial:
     """A light inside a perforated ball over a floor, and a light outside that shines through both of its walls."""
     mesh = joined(ball(0.5, (0, 0.6, 0)), quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)))
@@ -79,20 +89,3 @@ def caged_light(fields: int) -> Trial:
         mesh, [(0.1, 0.7, 0.05), (1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5,
         alpha=lambda geometry: AlphaMask(flags, coordinates, np.eye(2, dtype=np.uint8)),
     )  # fmt: skip
-
-
-CASES = (
-    case(
-        "H01", "rays on the borders of texels",
-        "the texel of a rounded coordinate lies on either side, and differs from method to method", on_borders, 1.0,
-    ),
-    case("H01b", "rays within rounding of borders", "coordinates interpolated in float32", on_borders, 1e-3),
-    case("H02", "holes in one of two duplicates", "the tie is decided before the hole: rays pass both", in_duplicates),
-    *along_axes("H03", "a grate before the light", "any-hit traversal that ends at a hole", grate, 1 / 8, 128),
-    case(
-        "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side", grate,
-        1 / 16, 256,
-    ),
-    case("H06", "coordinates along a border", "a rounding bound that is zero here", along_a_border),
-    case("H05", "a light in a cage", "all of the above, from both sides", caged_light, 6),
-)  # fmt: skip

@@ -1,12 +1,17 @@
 """P17: images with unusual sides: prime numbers, small, narrow and large."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from .case import Trial, ball, case, joined, quad, triangles, view
+from .case import Trial, hard, rows, view
+from .shapes import ball, joined, quad, triangles
+
+PARTIAL = "partial tiles, thread guards"
 
 
+@hard(
+    "P17 {width}x{height}", "image of {width}x{height}", PARTIAL,
+    rows("width height", (1, 1), (33, 25), (3, 257), (257, 3), (8, 9)),
+)  # fmt: skip
 def odd_image(width: int, height: int) -> Trial:
     """A ball on a floor in an image whose sides are not multiples of a tile or block size."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
@@ -16,6 +21,7 @@ def odd_image(width: int, height: int) -> Trial:
     )  # fmt: skip
 
 
+@hard("P17 {width}x{height}", "image of {width}x{height}", PARTIAL, rows("width height", (1023, 769), (7, 5000)))
 def large_image(width: int, height: int) -> Trial:
     """Small triangles at the corners, along the sides and in the middle of a large image, without a background.
 
@@ -30,15 +36,3 @@ def large_image(width: int, height: int) -> Trial:
     ]  # fmt: skip
     mesh = joined(triangles(*corners), triangles(*(np.array(corners) * 0.5)))
     return view(mesh, [(0, 0, 0), (0, 0, -0.75)], (0, 0, 0), (0, 0, -1), half, (width, height))
-
-
-CASES = (
-    *(
-        case(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", odd_image, w, h)
-        for w, h in ((1, 1), (33, 25), (3, 257), (257, 3), (8, 9))
-    ),
-    *(
-        case(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", large_image, w, h)
-        for w, h in ((1023, 769), (7, 5000))
-    ),
-)  # fmt: skip

@@ -1,7 +1,5 @@
 """Run a method on a hard case: expected and given counts, and the class of every wrong answer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field

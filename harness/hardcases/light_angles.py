@@ -3,15 +3,18 @@
 Each case exists three times with permuted coordinates, so that it meets a seam or pole along any axis.
 """
 
-from __future__ import annotations
-
 import math
 
-from .case import Counts, Trial, along_axes, joined, plane, quad, spot_light, triangles, view
+from .case import ORIGIN, Counts, Trial, axes, hard, spot_light, view
+from .shapes import joined, plane, quad, triangles
 
-ORIGIN = (0.0, 0.0, 0.0)
 
-
+@hard(
+    "S01{axis}",
+    "wall across the azimuth's seam",
+    "a box of azimuths wraps to the full circle or its complement",
+    axes(),
+)
 def seam(turn: int = 0) -> Trial:
     """A wall at x = -2 that the half plane of azimuth pi crosses; receivers at x = -4 within its shadow."""
     wall = quad((-2, -1, -1), (-2, 1, -1), (-2, 1, 1), (-2, -1, 1))
@@ -21,6 +24,7 @@ def seam(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("S02{axis}", "pole inside a triangle", "bounds that are not the full circle of azimuth up to the pole", axes())
 def pole_inside(turn: int = 0) -> Trial:
     """A triangle that contains the pole; the receivers are three times as far away."""
     roof = triangles((0.4, 0, 1), (-0.3, 0.35, 1), (-0.2, -0.3, 1))
@@ -30,6 +34,7 @@ def pole_inside(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("S03{axis}", "nadir under a ceiling light", "a pole of the spherical map among the receivers", axes())
 def nadir(turn: int = 0) -> Trial:
     """A table of 4 x 4 under a ceiling light; receivers on the floor all around the nadir."""
     table = quad((-2, -2, -1.5), (2, -2, -1.5), (2, 2, -1.5), (-2, 2, -1.5))
@@ -38,6 +43,7 @@ def nadir(turn: int = 0) -> Trial:
     )
 
 
+@hard("S04{axis}", "edge through the pole", "azimuths that differ by exactly pi, with two ways round", axes())
 def edge_through_pole(turn: int = 0) -> Trial:
     """An edge that passes exactly over the light: the azimuths of its ends differ by pi. The shadow rays of the middle
     row of receivers meet the edge, which belongs to the closed triangle; the others miss it.
@@ -49,6 +55,9 @@ def edge_through_pole(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "S05{axis}", "bulge of a great circle", "the box of the vertices misses every ray: great arcs bulge beyond it", axes(),
+)  # fmt: skip
 def bulge(turn: int = 0) -> Trial:
     """An edge between elevations of 45 degrees reaches 57: every receiver lies between the two."""
 
@@ -63,6 +72,7 @@ def bulge(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("S18{axis}", "walls all around the light", "seam, both poles and every face of a cube at once", axes())
 def around_the_light(turn: int = 0) -> Trial:
     """Large triangles on every side of the light, across the seam and both poles, and receivers behind all of them."""
     shell = plane(2, 1, 3), plane(2, -1, 3), plane(0, 1, 3), plane(0, -1, 3), plane(1, 1, 3), plane(1, -1, 3)
@@ -71,6 +81,11 @@ def around_the_light(turn: int = 0) -> Trial:
     )
 
 
+@hard("S17{axis}", "spot over the seam", "a rectangle stored as (min, max) has min > max", axes())
+@hard(
+    "S17r{axis}", "the same spot, away from the seam", "nothing by itself: compared with the spot over the seam", axes(),
+    seam=False,
+)  # fmt: skip
 def spot_over_seam(turn: int = 0, seam: bool = True) -> Trial:
     """S01 with a spotlight whose rectangle of azimuth runs from 170 to 190 degrees, across the seam.
 
@@ -84,26 +99,3 @@ def spot_over_seam(turn: int = 0, seam: bool = True) -> Trial:
         (points * (-side, -side, 1), faces), [light], (8 * side, 0, 0), (-side, 0, 0), 0.25, up=(0, 0, 1),
         turn=turn, stated=Counts(256, (120,)),
     )  # fmt: skip
-
-
-def spot_ahead(turn: int = 0) -> Trial:
-    return spot_over_seam(turn, seam=False)
-
-
-ROWS = (
-    ("S01", "wall across the azimuth's seam", "a box of azimuths wraps to the full circle or its complement", seam),
-    ("S02", "pole inside a triangle", "bounds that are not the full circle of azimuth up to the pole", pole_inside),
-    ("S03", "nadir under a ceiling light", "a pole of the spherical map among the receivers", nadir),
-    ("S04", "edge through the pole", "azimuths that differ by exactly pi, with two ways round", edge_through_pole),
-    ("S05", "bulge of a great circle", "the box of the vertices misses every ray: great arcs bulge beyond it", bulge),
-    ("S17", "spot over the seam", "a rectangle stored as (min, max) has min > max", spot_over_seam),
-    (
-        "S17r",
-        "the same spot, away from the seam",
-        "nothing by itself: compared with the spot over the seam",
-        spot_ahead,
-    ),
-    ("S18", "walls all around the light", "seam, both poles and every face of a cube at once", around_the_light),
-)
-
-CASES = tuple(made for row in ROWS for made in along_axes(*row))

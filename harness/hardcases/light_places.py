@@ -1,16 +1,17 @@
 """S06-S16 and more: lights inside, on, near to and far from surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene.scene import Light
-from .case import Counts, Trial, along_axes, ball, box, case, joined, pixel_centres, plane, quad, sheet, triangles, view
+from .case import ORIGIN, Counts, Trial, axes, hard, rows, view
+from .shapes import ball, box, joined, pixel_centres, plane, quad, sheet, triangles
 
-ORIGIN = (0.0, 0.0, 0.0)
 ON_PLANE = "t = 0 taken for a hit; an origin on the wrong side"
 
+TOUCHING, UNPADDED = "triangles that touch the outermost shadow rays", "light-grid bounds without padding"
 
+
+@hard("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder")
 def light_in_triangle() -> Trial:
     """A light exactly in the plane of a triangle, which does not shadow it, and one just below, which it shadows."""
     floor = triangles((4, 0, 0), (-4, 4, 0), (-4, -4, 0))
@@ -20,6 +21,7 @@ def light_in_triangle() -> Trial:
     )
 
 
+@hard("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)")
 def light_on_vertex() -> Trial:
     """A light on the tip that four triangles share, and one on their edge: a surface at the light does not count."""
     tip, base = (0, 0, 0), [(1, 1, -1), (-1, 1, -1), (-1, -1, -1), (1, -1, -1)]
@@ -28,6 +30,7 @@ def light_on_vertex() -> Trial:
     return view(joined(roof, plane(2, -3, 8)), lights, (0, 0, -7), (0, 0, 1), 0.25, stated=Counts(256, (0, None)))
 
 
+@hard("S08", "closed box from within", "culling from the light drops every wall")
 def box_from_within() -> Trial:
     """Eye and one light inside a closed box, another light above its lid."""
     return view(
@@ -35,6 +38,7 @@ def box_from_within() -> Trial:
     )
 
 
+@hard("S08b", "closed box from without", "a light frustum that must be the full sphere")
 def box_from_without() -> Trial:
     """A light inside a closed box: everything outside is dark."""
     return view(
@@ -43,24 +47,36 @@ def box_from_without() -> Trial:
     )  # fmt: skip
 
 
+@hard("S09", "slab 2e-6 thick around the light", "light leaks if the ray offset exceeds the thickness")
 def thin_slab() -> Trial:
     """A light inside a slab 2e-6 thick; receivers beyond it."""
     slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
     return view(joined(slab, plane(2, 1, 4)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.5, stated=Counts(256, (256,)))
 
 
+@hard("S09b", "onto the thin slab", "a near plane beyond its faces")
 def onto_thin_slab() -> Trial:
     """The slab itself as receiver: its upper face is lit by a light inside, 1e-6 away, and shadowed from one below."""
     slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
     return view(slab, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True)
 
 
+@hard(
+    "S10 {distance:g}", "light at {distance:g}",
+    "rounding of v - L; rays from the light that end before t = 1 lose every shadow", rows("distance", 1e3, 1e5, 1e7),
+)  # fmt: skip
 def far_light(distance: float) -> Trial:
     """A square at z = 1 shadows the plane z = 0 from a light at (0, 0, distance)."""
     wall = plane(2, 1, 1)
     return view(joined(wall, plane(2, 0, 4)), [(0, 0, distance)], (0, 0, -4), (0, 0, 1), 0.5, stated=Counts(256, (64,)))
 
 
+@hard(
+    "S10b {distance:g}",
+    "light at {distance:g}, from the side",
+    "the same off the axes",
+    rows("distance", 1e3, 1e5, 1e7),
+)
 def oblique_far_light(distance: float) -> Trial:
     """A ball on a floor under a far light from the side."""
     direction = np.array([0.48, 0.64, 0.6])
@@ -69,6 +85,7 @@ def oblique_far_light(distance: float) -> Trial:
     return view(joined(floor, ball(0.5, (0, 0.6, 0))), [(x, y, z)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
 
 
+@hard("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon")
 def tiny_occluder() -> Trial:
     """A square 2e-5 wide, 1e-4 from the light; receivers at distance 1."""
     half = 1e-5
@@ -76,6 +93,7 @@ def tiny_occluder() -> Trial:
     return view(joined(speck, plane(2, 1, 2)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.0625, stated=Counts(256, (36,)))
 
 
+@hard("S12", "grazing light on a tilted floor", "a fixed epsilon: acne")
 def grazing_floor() -> Trial:
     """A tilted floor of many triangles under a grazing light; nothing shadows it."""
     x = pixel_centres(12, 2.0)
@@ -86,6 +104,11 @@ def grazing_floor() -> Trial:
     return view((points, faces), [tuple(light.tolist())], ORIGIN, (0, 0, -1), 0.4, (24, 24))
 
 
+@hard(
+    "S13{end}", "two sheets {apart} apart, from {side}", "an offset through the next sheet",
+    rows("end side above apart steps", ("", "above", True, "one step", 1), ("b", "below", False, "one step", 1),
+         ("c", "above", True, "64 steps", 64), ("d", "below", False, "64 steps", 64)),
+)  # fmt: skip
 def two_sheets(above: bool, steps: int) -> Trial:
     """Two planes ``steps`` float32 steps apart. From above, the upper plane is visible and lit.
 
@@ -98,6 +121,9 @@ def two_sheets(above: bool, steps: int) -> Trial:
     return view(joined(plane(2, low, 2), plane(2, high, 2)), lights, eye, towards, 0.25, (8, 8), stated=stated)
 
 
+@hard("S12b{axis}", "receivers exactly on their plane", ON_PLANE, axes(), steps=0)
+@hard("S12c{axis}", "receivers half a step off their plane", ON_PLANE, axes(), steps=1)
+@hard("S12d{axis}", "receivers beside their plane", ON_PLANE, axes(), steps=3)
 def on_their_plane(steps: int, turn: int) -> Trial:
     """Receivers exactly on their plane (0 steps), or rounded to above or below it (1, 3).
 
@@ -115,6 +141,7 @@ def on_their_plane(steps: int, turn: int) -> Trial:
     )  # fmt: skip
 
 
+@hard("S14", "receiver at the light", "a ray of length 0: NaN tile")
 def receiver_at_light() -> Trial:
     """Pixels whose hit point is the position of the light: there is no direction to it, and they are lit."""
     near = 4 * float(pixel_centres(16, 0.5)[9])
@@ -122,12 +149,14 @@ def receiver_at_light() -> Trial:
     return view(plane(2, 0, 4), lights, (0, 0, 4), (0, 0, -1), 0.5, stated=Counts(256, (0, 0, 0)))
 
 
+@hard("S21", "wall on a floor that holds the light", "segments in a plane that touch an edge")
 def wall_on_floor() -> Trial:
     """Light and receivers in the plane of the floor, and a wall on it; shadow rays meet the wall's lower edge."""
     wall = quad((1, -8, 0), (1, 8, 0), (1, 8, 2), (1, -8, 2))
     return view(joined(plane(2, 0, 4), wall), [(3, 0, 0)], (0, 0, 4), (0, 0, -1), 0.5, stated=Counts(256))
 
 
+@hard("S15", "two lights at one place", "a light grid shared or overwritten by another light")
 def same_place() -> Trial:
     """Three lights, two of them at one place: their rows of bits are the same."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
@@ -138,6 +167,7 @@ def same_place() -> Trial:
     )  # fmt: skip
 
 
+@hard("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles")
 def one_tile() -> Trial:
     """All receivers except a column of 256 lie in one tile of the light: 130,816 rays, twice the range of 16 bits.
 
@@ -154,6 +184,8 @@ def one_tile() -> Trial:
     )  # fmt: skip
 
 
+@hard("S34", TOUCHING, UNPADDED, light=(1.796875, -1.8671875, -0.71484375))
+@hard("S34b", TOUCHING, UNPADDED, light=(1.2890625, 1.7890625, -0.50390625))
 def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
     """Sixty small triangles, each touching one of the outermost shadow rays with a vertex, from outside.
 
@@ -176,61 +208,10 @@ def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
     )  # fmt: skip
 
 
+@hard("S22", "light at the eye", "acne at silhouettes")
 def light_at_eye() -> Trial:
     """A light at the eye: every closest hit is also the surface closest to the light, so none is shadowed."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
     return view(
         joined(floor, ball(0.5, (0, 0.6, 0))), [(0.3, 1.7, 3.1)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24)
     )
-
-
-CASES = (
-    case("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder", light_in_triangle),
-    case("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)", light_on_vertex),
-    case("S08", "closed box from within", "culling from the light drops every wall", box_from_within),
-    case("S08b", "closed box from without", "a light frustum that must be the full sphere", box_from_without),
-    case("S09", "slab 2e-6 thick around the light", "light leaks if the ray offset exceeds the thickness", thin_slab),
-    case("S09b", "onto the thin slab", "a near plane beyond its faces", onto_thin_slab),
-    *(
-        case(
-            f"S10 {distance:g}", f"light at {distance:g}",
-            "rounding of v - L; rays from the light that end before t = 1 lose every shadow", far_light, distance,
-        )
-        for distance in (1e3, 1e5, 1e7)
-    ),
-    *(
-        case(
-            f"S10b {distance:g}", f"light at {distance:g}, from the side", "the same off the axes", oblique_far_light,
-            distance,
-        )
-        for distance in (1e3, 1e5, 1e7)
-    ),
-    case("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon", tiny_occluder),
-    case("S12", "grazing light on a tilted floor", "a fixed epsilon: acne", grazing_floor),
-    *along_axes("S12b", "receivers exactly on their plane", ON_PLANE, on_their_plane, 0),
-    *along_axes("S12c", "receivers half a step off their plane", ON_PLANE, on_their_plane, 1),
-    *along_axes("S12d", "receivers beside their plane", ON_PLANE, on_their_plane, 3),
-    *(
-        case(
-            f"S13{name}", f"two sheets {what} apart, from {'above' if above else 'below'}",
-            "an offset through the next sheet", two_sheets, above, steps,
-        )
-        for name, above, steps, what in (
-            ("", True, 1, "one step"), ("b", False, 1, "one step"), ("c", True, 64, "64 steps"), ("d", False, 64, "64 steps")
-        )
-    ),
-    case("S14", "receiver at the light", "a ray of length 0: NaN tile", receiver_at_light),
-    case("S15", "two lights at one place", "a light grid shared or overwritten by another light", same_place),
-    case("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles", one_tile),
-    *(
-        case(
-            f"S34{suffix}", "triangles that touch the outermost shadow rays", "light-grid bounds without padding",
-            beyond_the_rays, light,
-        )
-        for suffix, light in (
-            ("", (1.796875, -1.8671875, -0.71484375)), ("b", (1.2890625, 1.7890625, -0.50390625))
-        )
-    ),
-    case("S21", "wall on a floor that holds the light", "segments in a plane that touch an edge", wall_on_floor),
-    case("S22", "light at the eye", "acne at silhouettes", light_at_eye),
-)  # fmt: skip

@@ -1,38 +1,20 @@
 """P04-P06, P08, P11-P16, the empty scene and more: unusual meshes."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
 
+from ..arrays import F64
 from ..scene.scene import AlphaMask
-from .case import (
-    F64,
-    Counts,
-    Mesh,
-    Trial,
-    along_axes,
-    ball,
-    box,
-    case,
-    float32_of,
-    joined,
-    pixel_centres,
-    plane,
-    quad,
-    sheet,
-    soup,
-    split,
-    triangles,
-    view,
-)
+from .case import ORIGIN, Counts, Trial, axes, hard, rows, view
+from .shapes import Mesh, ball, box, float32_of, joined, pixel_centres, plane, quad, sheet, soup, split, triangles
 
-ORIGIN = (0.0, 0.0, 0.0)
 FAR = "cancellation in float64 edge functions, for rays through vertices"
+LEAVES = "0 times infinity: the ray leaves the box before it enters"
 NO_THICKNESS = "bounding boxes without thickness: rays in their faces"
 
 
+@hard("P04", "one triangle 2e4 wide", "one pair for every tile")
 def huge_triangle() -> Trial:
     """One triangle 2e4 wide under the eye; every pixel sees it."""
     return view(
@@ -41,6 +23,8 @@ def huge_triangle() -> Trial:
     )  # fmt: skip
 
 
+@hard("P05", "broken triangles before a square", "division of 0 by 0; NaN as a tile or a bounding box", only=False)
+@hard("P05b", "nothing but broken triangles", "a scene without a bounding box", only=True)
 def broken_triangles(only: bool) -> Trial:
     """Zero-area, NaN and infinite triangles in front of a square; ``only``: without the square."""
     odd = [
@@ -53,6 +37,7 @@ def broken_triangles(only: bool) -> Trial:
     return view(mesh, [(0, 0, -1), (0.5, 0, 2)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0 if only else 256, (0, 0)))
 
 
+@hard("P06", "every triangle three times", "ties that depend on the order of a reduction")
 def three_of_each() -> Trial:
     """Every triangle three times, in three vertex orders; shadows from and onto duplicates.
 
@@ -66,6 +51,12 @@ def three_of_each() -> Trial:
     return view((points, thrice), [(1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24))
 
 
+@hard(
+    "P06 {what} {seed}", "duplicates with corners in other orders",
+    "rounded distances compared where their difference should be",
+    rows("what seed holes", ("orders", 49, False), ("orders", 128, False), ("orders", 219, False), ("holes", 141, True),
+         ("holes", 208, True)),
+)  # fmt: skip
 def in_other_orders(seed: int, holes: bool) -> Trial:
     """Every triangle three times with its corners in any order, whose distances then differ in their last bit; in some pixel
     that bit decides which of two rounded distances is less. ``holes``: half of them have a mask, without a hole."""
@@ -86,6 +77,9 @@ def in_other_orders(seed: int, holes: bool) -> Trial:
     )  # fmt: skip
 
 
+@hard("P08", "flat sheet, rays to its border", NO_THICKNESS, every=1, unwelded=False)
+@hard("P08b", "flat sheet, rays through edges", NO_THICKNESS, every=2, unwelded=False)
+@hard("P08c", "flat sheet with split vertices", "no rule for rays through edges", every=2, unwelded=True)
 def flat_sheet(every: int, unwelded: bool) -> Trial:
     """A flat sheet; rays through all its vertices and its border (1), or vertices, edges and diagonals (2)."""
     x = pixel_centres(16)[::every]
@@ -97,6 +91,8 @@ def flat_sheet(every: int, unwelded: bool) -> Trial:
     )  # fmt: skip
 
 
+@hard("P08d{axis}", "rays in the upper face of the scene's box", LEAVES, axes(), upper=True)
+@hard("P08e{axis}", "rays in the lower face of the scene's box", LEAVES, axes(), upper=False)
 def beside_the_eye(turn: int, upper: bool) -> Trial:
     """A flat sheet that ends at the x of the eye: the middle column of rays lies in the upper (or lower) face of its
     bounding box.
@@ -112,6 +108,7 @@ def beside_the_eye(turn: int, upper: bool) -> Trial:
     )  # fmt: skip
 
 
+@hard("P28", "flat sheet, odd directions to its border", NO_THICKNESS, towards=(0, 0, -1), half=0.7)
 def on_odd_rays(towards: tuple[float, float, float], half: float) -> Trial:
     """A flat sheet with a vertex exactly on the float32 ray of every pixel: its border is the border of the scene."""
     rays = view(plane(2, -1, 1), [], ORIGIN, towards, half).moment
@@ -121,6 +118,8 @@ def on_odd_rays(towards: tuple[float, float, float], half: float) -> Trial:
     return view((directions, faces), [ORIGIN, tuple(light)], ORIGIN, towards, half, stated=Counts(256))
 
 
+@hard("P28b", "flat squares apart, met at their corners", NO_THICKNESS, shadow=False)
+@hard("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, shadow=True)
 def patches(shadow: bool) -> Trial:
     """Sixty-four flat squares apart from each other, each with its corners on four rays of an odd direction.
 
@@ -137,26 +136,28 @@ def patches(shadow: bool) -> Trial:
     return view(joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7, stated=Counts(256, (256,)))
 
 
+@hard("P11", "one triangle, all miss", "arrays of length 0")
 def one_triangle_missed() -> Trial:
-    """One triangle beside the view."""
     return view(
         triangles((9, 0, -1), (9, 1, -1), (9, 0, -2)), [(0, 3, 0)], ORIGIN, (0, 0, -1), 0.5, stated=Counts(0, (0,))
     )
 
 
+@hard("P11b", "empty scene", "an inverted box, arrays of length 0", vertices=0)
+@hard("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", vertices=4)
 def empty(vertices: int) -> Trial:
-    """No triangles; with and without vertices."""
     points = np.arange(3.0 * vertices).reshape(-1, 3)
     return view(
         (points, np.zeros((0, 3), int)), [(0, 3, 0), ORIGIN], ORIGIN, (0, 0, -1), 1.0, (9, 7), stated=Counts(0, (0, 0))
     )
 
 
+@hard("P27", "no light", "arrays of lights of length 0")
 def no_light() -> Trial:
-    """A scene without lights: closest hits only."""
     return view(box(-1, 1), [], (0, 0, 4), (0, 0, -1), 0.5, (9, 9), stated=Counts(None, ()))
 
 
+@hard("P16", "teapot in a stadium", "one cell holds the whole cluster; a fixed epsilon")
 def teapot_in_stadium() -> Trial:
     """A cluster 1e-3 wide of three hundred triangles on a ground of 2e3."""
     ground = quad((-1e3, -1e3, -2e-3), (1e3, -1e3, -2e-3), (1e3, 1e3, -2e-3), (-1e3, 1e3, -2.5e-3))
@@ -183,6 +184,7 @@ def on_segments(seed: int) -> F64:
     return np.stack([x[places % 16], x[places // 16], -np.ones(100)], axis=1) * depth
 
 
+@hard("S26", "slivers as occluders", "rounding of edge signs and planes of thin triangles")
 def shadow_slivers() -> Trial:
     """Needles that shadow rays cross in their middle: from a light near them, and from one 1e6 away."""
     from_near, from_far = on_segments(13), on_segments(14)
@@ -195,6 +197,7 @@ def shadow_slivers() -> Trial:
     )  # fmt: skip
 
 
+@hard("P30 {radii:g}", "a ball seen from {radii:g} radii", FAR, rows("radii", 1e3, 1e5, 1e6, 1e7))
 def far_ball(radii: float) -> Trial:
     """A closed ball of radius 1 seen from afar and lit from afar: its triangles are a third of a radius wide."""
     eye = np.array([0.48, 0.64, 0.6]) * radii
@@ -202,6 +205,7 @@ def far_ball(radii: float) -> Trial:
     return view(ball(1.0, (0, 0, 0), 12, 18), lights, eye.tolist(), (-eye).tolist(), 1.2 / radii, (24, 24))
 
 
+@hard("S27 {radii:g}", "a ball {radii:g} radii from light and floor", FAR, rows("radii", 1e3, 1e5, 1e6, 1e7))
 def far_from_occluder(radii: float) -> Trial:
     """A ball half way between a light and a small floor, both ``radii`` of its radii away."""
     towards = np.array([0.48, 0.64, 0.6])
@@ -215,6 +219,7 @@ def far_from_occluder(radii: float) -> Trial:
     )  # fmt: skip
 
 
+@hard("P23", "slivers", "rounding of t and barycentric weights of thin triangles")
 def slivers() -> Trial:
     """Triangles of aspect ratio 1e5 in all orientations in front of a wall, each met by the ray of a pixel."""
     middle = on_segments(12)
@@ -224,8 +229,8 @@ def slivers() -> Trial:
     )  # fmt: skip
 
 
+@hard("P24", "a fan of 96 triangles", "many candidate triangles at one vertex", count=96)
 def fan(count: int) -> Trial:
-    """Many triangles that share one vertex on the central ray; the axis of the light also passes through it."""
     around = [(np.cos(a), np.sin(a), -2 + 0.3 * np.sin(5 * a)) for a in 2 * np.pi * np.arange(count) / count]
     corners = [c for i in range(count) for c in ((0, 0, -1.5), around[i], around[(i + 1) % count])]
     return view(
@@ -234,12 +239,13 @@ def fan(count: int) -> Trial:
     )  # fmt: skip
 
 
+@hard("P25", "boxes that share faces", "ties of coplanar triangles; lights on corners")
 def touching_boxes() -> Trial:
-    """Boxes that share faces, edges and corners: coplanar duplicates with other diagonals, closed."""
     boxes = [box((i, j, k), (i + 1, j + 1, k + 1)) for i in (-1, 0) for j in (-1, 0) for k in (-1, 0)]
     return view(joined(*boxes), [(4, 3, 2), (0, 0, 0), (0.5, 0.5, 0.5)], (0, 0, 3), (0, 0, -1), 0.5, (16, 16))
 
 
+@hard("P26", "triangles through every cell", "long lists; a hit that lies in another cell")
 def through_every_cell() -> Trial:
     """Four triangles across the whole scene among four hundred small ones."""
     slanted = triangles(
@@ -249,49 +255,3 @@ def through_every_cell() -> Trial:
     return view(
         joined(slanted, soup(5, 400, 0.05, 3.0)), [(0.1, 0.2, 6)], (0.5, 0.4, 9), (-0.5, -0.4, -9), 0.6, (24, 24)
     )
-
-
-LEAVES = "0 times infinity: the ray leaves the box before it enters"
-
-CASES = (
-    case("P04", "one triangle 2e4 wide", "one pair for every tile", huge_triangle),
-    case(
-        "P05", "broken triangles before a square", "division of 0 by 0; NaN as a tile or a bounding box",
-        broken_triangles, False,
-    ),
-    case("P05b", "nothing but broken triangles", "a scene without a bounding box", broken_triangles, True),
-    case("P06", "every triangle three times", "ties that depend on the order of a reduction", three_of_each),
-    *(
-        case(
-            f"P06 {'holes' if holes else 'orders'} {seed}", "duplicates with corners in other orders",
-            "rounded distances compared where their difference should be", in_other_orders, seed, holes,
-        )
-        for seed, holes in ((49, False), (128, False), (219, False), (141, True), (208, True))
-    ),
-    case("P08", "flat sheet, rays to its border", NO_THICKNESS, flat_sheet, 1, False),
-    case("P08b", "flat sheet, rays through edges", NO_THICKNESS, flat_sheet, 2, False),
-    case("P08c", "flat sheet with split vertices", "no rule for rays through edges", flat_sheet, 2, True),
-    *along_axes("P08d", "rays in the upper face of the scene's box", LEAVES, beside_the_eye, upper=True),
-    *along_axes("P08e", "rays in the lower face of the scene's box", LEAVES, beside_the_eye, upper=False),
-    case("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
-    case("P11b", "empty scene", "an inverted box, arrays of length 0", empty, 0),
-    case("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", empty, 4),
-    case("P16", "teapot in a stadium", "one cell holds the whole cluster; a fixed epsilon", teapot_in_stadium),
-    case("P23", "slivers", "rounding of t and barycentric weights of thin triangles", slivers),
-    case("S26", "slivers as occluders", "rounding of edge signs and planes of thin triangles", shadow_slivers),
-    *(
-        case(f"P30 {radii:g}", f"a ball seen from {radii:g} radii", FAR, far_ball, radii)
-        for radii in (1e3, 1e5, 1e6, 1e7)
-    ),
-    *(
-        case(f"S27 {radii:g}", f"a ball {radii:g} radii from light and floor", FAR, far_from_occluder, radii)
-        for radii in (1e3, 1e5, 1e6, 1e7)
-    ),
-    case("P24", "a fan of 96 triangles", "many candidate triangles at one vertex", fan, 96),
-    case("P25", "boxes that share faces", "ties of coplanar triangles; lights on corners", touching_boxes),
-    case("P26", "triangles through every cell", "long lists; a hit that lies in another cell", through_every_cell),
-    case("P28", "flat sheet, odd directions to its border", NO_THICKNESS, on_odd_rays, (0, 0, -1), 0.7),
-    case("P28b", "flat squares apart, met at their corners", NO_THICKNESS, patches, False),
-    case("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, patches, True),
-    case("P27", "no light", "arrays of lights of length 0", no_light),
-)  # fmt: skip

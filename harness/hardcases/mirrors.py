@@ -3,24 +3,33 @@
 The harness makes the rays (:mod:`..frame.effects.mirrors`); the cases test whether a method finds their closest hits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import U8
 from ..scene.scene import Geometry
-from .case import Counts, Trial, along_axes, ball, box, case, joined, plane, quad, soup, view
+from .case import Counts, Trial, axes, hard, rows, view
+from .shapes import ball, box, joined, plane, quad, soup
 
-Mirrors = Callable[[Geometry], NDArray[np.uint8]]
+Mirrors = Callable[[Geometry], U8]
 
 
 def first(count: int) -> Mirrors:
-    """The first ``count`` triangles are mirrors."""
     return lambda geometry: (np.arange(len(geometry.faces)) < count).astype(np.uint8)
 
 
+@hard(
+    "M01{axis}", "a hall of mirrors: rays at its edges and corners",
+    "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", axes(), half=16.0,
+)  # fmt: skip
+@hard(
+    "M02{end}", "a hall of mirrors, {what}",
+    "a start moved by a fixed epsilon: too little far from the origin, too much in a small scene",
+    rows("end what scale offset", ("", "small", 1e-4, 0.0), ("b", "large", 1e4, 0.0),
+         ("c", "far from the origin", 1.0, 1e3)),
+    half=1.0,
+)  # fmt: skip
 def hall(half: float, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
     """A closed box of mirrors seen from its centre; with ``half`` = 16, rays meet its edges and corners exactly.
 
@@ -33,6 +42,11 @@ def hall(half: float, turn: int = 0, scale: float = 1.0, offset: float = 0.0) ->
     )  # fmt: skip
 
 
+@hard(
+    "M03{end}", "a mirror at a slant, scaled by {scale:g}",
+    "the start lies in the mirror's plane as float32 has it, and its ray runs along it",
+    rows("end scale", ("", 1.0), ("b", 1e-3)),
+)  # fmt: skip
 def at_a_slant(scale: float) -> Trial:
     """A wide mirror just below the eye, and balls on it that touch their reflections."""
     mesh = joined(
@@ -42,6 +56,7 @@ def at_a_slant(scale: float) -> Trial:
     return view(mesh, [(2, 3, -1)], (0, 1 / 64, 0), (0, 0, -1), 0.5, scale=scale, mirror=first(2), bounces=2)
 
 
+@hard("M04", "two mirrors in one place", "only the mirror that was hit is excluded, and the ray hits its duplicate")
 def duplicates() -> Trial:
     """Two mirrors in one place with opposite orientation: a ray that starts on one starts on both."""
     square = [(-3, -3, -1), (3, -3, -1), (3, 3, -1), (-3, 3, -1)]
@@ -49,47 +64,15 @@ def duplicates() -> Trial:
     return view(mesh, [(0, 0, 2)], (0, 0, 0), (0, 0, -1), 1.0, mirror=first(4), bounces=2, stated=Counts(256, (0,)))
 
 
+@hard("M05", "a shadow that only a mirror shows", "shadow rays that start at primary hits, not at mirrored ones")
 def behind_the_eye() -> Trial:
     """A square and its shadow on a wall, both visible only in a mirror."""
     mesh = joined(plane(2, -1, 4), quad((-1, -1, 2), (1, -1, 2), (1, 1, 2), (-1, 1, 2)), plane(2, 4, 16))
     return view(mesh, [(0, 0, 1)], (0, 0, 0), (0, 0, -1), 0.5, mirror=first(2), bounces=1, stated=Counts(256, (0,)))
 
 
+@hard("M06", "splinters of mirrors", "surfaces that cross where a ray starts", seed=4)
 def splinters(seed: int) -> Trial:
     """Intersecting triangles of all sizes, all mirrors: rays start next to the triangles that cross them."""
     mesh = soup(seed, 200, 0.5)
     return view(mesh, [(2, 3, 1)], (0, 0, 3), (0, 0, -1), 0.5, mirror=first(len(mesh[1])), bounces=3)
-
-
-CASES = (
-    *along_axes(
-        "M01", "a hall of mirrors: rays at its edges and corners",
-        "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", hall, 16.0,
-    ),
-    *(
-        case(
-            f"M02{suffix}", f"a hall of mirrors, {what}",
-            "a start moved by a fixed epsilon: too little far from the origin, too much in a small scene", hall, 1.0, 0,
-            scale, offset,
-        )
-        for suffix, scale, offset, what in (
-            ("", 1e-4, 0.0, "small"), ("b", 1e4, 0.0, "large"), ("c", 1.0, 1e3, "far from the origin")
-        )
-    ),
-    *(
-        case(
-            f"M03{suffix}", f"a mirror at a slant, scaled by {scale:g}",
-            "the start lies in the mirror's plane as float32 has it, and its ray runs along it", at_a_slant, scale,
-        )
-        for suffix, scale in (("", 1.0), ("b", 1e-3))
-    ),
-    case(
-        "M04", "two mirrors in one place", "only the mirror that was hit is excluded, and the ray hits its duplicate",
-        duplicates,
-    ),
-    case(
-        "M05", "a shadow that only a mirror shows", "shadow rays that start at primary hits, not at mirrored ones",
-        behind_the_eye,
-    ),
-    case("M06", "splinters of mirrors", "surfaces that cross where a ray starts", splinters, 4),
-)  # fmt: skip

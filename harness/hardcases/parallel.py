@@ -3,20 +3,24 @@
 Their rays are parallel: along an axis they have components of 0 and meet meshes with integer corners exactly.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import numpy as np
 
 from ..scene.scene import Light
-from .case import Counts, HardCase, Trial, box, case, icosphere, joined, plane, sheet, spot_light, view
+from .case import Counts, Trial, axes, hard, rows, spot_light, view
+from .shapes import box, icosphere, joined, plane, sheet
 from .structures import towers
 from .variants import ball_on_floor
 
 DOWN = (0.0, 0.0, -1.0)
 
+ZERO, ONE_EYE = "division by 0; rays in walls and through corners", "bounds that count on one eye"
 
+
+@hard("O01 {kind} {axis}", "down on boxes, {kind}", ZERO, axes("xyz"), rows("kind", "edges", "faces"))
+@hard(
+    "O01 {what}", "down on boxes, {what}", ZERO,
+    rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)), kind="edges",
+)  # fmt: skip
 def onto_towers(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
     """Vertical rays onto boxes with integer corners: at the even integers ("edges") through edges and corners and within
     walls, at the odd ones ("faces") through the diagonals of their squares."""
@@ -28,6 +32,10 @@ def onto_towers(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.
     )  # fmt: skip
 
 
+@hard(
+    "O02 tinybvh#168 {kind} {axis}", "a ball on integers, rays at {kind}", "rays lost at edges and at the faces of boxes",
+    axes("xyz"), rows("kind", "integers", "halves"),
+)  # fmt: skip
 def integer_ball(kind: str, turn: int = 0) -> Trial:
     """The rays of tinybvh#168 themselves: a grid of rays along -y from the top of a mesh on a grid of integers.
 
@@ -41,6 +49,7 @@ def integer_ball(kind: str, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("O03 {axis}", "vertical rays onto a height field", ZERO, axes("xyz"), excusable=0.0)
 def vertical_rays(turn: int = 0) -> Trial:
     """Heights of a field over a regular grid, looked up by vertical rays through all its vertices (madmann91/bvh#60)."""
     grid = np.arange(-16.0, 17.0)
@@ -53,6 +62,9 @@ def vertical_rays(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("O05 x{scale:g}", "ball on a floor, scale {scale:g}", ONE_EYE, rows("scale", 1.0, 1e-6, 1e6))
+@hard("O05 off", "ball on a floor, off the origin", ONE_EYE, scale=1.0, offset=1e4)
+@hard("O05 far", "ball on a floor, from afar", ONE_EYE, scale=1.0, away=1e5)
 def oblique(scale: float, offset: float = 0.0, away: float = 1.0) -> Trial:
     """A ball on a floor from the side, from an eye ``away`` times as far."""
     towards = np.array([-0.1, -0.45, -1.0])
@@ -63,6 +75,7 @@ def oblique(scale: float, offset: float = 0.0, away: float = 1.0) -> Trial:
     )  # fmt: skip
 
 
+@hard("O04 {axis}", "rays that start in a box", "a near plane; t = 0 taken for a hit", axes("xyz"))
 def from_within(turn: int) -> Trial:
     """The plane in which rays start cuts a box and holds one of its faces: what it contains is at t = 0, which is no hit."""
     return view(
@@ -71,6 +84,7 @@ def from_within(turn: int) -> Trial:
     )  # fmt: skip
 
 
+@hard("O06 {what}", "ball on a floor, {what}", ONE_EYE, rows("what", "spot", "mirror"))
 def with_effects(what: str) -> Trial:
     """The ball on the floor under a spot, with shadow rays only where surfaces face lights, or with mirrors."""
     lamp = spot_light((1.0, 2.5, 0.5), (-1.0, -2.0, -0.5), 30.0, None, (0.0, 1.0, 0.0))
@@ -80,29 +94,3 @@ def with_effects(what: str) -> Trial:
         size=(24, 24), height=3.0, bounces=2 if mirrors else 0,
         mirror=(lambda geometry: np.ones(len(geometry.faces), dtype=np.uint8)) if mirrors else None,
     )  # fmt: skip
-
-
-def _cases() -> Iterator[HardCase]:
-    zero = "division by 0; rays in walls and through corners"
-    for turn, axis in enumerate("xyz"):
-        for kind in ("edges", "faces"):
-            yield case(f"O01 {kind} {axis}", f"down on boxes, {kind}", zero, onto_towers, kind, turn)
-        for kind in ("integers", "halves"):
-            yield case(
-                f"O02 tinybvh#168 {kind} {axis}", f"a ball on integers, rays at {kind}",
-                "rays lost at edges and at the faces of boxes", integer_ball, kind, turn,
-            )  # fmt: skip
-        yield case(f"O03 {axis}", "vertical rays onto a height field", zero, vertical_rays, turn, excusable=0.0)
-        yield case(f"O04 {axis}", "rays that start in a box", "a near plane; t = 0 taken for a hit", from_within, turn)
-    for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
-        yield case(f"O01 {name}", f"down on boxes, {name}", zero, onto_towers, "edges", 0, scale, offset)
-    eye = "bounds that count on one eye"
-    for scale in (1.0, 1e-6, 1e6):
-        yield case(f"O05 x{scale:g}", f"ball on a floor, scale {scale:g}", eye, oblique, scale)
-    yield case("O05 off", "ball on a floor, off the origin", eye, oblique, 1.0, 1e4)
-    yield case("O05 far", "ball on a floor, from afar", eye, oblique, 1.0, 0.0, 1e5)
-    for what in ("spot", "mirror"):
-        yield case(f"O06 {what}", f"ball on a floor, {what}", eye, with_effects, what)
-
-
-CASES = tuple(_cases())

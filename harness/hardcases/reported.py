@@ -5,16 +5,13 @@ Where a thread gives its numbers only in part or in a file that is not available
 describes and says so.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import numpy as np
 
+from ..arrays import F64
 from ..scene.scene import Light
-from .case import F64, Counts, HardCase, Trial, case, closed_behind, icosphere, joined, plane, sheet, triangles, view
+from .case import ORIGIN, TURNED, Counts, Trial, axes, hard, rows, view
+from .shapes import closed_behind, icosphere, joined, plane, sheet, triangles
 
-ORIGIN = (0.0, 0.0, 0.0)
 START = np.array([0x3E6A2C13, 0x3FAD24CE, 0x3E6A2C13], dtype=np.uint32).view(np.float32).astype(np.float64)
 """Origin of the rays of embree#423: x and y are the bits given in the thread, z is not known."""
 
@@ -25,6 +22,10 @@ def rays_of(towards: tuple[float, float, float], half: float, eye: F64 | None = 
     return view(plane(2, -1, 1), [], at, towards, half).moment.directions(np.arange(256)).astype(np.float64)
 
 
+@hard(
+    "P48 embree#423{end}", "triangles far beside rays in their planes",
+    "edge functions of one sign by rounding: a false hit", TURNED,
+)  # fmt: skip
 def embree_423(turn: int = 0, scale: float = 1.0) -> Trial:
     """False hits of triangles far from a ray: each of 256 rays lies in the plane of a triangle, up to the rounding of
     float32.
@@ -46,6 +47,7 @@ def embree_423(turn: int = 0, scale: float = 1.0) -> Trial:
     )  # fmt: skip
 
 
+@hard("P49 mitsuba3#1149{end}", "rays through the edge of a square", "rays lost between two triangles", TURNED)
 def mitsuba_1149(turn: int = 0, scale: float = 1.0) -> Trial:
     """Rays through the middle of the edge that two triangles of a square share, from directions over a hemisphere.
 
@@ -75,6 +77,10 @@ def mitsuba_1149(turn: int = 0, scale: float = 1.0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "S41 tinybvh#168 {kind} {axis}", "rays along an axis onto a mesh of integers, {kind}",
+    "rays lost at edges and at the faces of boxes", axes("xyz"), rows("kind", "integers", "halves"), excusable=0.0,
+)  # fmt: skip
 def tinybvh_168(kind: str, turn: int = 0) -> Trial:
     """Rays along -y onto a closed mesh on a grid of integers, through its edges and vertices.
 
@@ -91,6 +97,10 @@ def tinybvh_168(kind: str, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "S42 bvh#20 {axis}", "vertical rays onto a height field", "division by 0; every leaf visited", axes("xyz"),
+    excusable=0.0,
+)  # fmt: skip
 def bvh_20(turn: int = 0) -> Trial:
     """Vertical rays onto a height field over a regular grid, through all its vertices: heights looked up by rays.
 
@@ -107,6 +117,7 @@ def bvh_20(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("P50 fcpw#20{end}", "rays through edges of a closed surface", "cracks between triangles", TURNED)
 def fcpw_20(turn: int = 0, scale: float = 1.0) -> Trial:
     """Rays along the edges of a closed mesh as a picture shows them: through vertices and the middles of edges.
 
@@ -123,33 +134,3 @@ def fcpw_20(turn: int = 0, scale: float = 1.0) -> Trial:
         mesh, [(0.1, 0.1, 0.5), (0.25, 0.125, -16.0)], ORIGIN, (0.1, 0.2, -1.0), 0.6, turn=turn, scale=scale,
         closed=True,
     )  # fmt: skip
-
-
-def _cases() -> Iterator[HardCase]:
-    places = (("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40))
-    for suffix, turn, scale in places:
-        yield case(
-            f"P48 embree#423{suffix}", "triangles far beside rays in their planes",
-            "edge functions of one sign by rounding: a false hit", embree_423, turn, scale,
-        )  # fmt: skip
-        yield case(
-            f"P49 mitsuba3#1149{suffix}", "rays through the edge of a square", "rays lost between two triangles",
-            mitsuba_1149, turn, scale,
-        )  # fmt: skip
-        yield case(
-            f"P50 fcpw#20{suffix}", "rays through edges of a closed surface", "cracks between triangles", fcpw_20, turn,
-            scale,
-        )  # fmt: skip
-    for turn, axis in enumerate("xyz"):
-        for kind in ("integers", "halves"):
-            yield case(
-                f"S41 tinybvh#168 {kind} {axis}", f"rays along an axis onto a mesh of integers, {kind}",
-                "rays lost at edges and at the faces of boxes", tinybvh_168, kind, turn, excusable=0.0,
-            )  # fmt: skip
-        yield case(
-            f"S42 bvh#20 {axis}", "vertical rays onto a height field", "division by 0; every leaf visited", bvh_20,
-            turn, excusable=0.0,
-        )  # fmt: skip
-
-
-CASES = tuple(_cases())

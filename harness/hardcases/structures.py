@@ -4,36 +4,16 @@ Structures sort triangles by centroids and boxes. Where these do not distinguish
 list of a cell long. Where the number of triangles reaches the end of a block or a warp, the last of them may be skipped.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from ..arrays import F64
 from ..scene.prepared import prepare
 from ..scene.scene import Geometry, Light
-from .case import (
-    F64,
-    Counts,
-    HardCase,
-    Mesh,
-    Trial,
-    along_axes,
-    ball,
-    box,
-    case,
-    joined,
-    plane,
-    quad,
-    sheet,
-    soup,
-    triangles,
-    view,
-)
+from .case import ORIGIN, TURNED, Counts, Trial, axes, hard, rows, view
+from .shapes import Mesh, ball, box, joined, plane, quad, sheet, soup, triangles
 
-ORIGIN = (0.0, 0.0, 0.0)
 FLOAT32_HALVINGS = 148
 """How often 1 can be halved in float32, to 2^-148: twice the smallest positive number, which a corner still halves."""
 
@@ -44,7 +24,20 @@ AT_INFINITY = 10 / 192
 rays miss the edge by 2^-56 of the scene. Float64 cannot resolve that, and every method gives the answer for parallel
 rays, which meet the edge."""
 
+DEPTH = "a tree that cannot tell triangles apart: endless division, chains, long leaves"
+STACK = "the deepest tree: stacks that overflow"
+LAST = "the last triangle of a block or a warp"
+LISTS = "long lists; a ray that tests everything"
+SIZES = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 1e-9), (" z large", 2, 1e9))
 
+
+@hard(
+    "P38{end}", "500 triangles with one centroid", DEPTH,
+    rows("end turn scale offset", ("", 0, 1.0, 0.0), (" y", 1, 1.0, 0.0), (" z", 2, 1.0, 0.0), (" small", 0, 1e-9, 0.0),
+         (" large", 0, 1e9, 0.0), (" off", 0, 1.0, 3.7), (" far off", 0, 1.0, 1e4)),
+    count=500,
+)  # fmt: skip
+@hard("P38 {count}", "{count:,} triangles with one centroid", DEPTH, rows("count", 10_000, 100_000), large=True)
 def one_centroid(count: int, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
     """Triangles of sizes from 1 to 2^-12; the mean of the vertices and the middle of the box of each lie at the origin.
 
@@ -69,6 +62,12 @@ def chain(levels: F64) -> Mesh:
     return triangles(levels[:, None, None] * unit)
 
 
+@hard("P39 {axis}", "sizes halved 148 times", STACK, axes("xyz"), first=-FLOAT32_HALVINGS, last=0, eye=-4.0)
+@hard(
+    "P39 {where}", "sizes 2^{first} to 2^{last}, eye at {eye:.0e}", STACK,
+    rows("where first last eye", ("near", -FLOAT32_HALVINGS, 0, 4.0), ("within", -FLOAT32_HALVINGS, 0, -(2.0**-40)),
+         ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0)),
+)  # fmt: skip
 def halving(first: int, last: int, eye: float, turn: int = 0) -> Trial:
     """Sizes 2^first to 2^last along a diagonal: the deepest tree. The eye is on it at ``eye`` (negative: beyond the
     smallest).
@@ -85,6 +84,10 @@ def halving(first: int, last: int, eye: float, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "P39 {what}", "96 chains of halved sizes", STACK,
+    rows("what turn scale", ("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)),
+)  # fmt: skip
 def many_chains(turn: int, scale: float) -> Trial:
     """Chains towards several points in all eight directions: deep trees of some thousand triangles."""
     random = np.random.default_rng(17)
@@ -112,6 +115,15 @@ def towers() -> Mesh:
     return joined(*boxes)
 
 
+@hard(
+    "S39 {kind} {axis}", "shadow rays along an axis, {kind}", "division by 0; rays in walls and through corners",
+    rows("kind", "faces", "edges", "point"), axes("xyz"), excusable=AT_INFINITY,
+)  # fmt: skip
+@hard(
+    "S39 edges {what}", "the same, {what}", "the same",
+    rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)), kind="edges",
+    excusable=AT_INFINITY,
+)  # fmt: skip
 def along_an_axis(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
     """Shadow rays along an axis among boxes with integer corners, through their edges, corners and in their walls.
 
@@ -127,6 +139,10 @@ def along_an_axis(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 
     )  # fmt: skip
 
 
+@hard(
+    "P40 {kind} {axis}", "all corners on one line, {kind}", "boxes of a diagonal; no area",
+    rows("kind", "only", "wall", "rounded"), axes("xyz"),
+)  # fmt: skip
 def on_one_line(kind: str, turn: int = 0) -> Trial:
     """Triangles whose corners are all on one line: exactly ("only", or "wall" before a wall), or as float32 rounds them."""
     random = np.random.default_rng(23)
@@ -145,6 +161,10 @@ def on_one_line(kind: str, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard(
+    "P41 {order}", "a whole frame after one of NaN or infinity", "bounds that stay NaN",
+    rows("order", "nw", "wnw", "iw", "wniw"),
+)  # fmt: skip
 def after_nothing(order: str) -> Trial:
     """A valid frame after one whose coordinates are all NaN; that is the first frame of a session, or lies between two
     valid ones."""
@@ -159,6 +179,11 @@ def after_nothing(order: str) -> Trial:
     return replace(whole, prepared=prepared, moment=moments[-1], before=tuple(moments[:-1]))
 
 
+@hard("P42 {count}", "{count} triangles", LAST, rows("count turn", (33, 0), (128, 2), (257, 2)))
+@hard(
+    "P42 {count}", "{count} triangles", LAST,
+    rows("count turn", *((n, n % 3) for n in (31, 32, 127, 129, 255, 256, 1023, 1024, 1025))), large=True,
+)  # fmt: skip
 def so_many(count: int, turn: int = 0) -> Trial:
     """A number of triangles at the end of a block or of a warp; the last ones are large and in front of the others."""
     points, faces = soup(count, count - 2, 0.2)
@@ -170,6 +195,12 @@ def so_many(count: int, turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
+@hard("P43{end}", "64 triangles that fill the picture", LISTS, SIZES, count=64, same=False)
+@hard("P43 plane{end}", "64 triangles that fill the picture", LISTS, SIZES, count=64, same=True)
+@hard("P43 {count}", "{count:,} triangles that fill the picture", LISTS, rows("count", 4000), same=False, large=True)
+@hard(
+    "P43 plane {count}", "{count:,} triangles that fill the picture", LISTS, rows("count", 1000), same=True, large=True
+)
 def full_screen(count: int, same: bool, turn: int = 0, scale: float = 1.0) -> Trial:
     """Triangles that each fill the whole picture, in random order of depth, or all in one plane (``same``)."""
     random = np.random.default_rng(29)
@@ -186,6 +217,10 @@ def full_screen(count: int, same: bool, turn: int = 0, scale: float = 1.0) -> Tr
     )  # fmt: skip
 
 
+@hard(
+    "S40 {axis}{end}", "68,644 rays and a few in one cell", "counters of 16 bits; one long list", axes("xyz"),
+    rows("end directional", ("", False), (" sun", True)), large=True,
+)  # fmt: skip
 def one_light_cell(directional: bool, turn: int) -> Trial:
     """All of 68,644 hit points but a column lie in one cell of a grid around the light, and within 2^-10 of one point.
 
@@ -202,6 +237,8 @@ def one_light_cell(directional: bool, turn: int) -> Trial:
     )  # fmt: skip
 
 
+@hard("P44{end}", "T-junctions", "rays lost at a vertex on another's edge", TURNED, exact=True, excusable=0.0)
+@hard("P44 rounded{end}", "T-junctions", "rays lost at a vertex on another's edge", TURNED, exact=False)
 def t_junctions(exact: bool, turn: int = 0, scale: float = 1.0) -> Trial:
     """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones.
 
@@ -225,76 +262,3 @@ def t_junctions(exact: bool, turn: int = 0, scale: float = 1.0) -> Trial:
         joined(mesh, plane(2, -6, 16)), [(0, 0, 2), (0.25, -0.125, -4)], ORIGIN, (0, 0, -1), 1.0,
         (17, 17) if exact else (48, 48), turn=turn, scale=scale, stated=Counts(289, None) if exact else None,
     )  # fmt: skip
-
-
-def _cases() -> Iterator[HardCase]:
-    depth = "a tree that cannot tell triangles apart: endless division, chains, long leaves"
-    one: list[tuple[str, dict[str, Any]]] = [
-        ("", {}), (" y", {"turn": 1}), (" z", {"turn": 2}), (" small", {"scale": 1e-9}), (" large", {"scale": 1e9}),
-        (" off", {"offset": 3.7}), (" far off", {"offset": 1e4}),
-    ]  # fmt: skip
-    for suffix, given in one:
-        yield case(f"P38{suffix}", "500 triangles with one centroid", depth, one_centroid, 500, **given)
-    for count in (10_000, 100_000):
-        yield case(f"P38 {count}", f"{count:,} triangles with one centroid", depth, one_centroid, count, large=True)
-
-    stack = "the deepest tree: stacks that overflow"
-    yield from along_axes("P39 ", "sizes halved 148 times", stack, halving, -FLOAT32_HALVINGS, 0, -4.0, ends="xyz")
-    for name, first, last, eye in (
-        ("near", -FLOAT32_HALVINGS, 0, 4.0), ("within", -FLOAT32_HALVINGS, 0, -(2.0**-40)),
-        ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0),
-    ):  # fmt: skip
-        yield case(f"P39 {name}", f"sizes 2^{first} to 2^{last}, eye at {eye:.0e}", stack, halving, first, last, eye)
-    for name, turn, scale in (("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)):
-        yield case(f"P39 {name}", "96 chains of halved sizes", stack, many_chains, turn, scale)
-
-    for kind in ("faces", "edges", "point"):
-        yield from along_axes(
-            f"S39 {kind} ", f"shadow rays along an axis, {kind}", "division by 0; rays in walls and through corners",
-            along_an_axis, kind, ends="xyz", excusable=AT_INFINITY,
-        )  # fmt: skip
-    for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
-        yield case(
-            f"S39 edges {name}", f"the same, {name}", "the same", along_an_axis, "edges", 0, scale, offset,
-            excusable=AT_INFINITY,
-        )  # fmt: skip
-
-    for kind in ("only", "wall", "rounded"):
-        corners = f"all corners on one line, {kind}"
-        yield from along_axes(f"P40 {kind} ", corners, "boxes of a diagonal; no area", on_one_line, kind, ends="xyz")
-    for order in ("nw", "wnw", "iw", "wniw"):
-        yield case(
-            f"P41 {order}", "a whole frame after one of NaN or infinity", "bounds that stay NaN", after_nothing, order,
-        )  # fmt: skip
-    for count in EDGES_OF_BLOCKS:
-        yield case(
-            f"P42 {count}", f"{count} triangles", "the last triangle of a block or a warp", so_many, count, count % 3,
-            large=count not in (33, 128, 257),
-        )  # fmt: skip
-    lists = "long lists; a ray that tests everything"
-    for same in (False, True):
-        name = f"P43{' plane' if same else ''}"
-        for suffix, turn, scale in (("", 0, 1.0), (" y small", 1, 1e-9), (" z large", 2, 1e9)):
-            yield case(
-                f"{name}{suffix}", "64 triangles that fill the picture", lists, full_screen, 64, same, turn, scale,
-            )  # fmt: skip
-        count = 1000 if same else 4000  # ties are decided one by one
-        yield case(
-            f"{name} {count}", f"{count:,} triangles that fill the picture", lists, full_screen, count, same,
-            large=True,
-        )  # fmt: skip
-    for turn, axis in enumerate("xyz"):
-        for directional in (False, True):
-            yield case(
-                f"S40 {axis}{' sun' if directional else ''}", "68,644 rays and a few in one cell",
-                "counters of 16 bits; one long list", one_light_cell, directional, turn, large=True,
-            )  # fmt: skip
-    for exact in (True, False):
-        for suffix, turn, scale in (("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40)):
-            yield case(
-                f"P44{'' if exact else ' rounded'}{suffix}", "T-junctions", "rays lost at a vertex on another's edge",
-                t_junctions, exact, turn, scale, excusable=0.0 if exact else 0.02,
-            )  # fmt: skip
-
-
-CASES = tuple(_cases())

@@ -3,17 +3,18 @@
 With scales and offsets that are not powers of two the mesh is rounded again; the referee judges on the rounded mesh.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-
 import numpy as np
 
-from .case import HardCase, Mesh, Trial, ball, case, joined, pixel_centres, quad, sheet, soup, view
+from .case import Trial, hard, rows, view
+from .shapes import Mesh, ball, joined, pixel_centres, quad, sheet, soup
 
 SCALES = (1e-6, 1e-3, 2.0**-20, 1e3, 1e6)
 OFFSETS = (1.0, 1e3, 1e5)
-LIGHT_DISTANCES = (1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6, 1e7)
+PLACES = rows(
+    "place where breaks scale offset", *((f"x{x:.3g}", f"scale {x:.3g}", "absolute epsilons", x, 0.0) for x in SCALES),
+    *((f"+{x:g}", f"{x:g} scene sizes from the origin", "no recentring", 1.0, x) for x in OFFSETS),
+    ("x1e-6 +1e5", "small and far off", "both at once", 1e-6, 1e5),
+)  # fmt: skip
 
 
 def ball_on_floor() -> Mesh:
@@ -21,6 +22,7 @@ def ball_on_floor() -> Mesh:
     return joined(floor, ball(0.5, (0, 0.6, 0)))
 
 
+@hard("V ball {place}", "ball on a floor, {where}", "{breaks}", PLACES)
 def small_scene(scale: float, offset: float) -> Trial:
     """A ball on a floor; ``offset`` in scene sizes, not along an axis."""
     place = np.array([0.8, -0.5, 0.33]) * offset * 6 * scale
@@ -30,12 +32,14 @@ def small_scene(scale: float, offset: float) -> Trial:
     )  # fmt: skip
 
 
+@hard("V soup {place}", "soup, {where}", "{breaks}", PLACES)
 def soup_scene(scale: float, offset: float) -> Trial:
     """A triangle soup of mixed sizes with a light inside."""
     place = np.array([-0.3, 0.9, 0.7]) * offset * 3 * scale
     return view(soup(77, 80), [(0.3, 0.4, 0.2), (4, 5, 6)], (0.3, 0.2, 3), (0, 0, -1), 0.5, scale=scale, offset=place)
 
 
+@hard("V sheet {place}", "rays through vertices, {where}", "{breaks}", PLACES)
 def vertex_sheet(scale: float, offset: float) -> Trial:
     """Rays through vertices and edges of a bumpy sheet: exactly so at the scales that are powers of two."""
     x = pixel_centres(16)[::2]
@@ -46,36 +50,13 @@ def vertex_sheet(scale: float, offset: float) -> Trial:
     )
 
 
+@hard(
+    "V light {radii:g} {where}", "light {radii:g} radii from the {where}", "offsets near, rounding of v - L far",
+    rows("radii", 1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6, 1e7), rows("where inside", ("ball", True), ("floor", False)),
+)  # fmt: skip
 def light_distance(radii: float, inside: bool) -> Trial:
     """A light ``radii`` scene radii from a point on top of the ball, or from the middle of the floor's edge."""
     direction = np.array([0.36, 0.8, 0.48])
     start = np.array([0, 1.1, 0]) if inside else np.array([2.0, 0.0, 1.0])
     x, y, z = (start + direction * radii * 4.3).tolist()
     return view(ball_on_floor(), [(x, y, z)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
-
-
-def _cases() -> Iterator[HardCase]:
-    scenes: tuple[tuple[str, str, Callable[[float, float], Trial]], ...] = (
-        ("ball", "ball on a floor", small_scene),
-        ("soup", "soup", soup_scene),
-        ("sheet", "rays through vertices", vertex_sheet),
-    )
-    for name, title, build in scenes:
-        for scale in SCALES:
-            yield case(f"V {name} x{scale:.3g}", f"{title}, scale {scale:.3g}", "absolute epsilons", build, scale, 0.0)
-        for offset in OFFSETS:
-            yield case(
-                f"V {name} +{offset:g}", f"{title}, {offset:g} scene sizes from the origin", "no recentring", build,
-                1.0, offset,
-            )  # fmt: skip
-        yield case(f"V {name} x1e-6 +1e5", f"{title}, small and far off", "both at once", build, 1e-6, 1e5)
-    for radii in LIGHT_DISTANCES:
-        for inside in (True, False):
-            where = "ball" if inside else "floor"
-            yield case(
-                f"V light {radii:g} {where}", f"light {radii:g} radii from the {where}",
-                "offsets near, rounding of v - L far", light_distance, radii, inside,
-            )  # fmt: skip
-
-
-CASES = tuple(_cases())

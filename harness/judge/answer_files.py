@@ -4,8 +4,6 @@ One .npz file per frame has the answers, the rays and lights as they were traced
 a file of its own, named by its hash and shared by every method.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -5,15 +5,13 @@ distance t and every tie is exact. Conventions: closed two-sided triangles, t > 
 does not see it), a coplanar ray is no hit, shadows are judged on the open segment.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from ..arrays import F32, F64, Floats
+
 Integers = tuple[int, int, int]
 Whole = Sequence[int]
 
@@ -24,7 +22,7 @@ EDGE_UNITS = 16.0
 """Distance in these units from an exact edge within which a ray is excused (a choice; see the accuracy notes)."""
 
 
-def edge_bound(*points: NDArray[np.floating]) -> F64:
+def edge_bound(*points: Floats) -> F64:
     """The one bound that excuses: 16 * 2^-24 of the largest coordinate, in scene units.
 
     Each argument has shape [n, ..., 3]: the points where rays start, and the points where they pass what they are tested
@@ -42,18 +40,18 @@ def edge_bound(*points: NDArray[np.floating]) -> F64:
 # --- integers -----------------------------------------------------------------------------------------------
 
 
-def scale_of(values: NDArray[np.float32]) -> int:
+def scale_of(values: F32) -> int:
     """The smallest k for which every value times 2^k is an integer (conservative: 24 bits each)."""
     _, exponents = np.frexp(values[values != 0])
     return 24 - int(exponents.min()) if len(exponents) else 0
 
 
-def integers(values: NDArray[np.float32], scale: int) -> list[int]:
+def integers(values: F32, scale: int) -> list[int]:
     """Every value times 2^scale, exactly."""
     return [int(math.ldexp(x, scale)) for x in values.ravel().tolist()]
 
 
-def whole_rows(values: NDArray[np.float32]) -> tuple[list[int], list[list[int]]]:
+def whole_rows(values: F32) -> tuple[list[int], list[list[int]]]:
     """:func:`scale_of` and :func:`integers` of each row [n, k] of finite values."""
     none = 1 << 16
     exponents = np.where(values != 0, np.frexp(values)[1], none).min(axis=1, initial=none)

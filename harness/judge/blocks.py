@@ -1,7 +1,5 @@
 """Work on many rays, a block on each processor: NumPy and Embree release the interpreter lock while they compute."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 

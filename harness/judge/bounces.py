@@ -5,18 +5,15 @@ itself: its rays against a numpy version computed from the answers of the bounce
 and shadow bits against Embree and the exact referee on those very rays, as primary rays are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.moment import F32, Moment
+from ..arrays import F32, F64, Bools, Ints
+from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .context import Judge
-
-F64 = NDArray[np.float64]
 
 FINE = 2.0**-48
 """Bound on the float64 rounding when a ray is made, 32 units: devices may fuse a multiplication with an addition."""
@@ -35,12 +32,12 @@ class Mirrored(Moment):
 
     ray_origins: F32 = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
     ray_directions: F32 = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
-    active: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    active: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
-    def origins(self, pixels: NDArray[np.integer]) -> F32:
+    def origins(self, pixels: Ints) -> F32:
         return self.ray_origins[pixels]
 
-    def directions(self, pixels: NDArray[np.integer]) -> F32:
+    def directions(self, pixels: Ints) -> F32:
         return self.ray_directions[pixels]
 
 
@@ -73,7 +70,7 @@ def bounce_answers(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArra
     return {**result, "triangle": np.where(idle, NO_RAY, result["triangle"])}
 
 
-def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> NDArray[np.bool_]:
+def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Bools:
     """The pixels whose ray of a bounce is not the one that follows from the bounce before. bool [pixels]
 
     A ray may differ from that of the numpy version by the rounding to float32, and by the float64 rounding, which is

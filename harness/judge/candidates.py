@@ -4,8 +4,6 @@ No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge
 short, and their triangles are decided exactly elsewhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,6 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ..arrays import F32, F64, I32, I64, Bools, Ints
 from ..frame.alpha import device_alpha
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
@@ -44,7 +43,7 @@ class Tree:
     reach: float
 
 
-def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray, device: str) -> Tree:
+def build_tree(points: F32, faces: I32, valid: NDArray, device: str) -> Tree:
     """Sort the valid triangles by size class and Morton code, and box them bottom-up."""
     ids = np.nonzero(valid)[0].astype(np.int32)
     corners = points[faces[ids]]
@@ -78,7 +77,7 @@ def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
     )
 
 
-def in_planes(corners: NDArray[np.float32], points: NDArray[np.float32]) -> NDArray[np.bool_]:
+def in_planes(corners: F32, points: F32) -> Bools:
     """Which triangles [n, 3, 3] have a point, [3] or one each [n, 3], exactly in their planes, bool [n]: in float64, and in
     integers where that is uncertain."""
     points = np.broadcast_to(points, (len(corners), 3))
@@ -96,7 +95,7 @@ def in_planes(corners: NDArray[np.float32], points: NDArray[np.float32]) -> NDAr
     return result
 
 
-def _keys(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int64]:
+def _keys(low: F32, high: F32) -> I64:
     """Sort keys: large triangles come first, so that they do not enlarge the boxes of small ones."""
     low, high = low.astype(np.float64), high.astype(np.float64)
     bottom, extent = low.min(axis=0), float((high.max(axis=0) - low.min(axis=0)).max()) or 1.0
@@ -113,14 +112,7 @@ def _keys(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int
 class Candidates:
     """Finds candidates in one mesh at one moment, on a device; ``tree`` is made once."""
 
-    def __init__(
-        self,
-        points: NDArray[np.float32],
-        faces: NDArray[np.int32],
-        valid: NDArray,
-        device: str,
-        mask: AlphaMask | None = None,
-    ) -> None:
+    def __init__(self, points: F32, faces: I32, valid: NDArray, device: str, mask: AlphaMask | None = None) -> None:
         self.device = device
         self.tree = build_tree(points, faces, valid, device)
         self._corners = points[faces] if len(faces) else np.zeros((0, 3, 3), dtype=np.float32)
@@ -128,9 +120,7 @@ class Candidates:
         self._faces = wp.array(faces, dtype=wp.vec3i, device=device)
         self._alpha = device_alpha(mask, device)
 
-    def along(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32], nearest: bool
-    ) -> Iterator[tuple[range, Lists]]:
+    def along(self, origins: F32, directions: F32, nearest: bool) -> Iterator[tuple[range, Lists]]:
         """Batches of rows and, for each ray, the triangles that it may hit; with ``nearest``, none beyond a certain
         hit."""
         for start in range(0, len(directions), BATCH):
@@ -148,14 +138,8 @@ class Candidates:
                 )
 
     def between(
-        self,
-        starts: NDArray[np.float64],
-        own: NDArray[np.int32],
-        lights: NDArray[np.float32],
-        segments: Segments,
-        every: bool,
-        margin: NDArray[np.float64] | None = None,
-    ) -> Iterator[tuple[slice, Lists, NDArray[np.int32]]]:
+        self, starts: F64, own: I32, lights: F32, segments: Segments, every: bool, margin: F64 | None = None
+    ) -> Iterator[tuple[slice, Lists, I32]]:
         """Batches of segments, and for each the triangles that may meet it, open, and one that certainly does, or -1.
 
         starts    exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
@@ -192,17 +176,13 @@ class Candidates:
                 held = self._hold(lists.found, batch.light[part][lists.of], lights)
                 yield slice(first + part.start, first + part.stop), lists.without(held), certain[part]
 
-    def _hold(
-        self, triangles: NDArray[np.int32], which: NDArray[np.int32], lights: NDArray[np.float32]
-    ) -> NDArray[np.bool_]:
+    def _hold(self, triangles: I32, which: I32, lights: F32) -> Bools:
         """Which triangles [n] have in their planes the lights of the given numbers [n]."""
         pairs, place = np.unique(which * np.int64(len(self._corners)) + triangles, return_inverse=True)
         light, triangle = np.divmod(pairs, max(1, len(self._corners)))
         return in_planes(self._corners[triangle], lights[light])[place]
 
-    def _counted(
-        self, kernel: wp.Kernel, inputs: Sequence, count: int, outputs: int = 0
-    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def _counted(self, kernel: wp.Kernel, inputs: Sequence, count: int, outputs: int = 0) -> tuple[I32, I32]:
         """Run a collecting kernel to count the candidates of each ray: their numbers, and its last output."""
         todo = wp.array(np.arange(count), dtype=wp.int32, device=self.device)
         given = [wp.empty(count, dtype=wp.int32, device=self.device) for _ in range(1 + outputs)]
@@ -210,14 +190,7 @@ class Candidates:
         self._launch(kernel, count, [*inputs, todo, todo, 0], [given[0], nothing, *given[1:]])
         return given[0].numpy().copy(), given[-1].numpy()
 
-    def _written(
-        self,
-        kernel: wp.Kernel,
-        inputs: Sequence,
-        rays: NDArray[np.integer],
-        counts: NDArray[np.int32],
-        outputs: int = 0,
-    ) -> Lists:
+    def _written(self, kernel: wp.Kernel, inputs: Sequence, rays: Ints, counts: I32, outputs: int = 0) -> Lists:
         """Run a collecting kernel to write the candidates of some rays, of which there are so many."""
         lists = Lists(np.zeros(int(counts.sum()), dtype=np.int32), counts)
         some = np.nonzero(counts)[0]

@@ -1,14 +1,13 @@
 """The class of every pixel's answers: decided by the referee at selected pixels, by comparison with the reference
 elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import I8, Bools
 from .consistency import Checked
 from .context import Judge
 from .hits import Exact
@@ -27,20 +26,20 @@ class Classes:
     bits      [lights, pixels]: of the shadow bits where the triangle is right; -1 elsewhere
     """
 
-    triangle: NDArray[np.int8]
-    primary: NDArray[np.int8]
-    named: NDArray[np.bool_]
-    bits: NDArray[np.int8]
+    triangle: I8
+    primary: I8
+    named: Bools
+    bits: I8
 
     @cached_property
-    def shadow(self) -> NDArray[np.int8]:
+    def shadow(self) -> I8:
         """``bits`` where they are scored: -1 also where t, u or v are wrong. A value that is not 0 or 1 is INVALID
         anywhere."""
         unscored = ~np.isin(self.primary, RIGHT) & (self.bits != Verdict.INVALID)
         return np.where(unscored, np.int8(-1), self.bits)
 
     @cached_property
-    def gravest(self) -> NDArray[np.int8]:
+    def gravest(self) -> I8:
         """One class per pixel: that of the primary answer unless it is right, then that of the worst bit. [pixels]"""
         result, right = self.primary.copy(), np.isin(self.primary, RIGHT)
         for kind in GRAVEST_BIT:
@@ -48,7 +47,7 @@ class Classes:
         return result
 
     @cached_property
-    def excused(self) -> NDArray[np.bool_]:
+    def excused(self) -> Bools:
         """Pixels with an excused answer."""
         return np.isin(self.primary, EXCUSED) | np.isin(self.shadow, EXCUSED).any(axis=0)
 
@@ -91,9 +90,7 @@ def classify(judge: Judge, checked: Checked, agreement: Agreement, selection: Se
     return Classes(triangle, primary, named, _classify_bits(judge, checked, named, selection, exact))
 
 
-def _classify_bits(
-    judge: Judge, checked: Checked, named: NDArray[np.bool_], selection: Selection, exact: Exact
-) -> NDArray[np.int8]:
+def _classify_bits(judge: Judge, checked: Checked, named: Bools, selection: Selection, exact: Exact) -> I8:
     """The class of every light's bits where the triangle is right. int8 [lights, pixels]
 
     Hit points that are not receivers have no shadow ray: a bit that is set there is an error. At the border of a spot the

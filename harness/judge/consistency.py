@@ -3,13 +3,12 @@
 The check of t, u and v runs over every pixel in float64, whose own error is far below the float32 tolerance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import F64, Bools
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .arithmetic import UNIT, edge_bound
@@ -36,14 +35,14 @@ class Checked:
     """
 
     answers: dict[str, NDArray]
-    outside: NDArray[np.bool_]
-    border: NDArray[np.bool_]
-    primary_invalid: NDArray[np.bool_]
-    shadow_invalid: NDArray[np.bool_]
-    t_wrong: NDArray[np.bool_]
-    uv_wrong: NDArray[np.bool_]
-    t_error: NDArray[np.float64]
-    uv_error: NDArray[np.float64]
+    outside: Bools
+    border: Bools
+    primary_invalid: Bools
+    shadow_invalid: Bools
+    t_wrong: Bools
+    uv_wrong: Bools
+    t_error: F64
+    uv_error: F64
 
 
 def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDArray]) -> Checked:

@@ -7,8 +7,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools
 from ..scene.effects import Effects
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
@@ -74,7 +74,7 @@ class Judge:
         return self.moment.width * self.moment.height
 
     @cached_property
-    def wanted(self) -> NDArray[np.bool_]:
+    def wanted(self) -> Bools:
         """Which lights have shadow rays. bool [lights]"""
         flags = np.zeros(len(self.moment.lights), dtype=bool)
         known = self.effects.shadows[: len(flags)]

@@ -1,15 +1,12 @@
 """Exact decisions in integer arithmetic: which of a few triangles a ray, or a segment to a light, intersects."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, I32
 from . import arithmetic as exact
 from .holes import Holes
 from .lists import Lists
 
-F32 = NDArray[np.float32]
 Ratio = tuple[int, int]
 
 
@@ -23,7 +20,7 @@ def integers_of(o: F32, d: F32, *more: F32) -> tuple[int, list[int]]:
 class Decisions:
     """Exact decisions on one mesh at one moment. ``points`` float32 [v, 3], ``faces`` int32 [n, 3]."""
 
-    def __init__(self, points: F32, faces: NDArray[np.int32], holes: Holes):
+    def __init__(self, points: F32, faces: I32, holes: Holes):
         self.points, self.faces, self.holes = points, faces, holes
 
     def hits(self, origins: F32, directions: F32, candidates: Lists) -> list[list[tuple[int, int, int]]]:
@@ -54,9 +51,7 @@ class Decisions:
         ratio = exact.on_plane(ints[0:3], ints[3:6], ints[6:15])
         return 0.0 if ratio is None else ratio[0] / ratio[1]
 
-    def between(
-        self, o: F32, d: F32, ratio: Ratio | None, light: F32, triangles: NDArray[np.int32], holes: bool = True
-    ) -> list[int]:
+    def between(self, o: F32, d: F32, ratio: Ratio | None, light: F32, triangles: I32, holes: bool = True) -> list[int]:
         """The triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
 
         ``holes``: whether a segment may pass through a hole; otherwise it meets the triangle there too.

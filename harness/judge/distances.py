@@ -5,8 +5,6 @@ the farthest corner, so it suffices unless corners are :data:`FAR` times as far 
 are the same for both: arrays hold float64 numbers, or fractions as objects. Until the end distances are squares.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -15,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arithmetic import F64
+from ..arrays import F64
 
 EDGES = ((0, 1), (1, 2), (2, 0))
 

@@ -1,12 +1,11 @@
 """Duplicates: triangles with the same three positions, in any order."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import F32, I32, Bools
 
 
-def lowest_duplicates(corners: NDArray[np.float32], single: NDArray[np.bool_]) -> NDArray[np.int32]:
+def lowest_duplicates(corners: F32, single: Bools) -> I32:
     """The lowest index of a triangle with the same three positions, int32 [n]; its own for those that are ``single``.
 
     corners [n, 3, 3], single [n]

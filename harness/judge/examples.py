@@ -1,7 +1,5 @@
 """Examples of wrong answers in a score: the pixel, the given answer and the exact one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

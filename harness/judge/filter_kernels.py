@@ -4,8 +4,6 @@ The tree is a heap: node i has children 2i and 2i + 1, leaf j holds ``LEAF`` tri
 exact; the slab test widens its interval by 2^-48, far more than its two roundings.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..frame.alpha import Alpha

@@ -6,8 +6,6 @@ absolute values); 16u is used, which also covers the rounding of the permanent i
 Values lie between 2^-447 and 2^387: no float64 overflow or underflow.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..frame.alpha import Alpha, texels_near

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, F64, I32, Ints
 from .arithmetic import whole_rows
 
 
@@ -21,10 +21,10 @@ class Hits:
     ties      the whole tie set of each ray in ascending order, () at a miss
     """
 
-    origins: NDArray[np.float32]
-    directions: NDArray[np.float32]
-    triangle: NDArray[np.int32]
-    t: NDArray[np.float64]
+    origins: F32
+    directions: F32
+    triangle: I32
+    t: F64
     ratio: list[tuple[int, int] | None]
     ties: list[tuple[int, ...]]
 
@@ -32,7 +32,7 @@ class Hits:
         return len(self.triangle)
 
     @cached_property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> F64:
         """Exact hit points rounded once to float64, shape [n, 3]; NaN at a miss."""
         points = np.full((len(self), 3), np.nan)
         rows = np.nonzero(self.triangle >= 0)[0]
@@ -47,7 +47,7 @@ class Hits:
             points[i] = [(ints[j] * under + ints[3 + j] * over) * grow / shift for j in range(3)]
         return points
 
-    def take(self, rows: NDArray[np.integer]) -> Hits:
+    def take(self, rows: Ints) -> Hits:
         """The hits of some of the rays."""
         return Hits(
             self.origins[rows],
@@ -78,8 +78,8 @@ class Exact:
     """The exact answers to n rays. ``occluders`` int32 [lights, n]: -1 if lit, or if the light has no shadow rays."""
 
     hits: Hits
-    occluders: NDArray[np.int32]
+    occluders: I32
 
-    def take(self, rows: NDArray[np.integer]) -> Exact:
+    def take(self, rows: Ints) -> Exact:
         """The answers to some of the rays."""
         return Exact(self.hits.take(rows), self.occluders[:, rows])

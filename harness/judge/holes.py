@@ -3,18 +3,14 @@
 The rule is :mod:`.scene.alpha`'s, without rounding: a hit counts if a texel that contains it, border included, is opaque.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64, U8, Bools, Ints
 from ..scene.scene import AlphaMask
 from .planes import plane_numbers
-
-F64 = NDArray[np.float64]
 
 
 class Holes:
@@ -23,7 +19,7 @@ class Holes:
     def __init__(self, mask: AlphaMask | None):
         self.mask = mask
 
-    def masked(self, triangles: NDArray[np.integer]) -> NDArray[np.bool_]:
+    def masked(self, triangles: Ints) -> Bools:
         """Which of the triangles [n] have a mask."""
         if self.mask is None:
             return np.zeros(len(triangles), dtype=bool)
@@ -49,9 +45,7 @@ class Holes:
             texels.append((texel % size,) if rest else (texel % size, (texel - 1) % size))
         return any(self.mask.opaque[row, column] for row, column in itertools.product(*texels))
 
-    def within(
-        self, triangles: NDArray[np.integer], corners: F64, o: F64, d: F64, bound: F64
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def within(self, triangles: Ints, corners: F64, o: F64, d: F64, bound: F64) -> tuple[Bools, Bools]:
         """Whether an opaque and whether a transparent texel lies within ``bound`` of the points where rays meet the
         planes.
 
@@ -81,7 +75,7 @@ class Holes:
             opaque[row], clear[row] = bool(texels.any()), not texels.all()
         return opaque, clear
 
-    def _block(self, place: F64, reach: F64) -> NDArray[np.uint8]:
+    def _block(self, place: F64, reach: F64) -> U8:
         """The texels that touch the box ``place`` +- ``reach`` (x, y, in texels); all of them where it is not known."""
         assert self.mask is not None
         bitmap = self.mask.opaque

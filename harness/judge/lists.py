@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import I32, I64, Bools, Ints
+
 MOST = 1 << 22
 """Candidates of one launch, unless one ray has more."""
 
@@ -20,10 +22,10 @@ class Lists:
     found  int32 [all];  counts int32 [n]
     """
 
-    found: NDArray[np.int32]
-    counts: NDArray[np.int32]
+    found: I32
+    counts: I32
 
-    def __getitem__(self, ray: int) -> NDArray[np.int32]:
+    def __getitem__(self, ray: int) -> I32:
         start = self.starts[ray]
         return self.found[start : start + self.counts[ray]]
 
@@ -31,7 +33,7 @@ class Lists:
         return len(self.counts)
 
     @cached_property
-    def starts(self) -> NDArray[np.int64]:
+    def starts(self) -> I64:
         """The place of the first candidate of each ray."""
         return np.cumsum(self.counts, dtype=np.int64) - self.counts
 
@@ -40,12 +42,12 @@ class Lists:
         """The ray of each candidate."""
         return np.repeat(np.arange(len(self)), self.counts)
 
-    def without(self, left_out: NDArray[np.bool_]) -> Lists:
+    def without(self, left_out: Bools) -> Lists:
         """The lists without some candidates [all]."""
         kept = np.bincount(self.of[~left_out], minlength=len(self)).astype(np.int32)
         return Lists(self.found[~left_out], kept)
 
-    def some(self, rays: NDArray[np.integer], first: int, most: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    def some(self, rays: Ints, first: int, most: int) -> tuple[NDArray[np.intp], I32]:
         """Of some rays, each with more than ``first`` candidates, at most so many from that one on: ray and triangle."""
         counts = np.minimum(self.counts[rays] - first, most)
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -56,11 +58,11 @@ class Lists:
 class Segments:
     """Segments from hit points to lights, by the numbers of both: int32 [n] each."""
 
-    row: NDArray[np.int32]
-    light: NDArray[np.int32]
+    row: I32
+    light: I32
 
     @staticmethod
-    def where(wanted: NDArray[np.bool_]) -> Segments:
+    def where(wanted: Bools) -> Segments:
         """Those that are wanted of each light to each hit point, bool [lights, hits]: light by light."""
         light, row = np.nonzero(wanted)
         return Segments(row.astype(np.int32), light.astype(np.int32))
@@ -72,7 +74,7 @@ class Segments:
         return Segments(self.row[part], self.light[part])
 
 
-def parts_of(counts: NDArray[np.int32]) -> Iterator[slice]:
+def parts_of(counts: I32) -> Iterator[slice]:
     """Slices of rays with at most :data:`MOST` candidates together, or of one ray."""
     ends, first = np.cumsum(counts, dtype=np.int64), 0
     while first < len(counts):

@@ -1,13 +1,12 @@
 """Where rays meet the planes of triangles: in float64 where that suffices, exactly elsewhere."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
+from ..arrays import F64
 from . import arithmetic as exact
-from .arithmetic import F64, edge_bound
+from .arithmetic import edge_bound
 from .distances import triangle_distance
 
 ROUNDING = 2.0**-49

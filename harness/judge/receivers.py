@@ -8,11 +8,10 @@ unit length, right-handed; then the cosine of the cone's half-angle and 0, or th
 elevation, in radians. :func:`receivers` reads them; kernels compute the same in float64.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import F64, Bools, Floats, Ints
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Spot
@@ -21,7 +20,7 @@ from .arithmetic import edge_bound
 from .planes import plane_numbers
 
 
-def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArray[np.bool_]:
+def receivers(moment: Moment, points: Floats, light: int) -> Bools:
     """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have shadow bit 0."""
     if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
         return np.ones(len(points), dtype=bool)
@@ -37,9 +36,7 @@ def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArr
     return (np.abs(np.arctan2(r, f)) <= row[10]) & (np.abs(np.arctan2(u, np.hypot(f, r))) <= row[11])
 
 
-def near_border(
-    moment: Moment, points: NDArray[np.floating], light: int, bound: NDArray[np.floating]
-) -> NDArray[np.bool_]:
+def near_border(moment: Moment, points: Floats, light: int, bound: Floats) -> Bools:
     """Which hit points [n, 3] lie within ``bound`` [n] of the border of a light's spot: rounding decides them."""
     if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
         return np.zeros(len(points), dtype=bool)
@@ -53,15 +50,13 @@ def near_border(
     return away <= bound
 
 
-def _from_ray(x: NDArray, y: NDArray, angle: float) -> NDArray[np.float64]:
+def _from_ray(x: NDArray, y: NDArray, angle: float) -> F64:
     """Distances of points (x, y) in a plane from the ray from 0 at an angle to the x axis."""
     ahead = x * np.cos(angle) + y * np.sin(angle) > 0.0
     return np.where(ahead, np.abs(y * np.cos(angle) - x * np.sin(angle)), np.hypot(x, y))
 
 
-def facing(
-    moment: Moment, corners: NDArray[np.floating], light: int, eye: NDArray[np.floating] | None = None
-) -> NDArray[np.bool_]:
+def facing(moment: Moment, corners: Floats, light: int, eye: Floats | None = None) -> Bools:
     """Which triangles [n, 3, 3] may face the light: eye and light are on the same side of the plane, or it is uncertain.
 
     ``eye``: the origin of the rays, by default the moment's. A sign is uncertain below :data:`DOUBT` of the terms of the
@@ -79,7 +74,7 @@ def facing(
         return ~(sure_e & sure_l & ((side_e > 0.0) != (side_l > 0.0)))
 
 
-def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float64]:
+def strength(spot: Spot | None, away: Floats) -> F64:
     """Relative intensity of a spot in the directions ``away`` [n, 3], for pictures: 0 outside, cos^falloff inside."""
     away = np.asarray(away, dtype=np.float64)
     if spot is None:
@@ -95,9 +90,7 @@ def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float6
     return receivers(moment, away, 0) * np.maximum(cosine, 0.0) ** spot.falloff
 
 
-def not_receivers(
-    prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def not_receivers(prepared: Prepared, moment: Moment, triangle: Ints) -> tuple[Bools, Bools]:
     """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), and which are within
     :func:`.arithmetic.edge_bound` of a spot's border, so that they may have one or not: bool [lights, pixels] each.
 

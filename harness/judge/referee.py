@@ -5,14 +5,13 @@ arithmetic (:mod:`.judge.arithmetic`) decides among them. The class says whether
 can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near an edge the ray must be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import F32, F64, I8, I32, U8, Bools, Ints
 from ..scene.scene import AlphaMask
 from . import arithmetic as exact
 from .candidates import BATCH, Candidates
@@ -38,12 +37,7 @@ class Referee:
     """
 
     def __init__(
-        self,
-        points: NDArray[np.float32],
-        faces: NDArray[np.int32],
-        valid: NDArray,
-        device: str = "cpu",
-        mask: AlphaMask | None = None,
+        self, points: F32, faces: I32, valid: NDArray, device: str = "cpu", mask: AlphaMask | None = None
     ) -> None:
         self.points = np.ascontiguousarray(points, dtype=np.float32).reshape(-1, 3)
         self.faces = np.ascontiguousarray(faces, dtype=np.int32).reshape(-1, 3)
@@ -53,16 +47,14 @@ class Referee:
         self._decisions = Decisions(self.points, self.faces, self.holes)
         self._candidates = Candidates(self.points, self.faces, self.valid, device, mask)
 
-    def is_of(
-        self, points: NDArray[np.float32], faces: NDArray, valid: NDArray, device: str, mask: AlphaMask | None
-    ) -> bool:
+    def is_of(self, points: F32, faces: NDArray, valid: NDArray, device: str, mask: AlphaMask | None) -> bool:
         """Whether this is the referee of a mesh on a device. A mesh with holes is another one."""
         arrays = ((self.points, points), (self.faces, faces), (self.valid, np.asarray(valid).astype(bool)))
         whole = self.device == device and self.holes.mask is None and mask is None
         return whole and all(np.array_equal(one, other, equal_nan=one is self.points) for one, other in arrays)
 
     @cached_property
-    def duplicate_of(self) -> NDArray[np.int32]:
+    def duplicate_of(self) -> I32:
         """The lowest index of a valid triangle with the same three positions, int32 [triangle_count]. A triangle with holes
         has no duplicates."""
         single = ~self.valid | self.holes.masked(np.arange(len(self.faces)))
@@ -70,7 +62,7 @@ class Referee:
 
     # --- exact answers ---
 
-    def closest(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
+    def closest(self, origins: F32, directions: F32) -> Hits:
         """Exact closest hits. ``origins`` float32 [3] or [n, 3]; ``directions`` float32 [n, 3]."""
         directions = np.asarray(directions, dtype=np.float32).reshape(-1, 3)
         origins = np.broadcast_to(np.asarray(origins, dtype=np.float32), directions.shape)
@@ -83,18 +75,12 @@ class Referee:
                     hits.put(i, found)
         return hits
 
-    def answers(
-        self,
-        origins: NDArray[np.float32],
-        directions: NDArray[np.float32],
-        lights: NDArray[np.float32],
-        wanted: Sequence[bool] | NDArray[np.bool_],
-    ) -> Exact:
+    def answers(self, origins: F32, directions: F32, lights: F32, wanted: Sequence[bool] | Bools) -> Exact:
         """Exact closest hits, and occluders for the ``wanted`` lights."""
         hits = self.closest(origins, directions)
         return Exact(hits, self._occluders(hits, lights, np.asarray(wanted, dtype=bool)))
 
-    def all_hits(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> list[list[tuple[float, int]]]:
+    def all_hits(self, origins: F32, directions: F32) -> list[list[tuple[float, int]]]:
         """Every exact hit of each ray as (t, triangle), unordered."""
         result: list[list[tuple[float, int]]] = []
         for rows, candidates in self._candidates.along(origins, directions, nearest=False):
@@ -103,14 +89,14 @@ class Referee:
                 result.append([(over / under, k) for over, under, k in found])
         return result
 
-    def occluders(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.int32]:
+    def occluders(self, hits: Hits, light: F32) -> I32:
         """One triangle that meets the open segment from each exact hit point to ``light``; -1 where none does.
 
         At a miss -1. Triangles that contain the exact hit point do not meet the open segment.
         """
         return self._occluders(hits, light[None], np.ones(1, dtype=bool))[0]
 
-    def _occluders(self, hits: Hits, lights: NDArray[np.float32], wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
+    def _occluders(self, hits: Hits, lights: F32, wanted: Bools) -> I32:
         """:meth:`occluders` of each ``wanted`` light, int32 [lights, n]; -1 for the others."""
         result = np.full((len(lights), len(hits)), -1, dtype=np.int32)
         for segments, candidates, sure in self._segments(
@@ -123,13 +109,13 @@ class Referee:
                 result[light, row] = met[0] if met else -1
         return result
 
-    def occluded(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.uint8]:
+    def occluded(self, hits: Hits, light: F32) -> U8:
         """Exact shadow bits: 1 shadowed, 0 lit or a miss."""
         return (self.occluders(hits, light) >= 0).astype(np.uint8)
 
     # --- classes ---
 
-    def classify_primary(self, hits: Hits, triangle: NDArray[np.integer]) -> NDArray[np.int8]:
+    def classify_primary(self, hits: Hits, triangle: Ints) -> I8:
         """The class [n] of the closest triangle that a method gave for each ray of ``hits``."""
         verdicts = np.full(len(hits), Verdict.OK, dtype=np.int8)
         wrong = []
@@ -147,14 +133,12 @@ class Referee:
             verdicts[rows] = self._classify_wrong(hits.take(rows), triangle[rows])
         return verdicts
 
-    def classify_shadow(self, hits: Hits, light: NDArray[np.float32], bits: NDArray[np.integer]) -> NDArray[np.int8]:
+    def classify_shadow(self, hits: Hits, light: F32, bits: Ints) -> I8:
         """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0)."""
         every = np.ones((1, len(hits)), dtype=bool)
         return self.classify_shadows(hits, light[None], bits[None], self.occluders(hits, light)[None], every)[0]
 
-    def classify_shadows(
-        self, hits: Hits, lights: NDArray[np.float32], bits: NDArray, occluders: NDArray, wanted: NDArray[np.bool_]
-    ) -> NDArray[np.int8]:
+    def classify_shadows(self, hits: Hits, lights: F32, bits: NDArray, occluders: NDArray, wanted: Bools) -> I8:
         """The classes [lights, n] of the ``wanted`` shadow bits; OK elsewhere.
 
         bits, occluders, wanted  [lights, n]: as a method gave them, an exact occluder or -1, and bool
@@ -171,7 +155,7 @@ class Referee:
         self._classify_leak(hits, lights, leaks & (verdicts == Verdict.OK), verdicts)
         return verdicts
 
-    def _classify_wrong(self, hits: Hits, given: NDArray[np.integer]) -> NDArray[np.int8]:
+    def _classify_wrong(self, hits: Hits, given: Ints) -> I8:
         """EDGE, NEAR_TIE or TRUE for answers outside the tie set.
 
         The given triangle must be hit, or be passed within the bound; every triangle hit before it must have
@@ -211,14 +195,7 @@ class Referee:
             verdicts[index[self._passed_over(o[index], d[index], k, at, reached[index])]] = Verdict.TRUE
         return verdicts
 
-    def _passed_over(
-        self,
-        o: NDArray[np.float64],
-        d: NDArray[np.float64],
-        triangle: NDArray[np.integer],
-        at: NDArray[np.float64],
-        reached: NDArray[np.float64],
-    ) -> NDArray[np.bool_]:
+    def _passed_over(self, o: F64, d: F64, triangle: Ints, at: F64, reached: F64) -> Bools:
         """Which hits (triangle, at) before ``reached`` cannot be missed by rounding: far from edges, eye and the given
         triangle."""
         distance, _, bound = self.ray_to(o, d, triangle, edges_only=True)
@@ -227,9 +204,7 @@ class Referee:
             close = np.minimum(reached - at, at) * np.linalg.norm(d, axis=1) <= bound
         return (at < reached) & ~close & (distance > bound) & ~clear
 
-    def _classify_acne(
-        self, hits: Hits, lights: NDArray[np.float32], wanted: NDArray[np.bool_], verdicts: NDArray[np.int8]
-    ) -> None:
+    def _classify_acne(self, hits: Hits, lights: F32, wanted: Bools, verdicts: I8) -> None:
         """EDGE where some triangle off the hit point passes within the bound of the segment, else ACNE."""
         margin = (
             exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(hits.points).max(axis=1), self._candidates.tree.reach)
@@ -251,9 +226,7 @@ class Referee:
                 found[index[passed & opaque]] = Verdict.EDGE
             verdicts[segments.light, segments.row] = found
 
-    def _classify_leak(
-        self, hits: Hits, lights: NDArray[np.float32], wanted: NDArray[np.bool_], verdicts: NDArray[np.int8]
-    ) -> None:
+    def _classify_leak(self, hits: Hits, lights: F32, wanted: Bools, verdicts: I8) -> None:
         """EDGE where every occluder is met within the bound of its edge, or has an end at its plane, else LEAK."""
         for segments, candidates, _ in self._segments(hits, lights, wanted, every=True):
             found = np.full(len(segments), Verdict.EDGE, dtype=np.int8)
@@ -264,9 +237,7 @@ class Referee:
                         found[index[j]] = Verdict.LEAK
             verdicts[segments.light, segments.row] = found
 
-    def _unexcused(
-        self, hits: Hits, row: NDArray[np.integer], lights: NDArray[np.float32], k: NDArray[np.int32]
-    ) -> NDArray[np.bool_]:
+    def _unexcused(self, hits: Hits, row: Ints, lights: F32, k: I32) -> Bools:
         """Which triangles [n], if they meet the segments from hit points to lights [n, 3], rounding cannot miss: met beyond
         the bound from their edges, with both ends beyond it from their planes."""
         near, far, corners = hits.points[row], lights.astype(np.float64), self.corners(k)
@@ -279,13 +250,8 @@ class Referee:
     # --- parts ---
 
     def _segments(
-        self,
-        hits: Hits,
-        lights: NDArray[np.float32],
-        wanted: NDArray[np.bool_],
-        every: bool,
-        margin: NDArray[np.float64] | None = None,
-    ) -> Iterator[tuple[Segments, Lists, NDArray[np.int32]]]:
+        self, hits: Hits, lights: F32, wanted: Bools, every: bool, margin: F64 | None = None
+    ) -> Iterator[tuple[Segments, Lists, I32]]:
         """:meth:`.Candidates.between` of the ``wanted`` segments from exact hit points to lights, bool [lights, n]."""
         segments = Segments.where(wanted)
         if not len(segments):
@@ -294,25 +260,16 @@ class Referee:
         for part, candidates, sure in self._candidates.between(points, hits.triangle, lights, segments, every, margin):
             yield segments[part], candidates, sure
 
-    def _between(
-        self,
-        hits: Hits,
-        i: int | np.integer,
-        light: NDArray[np.float32],
-        triangles: NDArray[np.int32],
-        holes: bool = True,
-    ) -> list[int]:
+    def _between(self, hits: Hits, i: int | np.integer, light: F32, triangles: I32, holes: bool = True) -> list[int]:
         """The triangles that exactly meet the open segment from hit point i to the light (:class:`.Decisions`)."""
         o, d = hits.origins[i], hits.directions[i]
         return self._decisions.between(o, d, hits.ratio[i], light, triangles, holes)
 
-    def corners(self, triangles: NDArray[np.integer]) -> NDArray[np.float64]:
+    def corners(self, triangles: Ints) -> F64:
         """The corners of triangles, float64 [n, 3, 3]."""
         return self.points[self.faces[triangles]].astype(np.float64)
 
-    def ray_to(
-        self, o: NDArray[np.float64], d: NDArray[np.float64], triangles: NDArray[np.integer], edges_only: bool = False
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def ray_to(self, o: F64, d: F64, triangles: Ints, edges_only: bool = False) -> tuple[F64, F64, F64]:
         """Distance of rays from triangles (or their edges), the t at which it is smallest, and the bound; each [n]."""
         corners = self.corners(triangles)
         if not len(corners):
@@ -325,9 +282,7 @@ class Referee:
         return distance, t, exact.edge_bound(o, o + t[:, None] * d)
 
 
-def _rounds(
-    candidates: Lists, verdicts: NDArray[np.int8], undecided: Verdict
-) -> Iterator[tuple[NDArray[np.intp], NDArray[np.int32]]]:
+def _rounds(candidates: Lists, verdicts: I8, undecided: Verdict) -> Iterator[tuple[NDArray[np.intp], I32]]:
     """Pairs (ray, candidate) of the rays that are still ``undecided``: first a few per ray, then more for the remaining
     rays.
 

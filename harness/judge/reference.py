@@ -6,8 +6,6 @@ which are overwritten; do not read the details of an OCCLUDED query, which are u
 does not. It has no minimum ray length; so the origin of a shadow ray is moved off the surface by a bound of its rounding.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import importlib.util
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import F32, I32, U8
 from ..files import DAMAGED, opened_arrays, write_arrays
 from ..frame.devices import cpu_model
 from ..scene.effects import Effects
@@ -57,11 +56,11 @@ class Reference:
     these were made from, for images of at most :data:`DECIDED` pixels.
     """
 
-    triangle: NDArray[np.int32]
-    t: NDArray[np.float32]
-    u: NDArray[np.float32]
-    v: NDArray[np.float32]
-    shadowed: NDArray[np.uint8]
+    triangle: I32
+    t: F32
+    u: F32
+    v: F32
+    shadowed: U8
     provenance: dict[str, Any]
     decided: Exact | None = None
 
@@ -139,7 +138,7 @@ def embree_installed() -> bool:
     return importlib.util.find_spec("embreex") is not None
 
 
-def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray) -> Any | None:
+def make_scene(points: F32, faces: I32, valid: NDArray) -> Any | None:
     """An Embree scene of the valid triangles with unchanged ids; None if there is no valid triangle.
 
     Invalid triangles get a NaN vertex: Embree drops such triangles, and the others keep their ids. Raises ValueError for
@@ -161,9 +160,7 @@ def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
     return scene
 
 
-def shadow_origins(
-    corners: NDArray[np.float32], eye: NDArray[np.float32], directions: NDArray[np.float32], lights: NDArray[np.float32]
-) -> Iterator[NDArray[np.float32]]:
+def shadow_origins(corners: F32, eye: F32, directions: F32, lights: F32) -> Iterator[F32]:
     """Origins of shadow rays [n, 3] to each light [lights, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved
     off the surface.
 

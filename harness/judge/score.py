@@ -11,14 +11,13 @@ An answer is never excused by its position in the image, only by :func:`.judge.a
 timed, and methods get no information from it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import I8
 from .bounces import bounce_answers, bounce_judge, wrong_rays
 from .classify import Judgement, classify, decide
 from .consistency import check_consistency
@@ -46,7 +45,7 @@ class Scored:
     that this score and those of other methods exchange (:mod:`.judge.shared_errors`)."""
 
     score: Score
-    classes: NDArray[np.int8]
+    classes: I8
     disputes: tuple[Disputes, ...]
 
 
@@ -69,7 +68,7 @@ def judge_frame(judge: Judge, answers: dict[str, NDArray]) -> list[Judgement]:
     return found
 
 
-def gravest_classes(found: list[Judgement]) -> NDArray[np.int8]:
+def gravest_classes(found: list[Judgement]) -> I8:
     """One class per pixel, int8 [pixels]: that of its primary answers if they are wrong, else that of the first bounce
     with a wrong answer."""
     result = found[0].classes.gravest
@@ -165,5 +164,5 @@ def _count_reference(found: Judgement, lights: list[int]) -> ReferenceErrors:
     return ReferenceErrors(primary=primary, shadow=tuple(shadow))
 
 
-def _tally(classes: NDArray[np.int8], kinds: tuple[Verdict, ...]) -> dict[str, int]:
+def _tally(classes: I8, kinds: tuple[Verdict, ...]) -> dict[str, int]:
     return {kind.key: int((classes == kind).sum()) for kind in kinds}

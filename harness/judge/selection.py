@@ -1,13 +1,12 @@
 """The pixels where answers and reference differ, and the pixels that are decided exactly: those, their neighbours, a
 random sample."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools
 from .consistency import Checked
 from .context import Judge
 from .referee import Referee
@@ -24,8 +23,8 @@ class Agreement:
     bits      bool [lights, pixels]: where both have the same hit point and different shadow bits
     """
 
-    triangle: NDArray[np.bool_]
-    bits: NDArray[np.bool_]
+    triangle: Bools
+    bits: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ def compare(judge: Judge, checked: Checked) -> Agreement:
     return Agreement(agree, (given["shadowed"] != expected) & comparable & judge.wanted[:, None])
 
 
-def same_triangle(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np.bool_]:
+def same_triangle(given: NDArray, expected: NDArray, referee: Referee) -> Bools:
     """Where two closest triangles are the same one, or exact duplicates of each other. bool [pixels]"""
     agree = given == expected
     if agree.all():

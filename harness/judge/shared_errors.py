@@ -10,16 +10,14 @@ methods differ, or a method and the reference, is then decided for all methods.
 Wrong t, u or v are not shared, because they are checked at every pixel of every method.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import I8, I64, U8, Bools
 from ..files import array_hash
 from .classify import Judgement
 from .counts import Score, Shared, check_of
@@ -48,11 +46,11 @@ class Disputes:
     place: str
     reference: str
     width: int
-    state: NDArray[np.uint8]
-    pixels: NDArray[np.int64]
-    hit: NDArray[np.bool_]
-    primary: NDArray[np.int8]
-    shadow: NDArray[np.int8]
+    state: U8
+    pixels: I64
+    hit: Bools
+    primary: I8
+    shadow: I8
 
 
 def find_disputes(found: Judgement) -> Disputes:
@@ -133,9 +131,7 @@ def charge(score: Score, disputes: Sequence[Disputes], pool: dict[str, tuple[Dis
     return replace(Score.from_json(facts), settled=shared)
 
 
-def charged_pixels(
-    disputes: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]
-) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+def charged_pixels(disputes: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]) -> tuple[I64, I8]:
     """The pixels whose errors are added to a score, primary rays first, and their worst classes."""
     pixels, kinds = [np.zeros(0, np.int64)], [np.zeros(0, np.int8)]
     for own in disputes:

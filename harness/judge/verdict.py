@@ -1,7 +1,5 @@
 """The classes of answers, and the verdict that the referee gives."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 

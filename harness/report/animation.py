@@ -1,14 +1,12 @@
 """An animated picture: frames as one looping WebP file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import U8
 from ..errors import UserError
 from ..files import replacing
 from .picture import PAPER
@@ -33,7 +31,7 @@ def check_animation(width: int, height: int, frames: int) -> None:
         )
 
 
-def beside(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def beside(pictures: Sequence[U8]) -> U8:
     """The pictures in a row, tops aligned, on one sheet: uint8 [height, width, 3]."""
     sheet = np.empty((max(p.shape[0] for p in pictures), sum(p.shape[1] for p in pictures), 3), dtype=np.uint8)
     sheet[:] = PAPER
@@ -44,7 +42,7 @@ def beside(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return sheet
 
 
-def save_webp(frames: Sequence[NDArray[np.uint8]], path: Path, seconds: float) -> Path:
+def save_webp(frames: Sequence[U8], path: Path, seconds: float) -> Path:
     """Write frames, uint8 [height, width, 3] each, as a looping WebP file that lasts ``seconds``. Whole or not at all.
 
     Players show a frame for whole milliseconds, at least 10.

@@ -4,8 +4,6 @@ FLIP (Andersson et al. 2020) measures how different two pictures look when one f
 million hardly change it, so it is shown beside the counts and never instead of them.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import U8
 from ..judge.context import Judge
 from ..judge.score import Scored, score_answers
 from ..results.pixel_maps import OFFSET, write_map, wrong_path
@@ -52,12 +51,12 @@ def keep_wrong(
     return scored, flip(right, given)
 
 
-def picture(judge: Judge, answers: dict[str, NDArray]) -> NDArray[np.uint8]:
+def picture(judge: Judge, answers: dict[str, NDArray]) -> U8:
     """Answers as a picture, uint8 [height, width, 3]."""
     return shade(judge.prepared, judge.moment, answers, judge.prepared.lights(judge.moment.index))
 
 
-def flip(reference: NDArray[np.uint8], given: NDArray[np.uint8]) -> dict[str, Any]:
+def flip(reference: U8, given: U8) -> dict[str, Any]:
     """Mean FLIP of a picture against the reference's, 0 (same) to 1; None with the reason where it is absent."""
     if importlib.util.find_spec("flip_evaluator") is None:
         return {"flip": None, "flip_missing": FLIP_MISSING}

@@ -3,8 +3,6 @@
 Never part of a timed frame. A caption says what is a stand-in, so that it cannot be mistaken for the original.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import struct
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
+from ..arrays import F64, U8
 from ..files import open_regular, replacing
 from ..frame.effects.shading import shaded
 from ..scene.facts import triangles
@@ -52,9 +51,7 @@ NARROWEST = 256
 PAPER = (250, 250, 248)
 
 
-def shade(
-    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]
-) -> NDArray[np.uint8]:
+def shade(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]) -> U8:
     """The picture of a frame, uint8 [height, width, 3].
 
     answers  as :meth:`.frame.frame.Answers.to_host` gives them: triangle, t, shadowed (u and v are not needed), and
@@ -75,7 +72,7 @@ def shade(
     return picture.reshape(moment.height, moment.width, 3)
 
 
-def display(radiance: NDArray[np.float64]) -> NDArray[np.uint8]:
+def display(radiance: F64) -> U8:
     """Linear radiance [n, 3] as display values: a curve with a white point on the luminance, then sRGB."""
     radiance = radiance * EXPOSURE
     luminance = radiance @ np.array([0.2126, 0.7152, 0.0722])
@@ -85,7 +82,7 @@ def display(radiance: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(srgb * 255).astype(np.uint8)
 
 
-def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "", inks: Sequence[str] = ()) -> bytes:
+def png_bytes(picture: U8, colours: int = 256, shows: str = "", inks: Sequence[str] = ()) -> bytes:
     """A compact PNG of uint8 [height, width, 3], ``shows`` in it: at most ``colours``, or greys and ``inks`` ("#rrggbb")."""
     image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
     exact = image.getcolors(colours)
@@ -121,7 +118,7 @@ def shown_in(path: Path | str) -> str | None:
     return None if image is None else image.info.get(SHOWS)
 
 
-def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "", colours: int = 256) -> Path:
+def save_png(picture: U8, path: Path | str, shows: str = "", colours: int = 256) -> Path:
     """Write a picture compactly (a 512x512 frame stays well below 300 kB) and return its path."""
     path = Path(path)
     # Whole or not at all: a run that is killed here makes the picture again, not half of it.
@@ -148,7 +145,7 @@ def scene_picture(
     return save_png(captioned(picture, scene.title, facts, scene.stand_in), path, shows)
 
 
-def captioned(picture: NDArray[np.uint8], title: str, facts: str, stand_in: str | None = None) -> NDArray[np.uint8]:
+def captioned(picture: U8, title: str, facts: str, stand_in: str | None = None) -> U8:
     """The picture with a strip of text below it: title and facts, and what a stand-in stands in for."""
     high, width = picture.shape[0], max(NARROWEST, picture.shape[1])
     size = max(13, width // 34)

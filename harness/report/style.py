@@ -1,7 +1,5 @@
 """Style that all tables and drawings share: one colour per method, one name for each quantity, light axes."""
 
-from __future__ import annotations
-
 import importlib
 import math
 import zlib

@@ -7,8 +7,6 @@ is the same where the 95 % interval of the gap lies within the margin. Otherwise
 wrongly and A did not is wrong, never faster.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..results.newest import entry_of
 from ..results.record import Record
 from ..results.throttled import disturbed, usual_clock
@@ -36,8 +34,6 @@ LEVEL = 0.05
 
 SPLITS = 200
 """Ways to halve a run, at most, to find its own spread."""
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -300,12 +296,12 @@ def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, F64] | None) -> Row:
 
 def _judged(row: Row, p: float, margin: float) -> Row:
     """The row with its corrected p and its verdict."""
+    least = max(margin, row.spread)
     if row.errs:
-        return replace(row, p=p, verdict=SLOWER if _slower(row, p, margin) else WRONG, reason="")
+        return replace(row, p=p, verdict=SLOWER if p < LEVEL and row.gap > least else WRONG, reason="")
     if math.isnan(p):
         return row
     row = replace(row, p=p)
-    least = max(margin, row.spread)
     if p < LEVEL and row.gap < -least and row.unjudged:
         return replace(row, reason="its answers in B were not judged, as those in A were")
     if p < LEVEL and abs(row.gap) > least:
@@ -317,10 +313,6 @@ def _judged(row: Row, p: float, margin: float) -> Row:
     if p < LEVEL:
         return replace(row, reason=f"a gap within {margin:.0%}, whose interval is not")
     return replace(row, reason="no difference found, and the interval is too wide to exclude one")
-
-
-def _slower(row: Row, p: float, margin: float) -> bool:
-    return p < LEVEL and row.gap > max(margin, row.spread)
 
 
 def _values(one: Timed) -> F64:

@@ -6,8 +6,6 @@ and ``shadowbench score`` after scoring. The records then have the counts; the f
 are scored in the same folder.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import fields

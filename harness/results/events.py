@@ -4,8 +4,6 @@ The classes are the schema. A reply is checked when it arrives, because a method
 its values; a journal is checked when it is opened.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Required, TypedDict
 
 from ..judge.counts import Count, Score

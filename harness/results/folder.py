@@ -1,7 +1,5 @@
 """A folder of results: its files, the lock of the run that writes to it, and errors of writing."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

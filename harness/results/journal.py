@@ -1,7 +1,5 @@
 """A journal: the events of a point, appended one JSON line at a time."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

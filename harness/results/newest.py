@@ -1,7 +1,5 @@
 """Of several records for one table entry, select the one that a run used last."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path

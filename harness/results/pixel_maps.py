@@ -1,17 +1,15 @@
 """Work counts of single pixels, stored as small pictures beside the records: what a heat map is drawn from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import I8, I64, Ints
 from ..files import open_regular, replacing
 from ..judge.verdict import RIGHT
 
-Counts = NDArray[np.int64]
+Counts = I64
 
 
 def map_path(folder: Path, key: str, frame: int) -> Path:
@@ -19,7 +17,7 @@ def map_path(folder: Path, key: str, frame: int) -> Path:
     return folder / "maps" / f"{key}-{frame}.png"
 
 
-def write_map(path: Path, counts: NDArray[np.integer]) -> None:
+def write_map(path: Path, counts: Ints) -> None:
     """Keep counts [height, width] as a PNG: red, green and blue are the bytes of a 24-bit number, highest first.
 
     Written atomically. Raises ValueError for a count that does not fit: none is ever cut.
@@ -48,12 +46,12 @@ def wrong_path(folder: Path, key: str, frame: int) -> Path:
     return folder / "maps" / f"{key}-{frame}-wrong.png"
 
 
-def read_wrong(path: Path) -> NDArray[np.int64]:
+def read_wrong(path: Path) -> I64:
     """Classes of :class:`.judge.referee.Verdict` [height, width]; -1: left unjudged."""
     return read_map(path) - OFFSET
 
 
-def mark_wrong(path: Path, pixels: NDArray[np.integer], classes: NDArray[np.int8]) -> None:
+def mark_wrong(path: Path, pixels: Ints, classes: I8) -> None:
     """Set pixels of a map of classes that were counted as right; nothing where there is no map or nothing changes."""
     if not (len(pixels) and path.exists()):
         return

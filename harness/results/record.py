@@ -5,8 +5,6 @@ must be in the file, one with a default may be absent (an older version or anoth
 that is not declared is refused (:mod:`.results.schema`).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field

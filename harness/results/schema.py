@@ -4,8 +4,6 @@ A file that was written by another program, edited by hand or damaged is refused
 field.
 """
 
-from __future__ import annotations
-
 import json
 import lzma
 import os

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64, I64
 from ..frame.registry import label_of
 from ..frame.schedule.passes import BUILD_PARTS, PARTS
 from ..judge.counts import Score, total
@@ -214,8 +214,8 @@ class _Samples(NamedTuple):
     frame: int
     part: str
     name: str
-    rounds: NDArray[np.int64]
-    ms: NDArray[np.float64]
+    rounds: I64
+    ms: F64
 
 
 def _series(record: Record) -> list[_Samples]:

@@ -1,7 +1,5 @@
 """Rounds that were disturbed, from what a record has of the GPU's clocks and the host's load at the end of each round."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from math import isfinite
 from pathlib import Path

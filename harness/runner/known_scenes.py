@@ -4,8 +4,6 @@ The facts of a scene, which are part of a point's key, come from the worker that
 records all the same, with other keys: these must go when the scene is there, or tables would show it twice.
 """
 
-from __future__ import annotations
-
 import glob
 import hashlib
 from collections.abc import Iterable

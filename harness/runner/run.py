@@ -6,8 +6,6 @@ Reading a prepared scene and scoring answers are not timed; several workers may 
 wait while this one takes samples, and this one waits for them: see :mod:`.runner.machine.lock`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import itertools

@@ -8,14 +8,13 @@ float64 operations in another order could give another answer. Therefore methods
 own rounding on both sides, and count the hit if any of them is opaque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import I32
 from ..errors import UserError
 from .corner_order import follow
 from .scene import AlphaMask, Geometry, Scene
@@ -53,7 +52,7 @@ def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
     )
 
 
-def alpha_of(scene: Scene, geometry: Geometry, faces: NDArray[np.int32]) -> AlphaMask | None:
+def alpha_of(scene: Scene, geometry: Geometry, faces: I32) -> AlphaMask | None:
     """The checked mask of a scene's geometry, its coordinates in the order of the corners of ``faces``; None where every
     triangle is opaque."""
     if scene.alpha is None:

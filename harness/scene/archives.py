@@ -1,7 +1,5 @@
 """Unpack meshes from downloaded archives: no path leaves the folder, and the unpacked size is limited."""
 
-from __future__ import annotations
-
 import fnmatch
 import gzip
 import tarfile

@@ -13,8 +13,6 @@ a translation; or a ``matrix`` of four rows that column vectors are multiplied b
 longest stays as in its last one.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 from collections.abc import Callable, Sequence
@@ -23,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64, I32, Floats
 from ..errors import UserError, note
 from .declared_values import known, listed, number, typed, vector
 from .light_paths import vector as to_vector
@@ -33,7 +31,7 @@ from .scene import Camera, Geometry, Moves, Scene, Source
 from .shape import shape_of
 from .views import view
 
-MATRIX = NDArray[np.float64]
+MATRIX = F64
 """float64 [4, 4]: what column vectors are multiplied by."""
 
 
@@ -97,7 +95,7 @@ def matrix_of(path: Path, where: str, table: Any) -> MATRIX:
     return matrix
 
 
-def _turn(axis: int, degrees: float) -> NDArray[np.float64]:
+def _turn(axis: int, degrees: float) -> F64:
     """The rotation about a coordinate axis, counterclockwise seen from its tip; exact for multiples of 90 degrees."""
     quarters, rest = divmod(degrees, 90.0)
     angle = np.radians(rest)
@@ -171,7 +169,7 @@ def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
     )
     chosen = wanted.chosen(path, max(mesh.frame_count for mesh in meshes))
 
-    def positions(frame: int) -> NDArray[np.float64]:
+    def positions(frame: int) -> F64:
         return np.concatenate(
             [
                 _placed(mesh.positions(min(chosen[frame], mesh.frame_count - 1)), matrix)
@@ -188,13 +186,13 @@ def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
     return Geometry(faces, positions, len(chosen), motion)
 
 
-def _outwards(faces: NDArray[np.int32], matrix: MATRIX) -> NDArray[np.int32]:
+def _outwards(faces: I32, matrix: MATRIX) -> I32:
     """The triangles of a mesh, turned round where the matrix mirrors: the front of a closed mesh stays its outside."""
     return faces[:, [0, 2, 1]] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces
 
 
-def _placed(points: NDArray[np.floating], matrix: MATRIX) -> NDArray[np.float64]:
-    placed: NDArray[np.float64] = points.astype(np.float64)
+def _placed(points: Floats, matrix: MATRIX) -> F64:
+    placed: F64 = points.astype(np.float64)
     if not np.array_equal(matrix, np.eye(4)):
         with np.errstate(over="ignore", invalid="ignore"):
             placed = placed @ matrix[:3, :3].T + matrix[:3, 3]

@@ -4,8 +4,6 @@ A scene of the paper is a procedural stand-in, unless the folder of original sce
 there is a scene of its name, too.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..errors import UserError
 from .catalogue import resolve
 from .moment import ray_tables
@@ -135,7 +135,7 @@ def _vector(numbers: list[float]) -> Vector:
     return x, y, z
 
 
-def _upright(view: NDArray[np.float64], up: Vector) -> Vector:
+def _upright(view: F64, up: Vector) -> Vector:
     """``up``; if it is parallel to the view direction, the coordinate axis most perpendicular to the view."""
     size = float(np.abs(view).max())
     if size and np.linalg.norm(np.cross(np.divide(view, size), up)) > 1e-6 * np.linalg.norm(up):

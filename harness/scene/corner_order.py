@@ -6,15 +6,15 @@ numbers are the same bits, and the lowest index wins in every method. Nobody see
 a triangle with a lower index is hit wherever it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
-Faces = NDArray[np.int32]
+from ..arrays import I32
+
+Faces = I32
 
 
-def in_order_of_duplicates(faces: Faces, weld: NDArray[np.int32], closed: bool) -> Faces:
+def in_order_of_duplicates(faces: Faces, weld: I32, closed: bool) -> Faces:
     """``faces`` with the corners of each duplicate in the order of the first triangle with the same welded corners.
 
     faces [n, 3], weld [vertex_count] as :func:`.prepared.weld` gives it. In a ``closed`` scene duplicates that are wound

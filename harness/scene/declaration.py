@@ -37,13 +37,11 @@ Everything else is taken from the mesh. [[cameras]] are offered by their names, 
 mesh there may be several [[meshes]], see :mod:`.assembly`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
-import hashlib
 import tomllib
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +95,9 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
         "closed": typed(path, "closed", table.get("closed", base.closed), bool),
         "facing": typed(path, "facing", table.get("facing", base.facing), bool),
         "source": dataclasses.replace(
-            base.source, file=f"{visible(path.name)}: {base.source.file or base.name}", sha256=_hash(base, data)
+            base.source,
+            file=f"{visible(path.name)}: {base.source.file or base.name}",
+            sha256=sha256(base.source.sha256.encode() + data).hexdigest(),
         ),
     }
     if "outputs" in table:
@@ -175,8 +175,3 @@ def _title(path: Path, table: Any) -> str:
     if not title.strip() or not title.isprintable():
         raise UserError(f"{path}: title must be one line of text")
     return title
-
-
-def _hash(base: Scene, data: bytes) -> str:
-    """A hash of the mesh and of the declaration."""
-    return hashlib.sha256(base.source.sha256.encode() + data).hexdigest()

@@ -1,7 +1,5 @@
 """Values of a declaration, checked: each error names the file and where in it the value stands."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The cameras and lights of a declaration: written out, or those of its file by their names."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path

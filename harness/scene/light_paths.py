@@ -3,8 +3,6 @@
 Declared scenes and the lightings of experiments (:mod:`.scene.overrides`) both take their lights from here.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,17 +1,12 @@
 """One moment of a scene: the arrays of a frame on the host, and the tables of its rays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, F64, U8, Ints
 from ..errors import UserError
 from .scene import Camera, Light
-
-F32 = NDArray[np.float32]
-
 
 NEARER = 2.0**-32
 """Share of the distance to a directional light at which its post lies: 2^24 radii away."""
@@ -44,14 +39,14 @@ class Moment:
 
     index: int
     points: F32
-    valid: NDArray[np.uint8]
+    valid: U8
     eye: F32
     axes: F32
     tangents: F32
     column: F32
     row: F32
     lights: F32
-    spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
+    spots: F64 = field(default_factory=lambda: np.zeros((0, 12)))
     facing: bool = False
     max_coordinate: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
     proxy_positions: F32 | None = None
@@ -65,19 +60,19 @@ class Moment:
     def height(self) -> int:
         return len(self.row)
 
-    def directions(self, pixels: NDArray[np.integer]) -> F32:
+    def directions(self, pixels: Ints) -> F32:
         """The float32 directions [n, 3] of the given pixel indices (row * width + column)."""
         if self.orthographic:
             return np.broadcast_to(self.axes[2], (len(pixels), 3))
         return self._sums(pixels)
 
-    def origins(self, pixels: NDArray[np.integer]) -> F32:
+    def origins(self, pixels: Ints) -> F32:
         """The origins of the rays of the given pixel indices, float32 [n, 3]."""
         if self.orthographic:
             return self._sums(pixels)
         return np.broadcast_to(self.eye, (len(pixels), 3))
 
-    def _sums(self, pixels: NDArray[np.integer]) -> F32:
+    def _sums(self, pixels: Ints) -> F32:
         return self.column[pixels % self.width] + self.row[pixels // self.width]
 
 
@@ -94,7 +89,7 @@ def max_coordinate_of(starts: F32, extent: float) -> F32:
     return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)
 
 
-def ray_tables(camera: Camera, width: int, height: int, centre: NDArray[np.float64]) -> tuple[F32, F32, F32, F32, F32]:
+def ray_tables(camera: Camera, width: int, height: int, centre: F64) -> tuple[F32, F32, F32, F32, F32]:
     """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
 
     Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical.

@@ -1,8 +1,6 @@
 """The names of the catalogue's scenes, in a module apart from the catalogue, so that names can be read without the file
 readers."""
 
-from __future__ import annotations
-
 NAMES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 """The paper's scenes, in the order of its Table 1. Each has a stand-in of that name (:mod:`.scene.standins`)."""
 

@@ -1,7 +1,5 @@
 """The real scenes that public archives and packages offer: where each is, its terms and its checksum."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,12 +1,11 @@
 """The measurements of a mesh from which a camera is chosen: what can be hit, its bounds, its walls and its upward axis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import F64, I32, I64, Floats
 from .prepared import finite_bounds
 from .scene import Geometry, Vector
 
@@ -30,18 +29,18 @@ class Shape:
     far     number of triangles, in the frame that has most of them, that are too far from the others to be seen
     """
 
-    points: NDArray[np.float64]
-    sides: NDArray[np.float64]
+    points: F64
+    sides: F64
     up: int
-    corners: NDArray[np.float64]
+    corners: F64
     far: int = 0
 
     @property
-    def low(self) -> NDArray[np.float64]:
+    def low(self) -> F64:
         return finite_bounds(self.points)[0]
 
     @property
-    def high(self) -> NDArray[np.float64]:
+    def high(self) -> F64:
         return finite_bounds(self.points)[1]
 
     @property
@@ -54,7 +53,7 @@ class Shape:
         """Index of the axis along which it extends least."""
         return int(np.argmin(self.high - self.low))
 
-    def facing(self, direction: NDArray[np.float64]) -> float:
+    def facing(self, direction: F64) -> float:
         """Share of the area that is seen from a direction, a unit vector: 0 for planes that are all seen edge-on."""
         e, f = self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
         normals = np.cross(e, f)
@@ -93,7 +92,7 @@ def shape_of(geometry: Geometry, up: Vector | None = None) -> Shape:
     return Shape(seen, _covered(corners, low, high), axis, corners, far)
 
 
-def _shown(points: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[NDArray[np.int64], int]:
+def _shown(points: Floats, faces: I32) -> tuple[I64, int]:
     """The triangles that a picture is to show, and how many have an area and are not to be shown: far from most of it.
 
     Where all area together would be a speck in the bounding box, such as a model far from a marker at the origin, it is the
@@ -118,20 +117,20 @@ def _shown(points: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[NDAr
     return shown, 0
 
 
-def _speck(corners: NDArray[np.float64], area: NDArray[np.float64]) -> bool:
+def _speck(corners: F64, area: F64) -> bool:
     """Whether triangles are so small in their bounding box that a picture of the box would hardly show them."""
     extent = np.ptp(corners.reshape(-1, 3), axis=0)
     return bool(area.sum() < _SPECK * (extent @ extent))
 
 
-def _quantile(values: NDArray[np.float64], weights: NDArray[np.float64], share: float) -> float:
+def _quantile(values: F64, weights: F64, share: float) -> float:
     """The value that this share of the weights is not above."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, share * total[-1])]])
 
 
-def _covered(corners: NDArray[np.float64], low: NDArray, high: NDArray) -> NDArray[np.float64]:
+def _covered(corners: F64, low: NDArray, high: NDArray) -> F64:
     """Share of each side of the box that triangles within 3 % of it and parallel to it add up to. [axis,
     end].
     """

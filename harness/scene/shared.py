@@ -1,17 +1,15 @@
 """A prepared scene passed from one process to others, so that its mesh is made once and all have the same bytes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import F32, F64, U8
 from ..errors import UserError
 from ..files import write_arrays
 from .alpha import arrays_of, from_arrays
-from .moment import F32
 from .prepared import Prepared
 from .scene import Geometry, Scene
 
@@ -51,12 +49,12 @@ def read_stored(path: Path, scene: Scene) -> Prepared:
     centre, first = arrays["centre"], arrays["first"]
     frames = sorted(int(name.removeprefix("points_")) for name in arrays if name.startswith("points_"))
 
-    def points(frame: int) -> tuple[F32, NDArray[np.uint8]]:
+    def points(frame: int) -> tuple[F32, U8]:
         if frame not in frames:
             raise UserError(f"{scene.name}: frame {frame} was not stored; there are {frames}")
         return arrays[f"points_{frame}"], arrays[f"valid_{frame}"]
 
-    def positions(frame: int) -> NDArray[np.float64]:
+    def positions(frame: int) -> F64:
         return first if frame == 0 else points(frame)[0].astype(np.float64) + centre
 
     radius, frame_count = arrays["numbers"]

@@ -1,10 +1,8 @@
 """A light's mask as numbers that a kernel reads: cone, rectangle, direction."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..errors import UserError
 from .scene import Light, Spot
 
@@ -19,7 +17,7 @@ DOUBT = 2.0**-40
 NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0
 
 
-def spot_row(spot: Spot | None) -> NDArray[np.float64]:
+def spot_row(spot: Spot | None) -> F64:
     """The values of a spot, float64 [12]. Raises :class:`UserError` for invalid angles or directions."""
     row = np.zeros(SPOT)
     if spot is None:
@@ -49,6 +47,6 @@ def spot_row(spot: Spot | None) -> NDArray[np.float64]:
     return row
 
 
-def spot_rows(lights: tuple[Light, ...]) -> NDArray[np.float64]:
+def spot_rows(lights: tuple[Light, ...]) -> F64:
     """The values of every light's spot, float64 [light_count, 12]."""
     return np.array([spot_row(light.spot) for light in lights], dtype=np.float64).reshape(-1, SPOT)

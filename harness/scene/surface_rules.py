@@ -1,14 +1,12 @@
 """Rules that choose triangles of any mesh, for effects whose surfaces the scene does not define."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import U8
 from .scene import AlphaMask, Geometry
 
 
-def largest_triangles(geometry: Geometry, share: float = 0.5) -> NDArray[np.uint8]:
+def largest_triangles(geometry: Geometry, share: float = 0.5) -> U8:
     """1 for the largest triangles of the first frame that together make ``share`` of its area, uint8 [triangles]."""
     points = np.asarray(geometry.positions(0), dtype=np.float64)
     a, b, c = (points[geometry.faces[:, i]] for i in range(3))

@@ -5,21 +5,16 @@ are the first points of a scrambled Sobol sequence, so that a light's first 2^k 
 seed is the light's place in the scene: all methods, the reference and the judge get the same targets, in each frame.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..errors import UserError
 from .scene import Light, Vector
-
-F64 = NDArray[np.float64]
-
 
 SHAPE, SAMPLES = "sphere", 16
 """Shape and number of targets of a light that gets an area of which only the size is given."""

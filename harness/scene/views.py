@@ -1,12 +1,10 @@
 """A camera and a light for geometry without them: from its bounds, its walls, and its upward axis."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from .interiors import interior, standpoint
 from .light_paths import vector
 from .scene import Camera, Light
@@ -59,7 +57,7 @@ def _turns(azimuth: float) -> tuple[float, ...]:
     return azimuth, azimuth - 45.0, azimuth + 45.0, azimuth - 90.0
 
 
-def _direction(shape: Shape, azimuth: float, elevation: float) -> NDArray[np.float64]:
+def _direction(shape: Shape, azimuth: float, elevation: float) -> F64:
     """Unit vector from the middle towards an azimuth (from the front, to the right) and an elevation in
     degrees.
     """
@@ -68,7 +66,7 @@ def _direction(shape: Shape, azimuth: float, elevation: float) -> NDArray[np.flo
     return math.cos(e) * (math.sin(a) * right + math.cos(a) * front) + math.sin(e) * up
 
 
-def _fitted(shape: Shape, toward: NDArray[np.float64], up: NDArray[np.float64]) -> Camera:
+def _fitted(shape: Shape, toward: F64, up: F64) -> Camera:
     """The camera in direction ``toward`` from the middle, as near as shows every point in a square image."""
     forward = -toward
     right = np.cross(forward, up)

@@ -15,17 +15,14 @@ triangle, the larger of both; for all others it is taken from the triangle that 
 wide, and methods then find the signs in more digits (the switch ``wide``).
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .moment import F32, Moment
-
-F64 = NDArray[np.float64]
+from ..arrays import F32, F64, I32, U8
+from .moment import Moment
 
 WIDE_PLANES = 2.0**26
 WIDE_LIGHTS = 2.0**25
@@ -57,7 +54,7 @@ class Sizes:
     nearest, farthest  the least and the largest coordinate of a triangle, each the largest of its own
     """
 
-    def __init__(self, points: F32, faces: NDArray[np.int32], valid: NDArray[np.uint8]):
+    def __init__(self, points: F32, faces: I32, valid: U8):
         self.points = points
         self._columns = np.ascontiguousarray(points.T)
         self._faces = faces if valid.all() else faces[valid != 0]

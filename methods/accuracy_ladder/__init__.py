@@ -5,8 +5,6 @@ parameters change only the triangle test, the origin of the shadow rays, the pad
 arithmetic. The defaults are exact; :func:`.parameters.known_inexact` says which settings are not.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import warp as wp

@@ -1,7 +1,5 @@
 """The tree's kernels, compiled once for each triangle test and each way of compiling floats."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -3,8 +3,6 @@
 The normal is turned to the light's side. Schemes that move the point skip no triangle.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray

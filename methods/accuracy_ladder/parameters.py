@@ -1,7 +1,5 @@
 """The parameters of the ladder: each changes alone how accurate, or how fast, the same tree is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..common import bounds

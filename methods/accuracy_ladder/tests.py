@@ -4,8 +4,6 @@ A hit has t > 0 in lengths of d; (u, v) are the weights of vertices 1 and 2. A m
 authors published it, because its errors are to be measured.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray

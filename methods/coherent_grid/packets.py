@@ -8,8 +8,6 @@ Everything is in grid coordinates (:mod:`..grids.grid`). What a packet covers is
 rounded sums, so that a direction within a packet may lie outside those of its corners by that much.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.alpha import Alpha

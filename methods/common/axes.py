@@ -1,7 +1,5 @@
 """A light's space: from where it looks, and its axes, given where to."""
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..exact.triangle import largest

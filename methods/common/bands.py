@@ -4,8 +4,6 @@ The pixels of a band follow one another in memory, so a kernel of one thread a p
 band's part of every array and a camera of the band's height. On a GPU the only band is the image.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Callable, Hashable, Sequence

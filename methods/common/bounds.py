@@ -1,7 +1,5 @@
 """Boxes: of all valid triangles of a frame, reduced on the device without a read-back, and of each, padded."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

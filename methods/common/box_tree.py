@@ -5,8 +5,6 @@ are therefore padded by what those roundings can amount to (:data:`.bounds.PADDE
 Traversal", does the same in the ray).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -4,8 +4,6 @@ Through the mesh, a test reads the triangle, then its points and their weld indi
 only after the first. A record takes three reads of 16 bytes. Tests of triangles (:mod:`..exact.ray_queries`) take either.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Mesh, corners_of, weld_of

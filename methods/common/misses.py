@@ -1,7 +1,5 @@
 """A frame in which nothing can be hit: no triangle, so no structure and no ray."""
 
-from __future__ import annotations
-
 import math
 
 from ...harness.frame.effects.mirrors import traced_bounces

@@ -1,7 +1,5 @@
 """Checks of parameters that several methods have."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which pixel a thread takes: those of a warp a block of 8 x 4, so that their rays are similar."""
 
-from __future__ import annotations
-
 import warp as wp
 
 

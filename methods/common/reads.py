@@ -1,7 +1,5 @@
 """Corners and directions read as in :mod:`..gpu.entries`, without Warp's index arithmetic."""
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Corners, Mesh, Ray

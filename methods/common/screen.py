@@ -3,8 +3,6 @@
 Camera space is (right, up, forward) from the eye; a pixel's ray is forward + sx right + sy up.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Corners

@@ -4,8 +4,6 @@ embreex exposes neither build quality, refit, packets nor thread counts. Names a
 (Embree 4 API reference). The major version is asserted when the library is loaded.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import importlib.metadata

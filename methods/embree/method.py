@@ -4,8 +4,6 @@ Kernels that Warp compiles for the CPU pass the rays to Embree (:mod:`.packets`)
 threads over parts of the image use every core.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -6,8 +6,6 @@ rtcIntersect16 (rtcOccluded...), whose addresses are arguments of the kernel. Th
 geomID, instID, instPrimID), each 16 times in a packet. Tests compare the answers with embreex's, bit for bit.
 """
 
-from __future__ import annotations
-
 import ctypes
 
 import warp as wp

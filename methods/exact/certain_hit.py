@@ -6,8 +6,6 @@ signs), what distance and weights both need is shared, and quotients are those o
 more numbers at once, for which kernels that decide hits in a loop have no registers.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.effects.specialise import effects

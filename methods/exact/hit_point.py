@@ -13,8 +13,6 @@ own coordinates, whatever the distance of the eye and the size and shape of the 
   once, at the end.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.digits import fused, lost_in_sum, precise_product, wide_hit_point, wide_side, wide_slope

@@ -5,8 +5,6 @@ edge functions, each known to the bound of :mod:`.triangle`; what that leaves in
 there is, so that a hit on the border of two texels is decided alike in whichever order a compiler multiplies.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.alpha import OPAQUE, Alpha, texels_near

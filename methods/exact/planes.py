@@ -10,8 +10,6 @@ The difference form is right at any distance of o. A value relative to the scene
 from the vertex with the lower weld index (:func:`edge_normal`), so that no ray is rejected by both.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Corners

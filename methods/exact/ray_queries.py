@@ -10,8 +10,6 @@ All have the same form, test(mesh, alpha, i, query, found), so that a traversal 
 have holes, a hit counts unless it lies in one.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

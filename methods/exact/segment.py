@@ -5,8 +5,6 @@ edge, since all shadow rays of a light meet there, evaluated relative to an end 
 any distance of the light. The hit point is float64 and rounded; each test states the error of it that its bound covers.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.digits import wide_side

@@ -15,8 +15,6 @@ less. FLOOR covers underflow. Where a product of lengths comes near float32's la
 certain, because an infinity could have the wrong sign.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.digits import products_of_normal, sum_of_sizes, wide_slope

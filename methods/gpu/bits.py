@@ -1,7 +1,5 @@
 """Bits of a word, one after the other."""
 
-from __future__ import annotations
-
 import warp as wp
 
 

@@ -6,8 +6,6 @@ it tests whether a number was out of range, and calls a function if so. Of numbe
 and the call are left out, and several quotients by one divisor share its reciprocal.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 LEAST_DIVISOR, LARGEST_DIVISOR = wp.constant(wp.float32(2.0**-125)), wp.constant(wp.float32(2.0**125))

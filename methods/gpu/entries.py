@@ -10,8 +10,6 @@ Arrays begin on at least 64 bytes, so that elements of 16 or 8 bytes are aligned
 one and rows follow one another without gaps: those are moved at once.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 READ = "return values.data[i];"

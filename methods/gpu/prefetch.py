@@ -6,8 +6,6 @@ for by number, and take no registers. These are native snippets for blocks of 12
 the arrays themselves. The functions name places of shared memory by their addresses there.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 GROUP_WORDS = 8

@@ -8,8 +8,6 @@ continues with negative numbers: the places that it reserves from 2^30 on begin 
 and :func:`counted` reads it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray

@@ -7,8 +7,6 @@ for the CPU process the rows one after the other. The functions that these call 
 (:func:`least_of_lanes`, :func:`lanes_with`, :func:`of_lane`) or do nothing (:func:`scan_row`).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from .reserve import WITHIN

@@ -9,8 +9,6 @@ the test.
 Counting and emitting run the same kernels (:mod:`.build`), because two kernels may round differently.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Corners

@@ -1,7 +1,5 @@
 """A ray's walk through the cells of one grid, and the kernels that trace rays by it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -7,8 +7,6 @@ every point of its ray, and triangles are binned into every cell that comes with
 can slip between the cells of a triangle, through a corner or along a face.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..common.bounds import box_high, box_low

@@ -6,8 +6,6 @@ repeats the frame with more room. The sort runs at capacity (its length is fixed
 places carry the key ``cells``, which sorts behind every real one.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..common.pairs import need_kernel

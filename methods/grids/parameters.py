@@ -1,7 +1,5 @@
 """The parameters of methods with one grid over all triangles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -5,8 +5,6 @@ error does not grow along the ray. A direction component of zero, of either sign
 cell for good, so that a ray ends after at most as many steps as there are cells along the three axes.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..exact.triangle import largest

@@ -5,8 +5,6 @@ behind one another cost it time. A tree costs the time of its build, in proporti
 which ends at the first occluder. So many lights share one build, and each has a grid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np

@@ -6,8 +6,6 @@ more is repeated with more room, up to the limit (Hou et al. 2009, "Memory-Scala
 bound it by building parts of the tree one after another).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

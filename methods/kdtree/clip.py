@@ -1,7 +1,5 @@
 """Boxes around the parts of a triangle on either side of a plane, rounded outwards."""
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Mesh, corners_of

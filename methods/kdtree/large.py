@@ -10,8 +10,6 @@ MOST_GROWTH times: 100,000 triangles with one centroid would otherwise be double
 2 MOST_GROWTH pairs for each triangle: the pairs of all leaves, each divided by its growth, add up to the triangles.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Mesh, corners_of

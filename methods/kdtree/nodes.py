@@ -1,7 +1,5 @@
 """Arrays of the tree and of its build, and how a node is packed into eight bytes."""
 
-from __future__ import annotations
-
 import warp as wp
 
 SMALL = 64

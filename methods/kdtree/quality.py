@@ -1,7 +1,5 @@
 """How good a kd-tree is (:mod:`..trees.quality`), by the regions of its nodes: computed on the host."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -6,8 +6,6 @@ and the cost of a plane in it follows from the bits of the words. (Zhou et al. p
 same. A block can complete its root alone because nodes are numbered as they are made.) On a CPU a block is one thread.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from .nodes import (

@@ -25,8 +25,6 @@ The traversal continues behind a leaf until the rest of the ray begins behind th
 beyond the leaf that offered it, and nearer ones may lie between.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

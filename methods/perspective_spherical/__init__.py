@@ -1,7 +1,5 @@
 """The paper's method: a perspective grid for primary rays and a spherical grid per light, rebuilt every frame."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

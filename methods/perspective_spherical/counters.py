@@ -1,7 +1,5 @@
 """Work counters of a frame, read back after it: pairs, tiles, lists, chunks, lanes, tests."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

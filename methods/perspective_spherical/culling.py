@@ -7,8 +7,6 @@ Seen from inside, or through a hole, culling would lose hits; so it would where 
 between two front faces, which then meets no back face either. Such scenes and tests are refused, not traced wrongly.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from typing import Any

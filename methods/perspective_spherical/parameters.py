@@ -1,8 +1,6 @@
 """The parameters of the paper's method. The defaults are the fastest on an H200 at 1024x1024; PAPER is the paper's
 configuration."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..common.parameters import check_choices

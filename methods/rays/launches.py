@@ -1,7 +1,5 @@
 """Launches of the kernels of :mod:`.kernels`, their passes, and the tests that they count."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

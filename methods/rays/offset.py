@@ -8,8 +8,6 @@ rounds each of them too, which a small triangle in the query's projection magnif
 same formula, are the larger part of its bound.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Methods that build one structure in every frame and trace each ray through it on its own, exactly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

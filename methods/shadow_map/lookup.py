@@ -1,7 +1,5 @@
 """Shadow bits looked up in a depth map, with the biases that engines use."""
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.effects.specialise import effects

@@ -1,7 +1,5 @@
 """The parameters of the shadow map: its resolution and shape (build), and how it is looked up (trace)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

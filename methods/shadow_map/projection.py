@@ -5,8 +5,6 @@ map's axis. For an aimed map everything is relative to the middle of the scene's
 still distinguishes texels; for a cube it is relative to the light.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..common.axes import axes_along

@@ -5,8 +5,6 @@ texels, also where a corner lies behind the light, so nothing is clipped. Depths
 that is not negative: their order is that of the integers.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.alpha import Alpha, texels_near

@@ -4,8 +4,6 @@
 then one traversal per ray.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ the top grid: a ray passes within the top grid's slack of every point of it in t
 res times as much in cells of the leaf grid. The same factor holds for rounding.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import Mesh

@@ -4,8 +4,6 @@ Each step ends in another cell: of the leaf grid, or of the top grid where the r
 walks are in the top grid's coordinates; a face of a leaf cell lies at cell + k / res there.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -4,8 +4,6 @@
 it.
 """
 
-from __future__ import annotations
-
 from ...harness.frame.frame import Frame
 from ..grids.build import TriangleGrid, cells_for
 from ..grids.cells import cells_of, make_kernels

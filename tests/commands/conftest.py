@@ -1,7 +1,5 @@
 """What tests of several commands share: a command in this process, methods made for the purpose, and small meshes."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.called_command import exit_code
 from helpers.right_and_wrong_methods import INSTALLED, ball_file

@@ -1,7 +1,5 @@
 """``advise`` as it is called: its words, where its results go, and what it prints."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

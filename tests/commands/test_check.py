@@ -1,7 +1,5 @@
 """The command ``check``: what fails it, what is excused and how much, and what a method may declare."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -13,8 +11,9 @@ from shadowbench.harness.commands.check import check
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
 from shadowbench.harness.hardcases import HardCase, find_case
-from shadowbench.harness.hardcases.case import joined, plane, view
+from shadowbench.harness.hardcases.case import view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.hardcases.shapes import joined, plane
 from shadowbench.harness.runner.planning.experiment import Entry
 
 

@@ -1,7 +1,5 @@
 """``explain`` gives the verdict that ``verify`` counts, at any pixel of any declared scene."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A check that checks nothing says so: verify, check and run warn where hardly a ray hits anything."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

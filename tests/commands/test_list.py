@@ -1,7 +1,5 @@
 """``list``: what each method is, the parameters of one, the triangles of scenes; and what a listing must not import."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

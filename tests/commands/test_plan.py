@@ -1,7 +1,5 @@
 """The tables of ``plan``: as wide as the terminal, and lines that break between words only."""
 
-from __future__ import annotations
-
 import io
 import json
 

@@ -1,7 +1,5 @@
 """``shadowbench render``: pictures and animations, and one line for what cannot be written."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import mesh_files as files

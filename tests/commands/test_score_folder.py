@@ -1,7 +1,5 @@
 """The command score: answers that were kept are judged, and their records get what was missing."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """The commands verify and explain, on small meshes and methods made for the purpose."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

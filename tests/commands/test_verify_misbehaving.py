@@ -1,7 +1,5 @@
 """Methods that misbehave, through the command verify: tests/runner/test_run.py has them in runs."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """The live page: what it shows is what ``render`` shows, nobody comes in without the token, and it ends with the page."""
 
-from __future__ import annotations
-
 import http.client
 import io
 import itertools

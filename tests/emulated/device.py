@@ -1,7 +1,5 @@
 """Makes Warp's CPU device one that takes the GPU's ways. For a process of its own, before the project is imported."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import re

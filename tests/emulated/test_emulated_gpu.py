@@ -1,7 +1,5 @@
 """The GPU's side of every exact method, run on a CPU: hard cases, orders of the lanes, and snippets that were broken."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """What ablation and moving draw and say, from made-up records."""
 
-from __future__ import annotations
-
 import dataclasses
 
 from helpers.experiment_records import csv_of, record_of, report_of

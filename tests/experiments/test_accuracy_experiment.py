@@ -1,7 +1,5 @@
 """The accuracy experiment: its points, where a frame is wrong, errors over distance and offset, and its drawings."""
 
-from __future__ import annotations
-
 import copy
 import csv
 import importlib.util

@@ -1,7 +1,5 @@
 """What ``advise`` says: methods sorted by time, two sentences, and what would change the answer."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Frames in sequence: what comes before a timed frame, and what the experiment makes of it."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

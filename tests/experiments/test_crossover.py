@@ -1,7 +1,5 @@
 """Who wins where: the fastest of each setting, exact ones apart, ties marked; and the scenes of the sweeps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

@@ -1,7 +1,5 @@
 """What experiments draw and say, from made-up records."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.experiment_records import csv_of, record_of, report_of, write_records

@@ -1,7 +1,5 @@
 """Experiments: what they declare is valid, and each of them is run for real, small."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -1,7 +1,5 @@
 """Figure 10's stages, from made-up records: every pass is counted once, and rearrangement is compared across sizes."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.experiment_records import csv_of, record_of, report_of
 from shadowbench.experiments import _paper

@@ -1,7 +1,5 @@
 """Ratios of the frame-time experiment, from made-up rows."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.experiment_records import csv_of, record_of, report_of, write_records

@@ -1,7 +1,5 @@
 """Trees by age, from made-up records: when rebuilding pays, and the ways to have a tree."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -1,7 +1,5 @@
 """Sorting by so many bits of a key: measured as frames are, in records that the claims can read."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

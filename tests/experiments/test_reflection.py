@@ -1,7 +1,5 @@
 """What mirrors add, a mirrored ray beside a primary one, grids beside trees, and the paper's sentence on them."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.experiment_records import record_of, report_of, write_records
 from shadowbench.experiments import claims, reflection

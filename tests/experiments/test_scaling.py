@@ -1,7 +1,5 @@
 """The scaling experiment: its scenes, its sweeps run one after another, exponents fitted, drawn from made-up records."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 

@@ -1,7 +1,5 @@
 """The report of soft shadows, from made-up records: who overtakes whom, fronts, errors; and the errors of a small scene."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +8,8 @@ from helpers.experiment_records import record_of, report_of
 from shadowbench.experiments import soft_shadows
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.hardcases.case import ball, joined, plane, view
+from shadowbench.harness.hardcases.case import view
+from shadowbench.harness.hardcases.shapes import ball, joined, plane
 from shadowbench.harness.runner.planning.experiment import Entry
 
 OURS, TREE, LOOSE = soft_shadows.METHODS[:3]

@@ -1,7 +1,5 @@
 """Triangles with holes: the rule against rational brute force, and every method that can."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 
@@ -12,7 +10,7 @@ from helpers.holed_scenes import EXACT, NAMES, SIZE, answers_of, ball_on_floor, 
 from helpers.rational_brute_force import inside, rational, solve
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.case import ball, quad, soup
+from shadowbench.harness.hardcases.shapes import ball, quad, soup
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import score_answers

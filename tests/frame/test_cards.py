@@ -1,7 +1,5 @@
 """Which cards have ray tracing units: each kind of chip, by its compute capability and its name."""
 
-from __future__ import annotations
-
 import pytest
 from shadowbench.harness.frame.cards import has_ray_tracing_units
 

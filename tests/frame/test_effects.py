@@ -1,7 +1,5 @@
 """What a scene does not call for is not simulated: launch lists, memory, neutral values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A pass runs again only where something that it reads has changed, and not where nothing receives its light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

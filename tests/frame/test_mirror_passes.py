@@ -1,7 +1,5 @@
 """Passes of mirrored rays: none where nothing reflects, what runs again, who takes part, and what is counted."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mirrored rays are right, and every method that takes part says the same of them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Orthographic cameras in frames: which kernels run, what a frame refuses, colours, and answers of methods."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

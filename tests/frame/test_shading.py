@@ -1,7 +1,5 @@
 """Shading: the kernel against the rule written out in numpy, spots and mirrors in pictures, and nothing unless asked."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

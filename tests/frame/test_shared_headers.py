@@ -1,7 +1,5 @@
 """Warp's headers are precompiled once for all processes, beside the compiled kernels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

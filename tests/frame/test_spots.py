@@ -1,7 +1,5 @@
 """Spotlights: one rule for which hit points receive a light, and the paper's method keeps to it under every knob."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup

@@ -1,7 +1,5 @@
 """Lights that move over geometry that does not: static structures are accepted, and only the lights' part is made anew."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

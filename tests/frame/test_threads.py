@@ -1,7 +1,5 @@
 """Threads of a CPU: parts of a pass run at the same time, give the same bits, and are told in the record."""
 
-from __future__ import annotations
-
 import functools
 import gc
 import threading

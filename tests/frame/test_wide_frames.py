@@ -1,7 +1,5 @@
 """Wide frames: the session plans again, every kernel has the digits, and these are exact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

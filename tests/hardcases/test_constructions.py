@@ -1,7 +1,5 @@
 """Constructions of hard cases: what a hand expects is what exact arithmetic says, and rays meet what they aim at."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +9,9 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import HardCase, all_cases, find_case, structures
-from shadowbench.harness.hardcases.case import Counts, Trial, pixel_centres, sheet, view
+from shadowbench.harness.hardcases.case import Counts, Trial, view
 from shadowbench.harness.hardcases.judge import counts_of, judge_refusal
+from shadowbench.harness.hardcases.shapes import pixel_centres, sheet
 from shadowbench.harness.scene.moment import Moment
 
 

@@ -1,7 +1,5 @@
 """The catalogue of hard cases: what a hand expects is what exact arithmetic says, and every exact method passes."""
 
-from __future__ import annotations
-
 import collections
 from dataclasses import replace
 
@@ -13,9 +11,10 @@ from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.registry import make_method, method_class
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import HardCase
-from shadowbench.harness.hardcases.case import plane, view
+from shadowbench.harness.hardcases.case import view
 from shadowbench.harness.hardcases.conformance import conformance, counted_allocations
 from shadowbench.harness.hardcases.judge import ERROR_NAMES, judge_case, judge_method
+from shadowbench.harness.hardcases.shapes import plane
 
 METHODS = exact_methods()
 EXACT = [(name, settings) for name, given in METHODS for settings in settings_of(name, given)]

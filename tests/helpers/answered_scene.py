@@ -1,7 +1,5 @@
 """A scene with its judge and its exact answers, to plant errors in: a ball on a floor, lit by two lights."""
 
-from __future__ import annotations
-
 import numpy as np
 from helpers import rational_brute_force as cases
 from shadowbench.harness.judge.context import Judge

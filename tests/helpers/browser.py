@@ -1,7 +1,5 @@
 """A headless Chromium for tests of the page: started once a session, offline, with an empty profile."""
 
-from __future__ import annotations
-
 import importlib.util
 import shutil
 

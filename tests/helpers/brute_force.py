@@ -1,7 +1,5 @@
 """Float64 brute force in numpy, written apart from the kernels, and small scenes to try methods on."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.scene.moment import Moment

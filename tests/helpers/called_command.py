@@ -1,7 +1,5 @@
 """The command line called in the test's own process, which is faster than one process for each command."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

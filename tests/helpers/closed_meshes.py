@@ -1,10 +1,9 @@
 """Closed meshes that rays meet at edges and vertices, for the tests of culling."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
-from shadowbench.harness.hardcases.case import Trial, box, plane, sheet, view
+from shadowbench.harness.hardcases.case import Trial, view
+from shadowbench.harness.hardcases.shapes import box, plane, sheet
 
 
 def grid_of_squares(n: int) -> tuple[NDArray, NDArray]:

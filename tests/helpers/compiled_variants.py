@@ -4,8 +4,6 @@ What is no argument of a factory here, and no switch, is a run-time value: image
 chunks. Kernels that are not listed are compiled once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import combinations
 from typing import Any, NamedTuple

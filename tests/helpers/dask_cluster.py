@@ -1,7 +1,5 @@
 """For tests of runs on a cluster: a scheduler and workers as processes, a run in a thread, a network that can be cut."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

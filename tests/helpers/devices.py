@@ -1,7 +1,5 @@
 """The devices that tests run on: the CPU everywhere, and one GPU where there is one."""
 
-from __future__ import annotations
-
 import pytest
 from shadowbench.harness.frame.warp_init import start_warp
 

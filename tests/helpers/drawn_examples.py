@@ -1,7 +1,5 @@
 """What property tests draw, and how often: strings of bytes that :mod:`lattice_examples` decodes."""
 
-from __future__ import annotations
-
 import numpy as np
 from helpers.judged_hard_cases import EVERYTHING
 from helpers.lattice_examples import LENGTH, METHODS, Example, answers_of, decode

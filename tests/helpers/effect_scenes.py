@@ -1,7 +1,5 @@
 """A scene with lights for every method, and what a session launches: for tests of effects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

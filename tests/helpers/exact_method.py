@@ -1,7 +1,5 @@
 """A method that asks the referee, through the contract of a method; and what is changed of its answers, to be found."""
 
-from __future__ import annotations
-
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import exact_reference

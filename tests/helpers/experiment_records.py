@@ -1,7 +1,5 @@
 """Made-up records of any experiment, as a run would write them: for tests of drawings and of claims."""
 
-from __future__ import annotations
-
 import csv
 import json
 

@@ -1,7 +1,5 @@
 """Damage to files and to values of JSON, drawn from a seeded generator."""
 
-from __future__ import annotations
-
 import copy
 import struct
 from random import Random

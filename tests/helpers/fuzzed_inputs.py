@@ -4,8 +4,6 @@ A family makes a case from a seeded generator and tries it. It returns what came
 should not have let through. Inputs on the disk lie in the folder of the case, so that one that fails can be kept.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

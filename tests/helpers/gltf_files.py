@@ -1,7 +1,5 @@
 """glTF files put together entry by entry, for the tests of reading them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

@@ -1,7 +1,5 @@
 """glTF files of many kinds of entries: a skinned square, compressed points, and one with all that is read."""
 
-from __future__ import annotations
-
 import DracoPy
 import meshopt
 import numpy as np

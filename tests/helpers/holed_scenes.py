@@ -1,13 +1,11 @@
 """Scenes whose triangles have holes, and what answers them exactly."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.case import ball, joined, quad
+from shadowbench.harness.hardcases.shapes import ball, joined, quad
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare

@@ -1,7 +1,5 @@
 """The imports of the project, read from its source: which module imports which, without running any of it."""
 
-from __future__ import annotations
-
 import ast
 import functools
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The hard cases with their exact answers, made once for all tests of a run."""
 
-from __future__ import annotations
-
 import functools
 import os
 

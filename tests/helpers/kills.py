@@ -4,8 +4,6 @@ A run has a few scenes and methods, whose answers are scored and saved. Its proc
 of a method, a grader, the guard between one of them and the run, and, on a cluster, the Dask worker.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """Processes that a program has started, and that may have outlived it: those with a mark in their environment."""
 
-from __future__ import annotations
-
 import os
 import time
 import uuid

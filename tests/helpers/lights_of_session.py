@@ -1,7 +1,5 @@
 """The lights of a method that streams triangles over their rays, as a session has planned them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from shadowbench.harness.frame.session import Session

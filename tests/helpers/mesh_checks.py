@@ -1,7 +1,5 @@
 """What is checked of the meshes of stand-ins: that they are closed, and the areas of their triangles."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.scene.standins.shapes import Mesh

@@ -1,7 +1,5 @@
 """Scenes on which methods are tried, and what they are held to: exact ones bit for bit, others within their errors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

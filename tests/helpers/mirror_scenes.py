@@ -1,7 +1,5 @@
 """Scenes with mirrors, and the methods that are tried on them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

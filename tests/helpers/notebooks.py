@@ -3,8 +3,6 @@
 ``python tests/helpers/notebooks.py docs/api.md docs/api.ipynb`` writes the notebook anew.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

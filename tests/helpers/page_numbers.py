@@ -12,8 +12,6 @@ The rule, for every document but the notebook (``results/notebook*.md``). A numb
 Whatever is left is measured, and has no record. Number words ("three times") count where a unit follows them.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator

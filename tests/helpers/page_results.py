@@ -1,7 +1,5 @@
 """Made-up results for tests of the page, five folders with pictures, maps and a drawing; and the command for the page."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

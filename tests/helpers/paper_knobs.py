@@ -1,7 +1,5 @@
 """The paper's method under drawn settings of its knobs."""
 
-from __future__ import annotations
-
 from helpers.method_trials import trace
 from shadowbench.methods.perspective_spherical.parameters import (
     BALANCING,

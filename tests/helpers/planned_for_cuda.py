@@ -1,7 +1,5 @@
 """Methods planned as for a GPU, where there is none: their passes, and what these launch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Plain rational brute force and small scenes, for the tests of the referee and of scoring."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rays that are hard to decide, traced as mirrored rays are; and the answers of all triangles tested in float64."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Damage to files of one format, and what comes of reading each: a mesh or one line, in time and without growth."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Whole files of each format with much of what it can say, small: what is damaged to try the readers."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from pathlib import Path

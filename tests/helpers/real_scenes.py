@@ -1,7 +1,5 @@
 """The folder of real meshes for tests: that of SHADOWBENCH_SCENES, else ``shared/scenes`` beside the checkout."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Methods of which each is right, or wrong in one way, for tests of the commands that judge; and a mesh to try them on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -6,8 +6,6 @@ out is excused where the segment passes an edge of its occluder so near, or ends
 hit and segments with one occluder are looked at, and none whose distance is within :data:`MARGIN` of the bound.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The referee held against the second judge: on random rays near edges, and on hard cases with all that they call for."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from fractions import Fraction

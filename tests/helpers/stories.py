@@ -5,14 +5,12 @@ and shrink by powers of two. Lights cross seams and hulls, and stand on vertices
 fly through geometry, stand on it, and look away. Also the first frame may be such a one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from shadowbench.harness.hardcases.case import Mesh, ball, icosphere, joined, quad, sheet, soup
+from shadowbench.harness.hardcases.shapes import Mesh, ball, icosphere, joined, quad, sheet, soup
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot

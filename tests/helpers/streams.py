@@ -1,7 +1,5 @@
 """Settings of the methods that stream triangles, and what only a GPU's kernels do."""
 
-from __future__ import annotations
-
 import pytest
 import warp as wp
 

@@ -1,7 +1,5 @@
 """Made-up records of Table 1, as a run would write them, with plausible times: for tests of tables and drawings."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

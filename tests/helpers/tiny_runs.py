@@ -1,7 +1,5 @@
 """For tests of whole runs: an installed package of misbehaving methods, a tiny scene, and options for a run of them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Trees with other constants than those that were measured to be fast, of which none changes an answer; and their nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any

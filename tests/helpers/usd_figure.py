@@ -1,7 +1,5 @@
 """A USD figure with a skeleton, blend shapes and an animation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 JOINTS = ["root", "root/arm", "root/arm/hand"]

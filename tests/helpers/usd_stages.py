@@ -1,7 +1,5 @@
 """USD stages for tests: short text, small meshes, and what UsdGeom.BBoxCache says of a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A scene with a reference that is wrong in a few pixels, for tests of what its errors are charged to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from helpers import rational_brute_force as cases

@@ -1,7 +1,5 @@
 """References, classes, declarations and files of triangles with holes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Answers written down to be scored elsewhere: the same score, the same mesh, and files that are none refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.answered_scene import AnsweredScene, answered_ball, plant_hole

@@ -5,8 +5,6 @@ the plane. From an eye beyond the plane it says which points of the plane are sh
 far behind the plane as the light is before it, both pictures hold the same segments, exactly.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

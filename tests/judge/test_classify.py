@@ -1,7 +1,5 @@
 """Classes of answers: what the referee says of a primary answer and of a shadow bit, planted by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases

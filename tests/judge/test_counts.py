@@ -1,7 +1,5 @@
 """Scores as records keep them: read, checked and written."""
 
-from __future__ import annotations
-
 import copy
 
 import pytest

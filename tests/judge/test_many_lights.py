@@ -1,7 +1,5 @@
 """Many lights are judged together: in one launch, by one referee for all lightings, equal answers once."""
 
-from __future__ import annotations
-
 import itertools
 from types import SimpleNamespace
 

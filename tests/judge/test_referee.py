@@ -1,7 +1,5 @@
 """The referee against plain rational brute force, and errors planted for it to find."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

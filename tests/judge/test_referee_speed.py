@@ -1,7 +1,5 @@
 """The script that measures the referee runs, and what it times is the deciding of wrong answers. Nothing here times."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The Embree reference: conventions, traps of its binding, provenance and the folder."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases

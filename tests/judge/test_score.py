@@ -1,7 +1,5 @@
 """Scoring: right answers pass, every planted error is found, counted in its class and shown."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

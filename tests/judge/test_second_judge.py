@@ -1,7 +1,5 @@
 """The exact referee against a judge that shares nothing with it. All cases and 100,000 rays: ``make fuzz``."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Disputes of others: what a reference gets wrong is charged to every method that says the same."""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import json

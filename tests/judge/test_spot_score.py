@@ -1,7 +1,5 @@
 """Scoring under a spotlight: hit points outside it have no shadow ray, whatever stands between."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

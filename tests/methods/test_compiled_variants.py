@@ -1,7 +1,5 @@
 """Sizes, slices, r, maps and rectangles are run-time values: what is compiled is a short fixed list."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

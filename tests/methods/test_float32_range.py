@@ -5,8 +5,6 @@ decide nothing, but it may not decide wrongly. Each verdict of a kernel's test i
 those that are certain and wrong are counted.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

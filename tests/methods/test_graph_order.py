@@ -1,7 +1,5 @@
 """In a captured graph, every pass comes after those that it depends on, for every method and every prefix of its passes."""
 
-from __future__ import annotations
-
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace

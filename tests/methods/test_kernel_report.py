@@ -3,8 +3,6 @@
 A change that is worth more is recorded anew: ``python tests/tools/kernel_report.py --record``.
 """
 
-from __future__ import annotations
-
 import pytest
 import warp as wp
 from tools import kernel_report

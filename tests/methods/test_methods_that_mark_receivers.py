@@ -4,8 +4,6 @@ same as the pass of the harness, and no pass more.
 The kernels that do it run on a CPU, too.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """Structures that each ray goes through alone: exact whatever their settings, growth, errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

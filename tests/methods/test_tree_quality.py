@@ -1,7 +1,5 @@
 """How good trees of Warp and the kd-tree are said to be: against sums over triangles' own boxes, and over regions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,13 +1,11 @@
 """Meshes that grow and shrink by powers of two: each frame is as right as if its mesh had always had that size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.played_stories import Judging, Player, keeps_still, play, players
 from helpers.stories import SIZE, Story, vector
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.hardcases.case import ball, joined, quad
+from shadowbench.harness.hardcases.shapes import ball, joined, quad
 from shadowbench.harness.scene.prepared import SHRUNK, Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 

@@ -1,7 +1,5 @@
 """Back-face culling: legal on closed surfaces seen from outside by the exact test, refused where it would lose hits."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

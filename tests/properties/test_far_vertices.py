@@ -1,14 +1,12 @@
 """A few vertices very far from the rest of a mesh: lights are placed by them, and the rest is as right as without them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.played_stories import Judging, fresh
 from helpers.stories import Story
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.case import ball, joined, quad
+from shadowbench.harness.hardcases.shapes import ball, joined, quad
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 

@@ -1,8 +1,6 @@
 """No knob meant for speed changes a bit of any triangle test's answers: on drawn lattice examples, whose rays meet
 vertices and edges exactly, so that what a test makes of them depends on its last bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -6,8 +6,6 @@ map, clamp, axes and distance. ``make fuzz`` gives every scene every pair, and B
 take half of the time of all six, its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

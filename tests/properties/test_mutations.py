@@ -4,8 +4,6 @@ A function's source is changed by one substitution and put in its place; only th
 anew. The same case must pass before and after, so that the case, not the planting, is what shows the error.
 """
 
-from __future__ import annotations
-
 import inspect
 import sys
 import types

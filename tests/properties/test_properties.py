@@ -5,8 +5,6 @@ Hypothesis draws bytes that :mod:`lattice_examples` decodes; CI derives them fro
 agree. The long random mode is ``make fuzz``.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

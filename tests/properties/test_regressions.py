@@ -1,7 +1,5 @@
 """What fuzzing found once, replayed for ever: examples frozen with hexadecimal floats. And fuzzing itself, tried."""
 
-from __future__ import annotations
-
 import json
 import random
 import subprocess

@@ -1,7 +1,5 @@
 """Lights with an area have no error on real meshes either: every target of every exact method, against the exact referee."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.judged_hard_cases import EVERYTHING, exact_methods
 from helpers.real_scenes import MESHES, needs_real

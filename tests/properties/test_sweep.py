@@ -4,8 +4,6 @@ Scales and offsets that are no powers of two round the mesh anew; the referee de
 surface stays closed, wherever its vertices were rounded to. The exact methods take turns over cases and places.
 """
 
-from __future__ import annotations
-
 import collections
 import functools
 from dataclasses import replace
@@ -14,7 +12,8 @@ import numpy as np
 import pytest
 from helpers.judged_hard_cases import CASES, EVERYTHING, exact_methods, judged
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.hardcases import HardCase, parallel, reported, structures, unlike
+from shadowbench.harness.hardcases import HardCase
+from shadowbench.harness.hardcases.case import CASES as BY_MODULE
 from shadowbench.harness.hardcases.case import Counts, Trial
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.scene.prepared import prepare
@@ -28,7 +27,7 @@ METHODS = exact_methods()
 MOST_PIXELS = 640
 """Larger images cost the judge more than all others together, and hold nothing that grows with scale."""
 
-VARIED = {case.name for case in (*structures.CASES, *reported.CASES, *parallel.CASES, *unlike.CASES)}
+VARIED = {case.name for module in ("structures", "reported", "parallel", "unlike") for case in BY_MODULE[module]}
 """They have variants of their own in the catalogue, as those whose name begins with V."""
 
 

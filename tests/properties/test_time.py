@@ -1,7 +1,5 @@
 """Frames that follow one another: what has played equals what is fresh, bit for bit. Ten thousand of them: ``make fuzz``."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

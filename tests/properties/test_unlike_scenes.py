@@ -2,15 +2,14 @@
 their corners in other orders, axes of their own scale; eyes and lights on them, in their planes or beside these by little.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.judged_hard_cases import EVERYTHING, EXACT_SETTINGS
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.hardcases.case import HardCase, Trial, float32_of, spot_light, view
+from shadowbench.harness.hardcases.case import HardCase, Trial, spot_light, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.hardcases.shapes import float32_of
 from shadowbench.harness.scene.scene import Light
 
 F64 = NDArray[np.float64]

@@ -1,7 +1,5 @@
 """The paper's claims: their verdicts follow from the records of all experiments."""
 
-from __future__ import annotations
-
 import shutil
 
 import pandas as pd

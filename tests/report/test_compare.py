@@ -1,7 +1,5 @@
 """What may be compared: points of one run, with one version of each method, over the frames that both have."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report import compare, document

@@ -1,7 +1,5 @@
 """What stands below the tables of a report."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 from helpers.experiment_records import record_of

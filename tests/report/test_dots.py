@@ -1,7 +1,5 @@
 """Dot plots: each marker has a line of its own, rows are named, and an axis has plain ticks that do not overlap."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The page of a folder of results as a file: what is gathered, what is inside, and bad input."""
 
-from __future__ import annotations
-
 import json
 import re
 

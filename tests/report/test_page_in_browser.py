@@ -1,7 +1,5 @@
 """What a reader does with the page, in a real Chromium. One browser serves all of these tests."""
 
-from __future__ import annotations
-
 import json
 import re
 import time

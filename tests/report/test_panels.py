@@ -1,7 +1,5 @@
 """What drawings and tables share: methods keep their looks, bars are as long as they say, gaps say why."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 from helpers.experiment_records import record_of, write_records

@@ -1,7 +1,5 @@
 """Errors against time: the front, and names that do not touch."""
 
-from __future__ import annotations
-
 import itertools
 
 import pandas as pd

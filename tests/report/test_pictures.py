@@ -1,7 +1,5 @@
 """Pictures of scenes: shading, pieces, galleries, what they say about themselves, and their sizes."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 from pathlib import Path

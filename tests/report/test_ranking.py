@@ -1,7 +1,5 @@
 """The methods of a scene sorted by time, and what is said of the fastest."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report import document, ranking

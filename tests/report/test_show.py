@@ -1,7 +1,5 @@
 """``shadowbench show``: the same records give the same files, in their folder or elsewhere, and wrong folders are told."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Numbers, colours and axes that every table and drawing shares."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.table1_records import METHODS
 from matplotlib.figure import Figure

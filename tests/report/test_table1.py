@@ -1,7 +1,5 @@
 """Tables and pictures: what a person sees must say what was measured, how wrong it was, and what it stands for."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

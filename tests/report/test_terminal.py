@@ -1,7 +1,5 @@
 """Tables in a terminal: whole words, nothing wider than the line, and no column lost."""
 
-from __future__ import annotations
-
 import io
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """The verdict between two runs, on made records: equal, 3 % slower, throttled, too few rounds, too noisy."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math

@@ -4,8 +4,6 @@ Numbers and texts are compared. Pictures are not: their bytes depend on the vers
 put together, and not painted, which takes a third of the time.
 """
 
-from __future__ import annotations
-
 import json
 import lzma
 import re

@@ -1,7 +1,5 @@
 """Folders of results charged with shared errors: runs that go on, answers scored later; nothing is written twice."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Folders that are kept: one compressed file of records, read as the records themselves are."""
 
-from __future__ import annotations
-
 import dataclasses
 import lzma
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A results folder may come from elsewhere: what stands in the place of its files is not written through, nor followed."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

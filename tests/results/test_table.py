@@ -1,7 +1,5 @@
 """The DataFrame of a results folder: one row a point and frame, every column as documented."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """``tests/tools/answer_hashes.py``: what is kept, and a changed bit."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """A camera and lights of the command line: every command that traces a scene sees them, and a record holds them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Runs on a cluster: the same records as on one machine; a worker, a scheduler and a network that are lost."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import http.client

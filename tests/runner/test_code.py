@@ -1,7 +1,5 @@
 """What counts as the code of a file: its syntax, and no comment, docstring or layout."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import tokenize

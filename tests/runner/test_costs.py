@@ -1,7 +1,5 @@
 """What a frame costs besides its time: sums of energy, two frames in flight, and what stands where there is neither."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """Every file that a scene is read from counts in the key of a point, and so does what was asked of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

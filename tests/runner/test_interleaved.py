@@ -1,7 +1,5 @@
 """The points of a scene are measured in turn, whatever their method and lighting."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.runner.planning.experiment import Entry

@@ -1,7 +1,5 @@
 """``tests/tools/kills.py`` in short: a few kills at random moments, then resumed; and what it would find."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What of a file was left out or approximated: one line when it is loaded, in the record, the report and the page."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

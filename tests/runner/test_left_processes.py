@@ -1,7 +1,5 @@
 """A method that starts processes: none of them holds a run up, and none is left, however the run ends."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The environment of a record: which version of this package, and which commit of its source."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Runs on one machine at the same time: no one works while another measures."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

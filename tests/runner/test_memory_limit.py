@@ -1,7 +1,5 @@
 """``--memory-limit``: what exceeds it by far is not taken at all, by whatever means a method asks for it."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections.abc import Iterator

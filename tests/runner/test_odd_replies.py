@@ -1,7 +1,5 @@
 """What a method says of itself goes into records: what no record can hold costs its own point, and nothing else."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is said while a run goes on, in which order scenes are measured, and the estimate of what is left."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Keys of records: an edit makes those records stale whose measurement imports the edited module, and no others."""
 
-from __future__ import annotations
-
 import importlib
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """The folder of shards: only what lies in this user's own folder, closed to others, is written to or removed."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``tests/tools/versions.py``: versions in turns, and a version whose answers differ."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The parent's end of a worker: replies that come late, and what a lost worker leaves."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

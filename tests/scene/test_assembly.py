@@ -1,7 +1,5 @@
 """Several meshes as one scene: where they stand, how they move together, and what makes them another scene."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import mesh_files as files

@@ -1,7 +1,5 @@
 """Duplicates list their corners in the order of the first, and what belongs to the corners follows."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes declared in a file: what is said holds, what is not said stays, what is wrong is told in one line."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """docs/files.md: its endings, limits and examples, and its table of what is not read, are those of the code."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

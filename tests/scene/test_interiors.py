@@ -1,7 +1,5 @@
 """Closed rooms are looked at from within, solids from outside; a camera and lights from the command line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

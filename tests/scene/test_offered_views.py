@@ -1,7 +1,5 @@
 """Cameras and lights of files and declarations: they are listed, and used by name; the automatic view stays the default."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

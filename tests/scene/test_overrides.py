@@ -1,7 +1,5 @@
 """Lightings of an experiment: distances in radii, several lights, spots, frames for a moving light; count maps."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

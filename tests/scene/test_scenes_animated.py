@@ -1,7 +1,5 @@
 """The animated stand-ins: size, repeatability, and that the motion is what it stands for."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

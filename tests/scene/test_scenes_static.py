@@ -1,7 +1,5 @@
 """The static stand-ins: sizes, labels, closed surfaces, cameras and lights in free space, same bytes every time."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 

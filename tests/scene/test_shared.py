@@ -1,7 +1,5 @@
 """A scene that is handed from one worker to others: the frames that are asked for, and always the first."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

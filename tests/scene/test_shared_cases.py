@@ -4,8 +4,6 @@ They lie in ``shared/cases`` beside the checkout. Files of each kind that the te
 format.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Targets of lights with an area: where they are, what a picture makes of them, and that a point light has none of it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -15,9 +13,10 @@ from shadowbench.harness.frame.effects.shading import shaded
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.room import fewer_that_fit
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.areas import CASES, area
-from shadowbench.harness.hardcases.case import ball, joined, plane, view
+from shadowbench.harness.hardcases.areas import area
+from shadowbench.harness.hardcases.case import CASES, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.hardcases.shapes import ball, joined, plane
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.effects import Effects, Limits
 from shadowbench.harness.scene.facts import light_facts
@@ -161,7 +160,7 @@ def test_plan_tells_lights_and_targets_apart(tmp_path):
 @pytest.mark.parametrize("name", ["bvh2", "ray_grids", "uniform_grid"])
 def test_methods_take_many_targets(name):
     """The two cases that are too long for every method: 256 targets, and 64 lights."""
-    for case in CASES:
+    for case in CASES["areas"]:
         if case.large:
             finding = judge_case(Judged(case, case.make()), make_method(name), "cpu")
             assert (finding.status, dict(finding.classes)) == ("ok", {}), case.title

@@ -1,7 +1,5 @@
 """The automatic view shows something of every mesh: strays, markers and planes seen edge-on do not empty the picture."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

@@ -1,11 +1,9 @@
 """Which frames are wide: where float64 leaves signs open that float32 inputs decide."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from shadowbench.harness.hardcases.case import sheet
+from shadowbench.harness.hardcases.shapes import sheet
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light
 from shadowbench.harness.scene.width import MANY, Sizes, is_wide

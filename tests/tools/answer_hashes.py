@@ -14,8 +14,6 @@ code 1 if a hash differs from the kept one; what is not kept is only counted. Ex
 of zero.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

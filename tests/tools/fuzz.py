@@ -7,8 +7,6 @@ Prints how many examples ran and what was found. A failure is made smaller and f
 test_regressions.py replays it for ever after. Exit code 1 where something was found.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

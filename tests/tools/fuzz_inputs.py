@@ -8,8 +8,6 @@ made from the seed and its number alone. The inputs of those that fail are kept,
 file: these are faults of a reader, from which the program is protected.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

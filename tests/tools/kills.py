@@ -10,8 +10,6 @@ nobody disturbed, and its files, the folders for temporary files and shards, and
 for what was left behind. Exit code 1 where something was found.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -5,8 +5,6 @@ steps inside one of the tests, the lanes test one by one, and a frame takes up t
 (results/notebook.md, "Trees of Warp").
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 

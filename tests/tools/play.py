@@ -11,8 +11,6 @@ the end a story is played again and again: live memory must stay what it is. A f
 Exit code 1 where something was found.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

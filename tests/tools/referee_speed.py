@@ -7,8 +7,6 @@ one. Each is given a wrong answer (a miss, the triangle of another pixel, the op
 decided but its class is found too, with every triangle along its ray. Embree must be installed; it finds the places.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import time

@@ -11,8 +11,6 @@ at 1, so that buffers overflow and grow. Warp's memory pools are off: each array
 sanitizer puts a gap behind it. Needs a CUDA device and compute-sanitizer. Exit code 1 where an error was found.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import re

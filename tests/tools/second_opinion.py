@@ -7,8 +7,6 @@ each is a fault of one of the two. Where CGAL's binding for Python is installed 
 predicate is asked about the random rays as well. Exit code 1 where any two differ.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import sys

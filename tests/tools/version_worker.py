@@ -4,8 +4,6 @@ Reads requests as lines of JSON: {"method", "settings", "scene", "samples"}, the
 is {"ms": samples of the whole frame, "answers": a hash of their bits}, or {"error": a line}.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -15,6 +15,7 @@ import warp as wp
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import U8
 from ...errors import CapacityRejected, UserError, one_line
 from ...files import array_hash
 from ...frame.devices import placed_method
@@ -250,9 +251,7 @@ class Frames:
         return facts, webp(picture)
 
 
-def mark_wrong(
-    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], picture: NDArray[np.uint8]
-) -> dict[str, Any]:
+def mark_wrong(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], picture: U8) -> dict[str, Any]:
     """Mark the wrong pixels of the picture in red, and count them by class."""
     from ...judge.context import Judge
     from ...judge.score import gravest_classes, judge_frame
@@ -283,7 +282,7 @@ def options(wish: Wish, camera: Camera, lights: tuple[Light, ...]) -> str:
     return " ".join(words)
 
 
-def heat(method: Any, moment: Moment) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+def heat(method: Any, moment: Moment) -> tuple[U8, dict[str, Any]]:
     """The tests of each primary ray of a method that counts them as a picture, and its scale: a logarithm, since the most
     is many times what is usual. ``half``: the tests of the colour in the middle."""
     import matplotlib
@@ -295,7 +294,7 @@ def heat(method: Any, moment: Moment) -> tuple[NDArray[np.uint8], dict[str, Any]
     return (colours * 255).round().astype(np.uint8), {"most": most, "half": half, "mean": float(counts.mean())}
 
 
-def webp(picture: NDArray[np.uint8]) -> bytes:
+def webp(picture: U8) -> bytes:
     """The picture, uint8 [height, width, 3], as lossless WebP: what is on the page has the bits of the frame."""
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(buffer, "WEBP", lossless=True, quality=20, method=0)

@@ -1,7 +1,5 @@
 """The page as one HTML text: its style, its script and its facts inside."""
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 from typing import Any

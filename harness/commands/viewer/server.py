@@ -1,7 +1,5 @@
 """A server for one page: on 127.0.0.1 only, with a token in the address. It ends when the page is closed."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import secrets

@@ -7,8 +7,6 @@ the plane of its triangle, moved off the surface to the side that the ray came f
 :func:`left_surface`, and rounded outward, so that no float32 query hits the mirror again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import warp as wp

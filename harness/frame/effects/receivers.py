@@ -6,8 +6,6 @@ bits and records on the device whether the light has any receiver. If not, the l
 (:func:`skippable`); in a captured graph the device decides this.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace

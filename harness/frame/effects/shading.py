@@ -11,14 +11,13 @@ own colour.
 The picture shows the answers of a method: the triangle gives the normal, t the position. Wrong answers are visible.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...arrays import F32
 from ...scene.effects import Effects, Switches
 from ...scene.moment import Moment
 from ...scene.prepared import Prepared
@@ -204,7 +203,7 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
 
 def shaded(
     prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]
-) -> Callable[[int, int], NDArray[np.float32]]:
+) -> Callable[[int, int], F32]:
     """A function (first pixel, number of pixels) to their linear colours, float32 [n, 3].
 
     It colours answers on the host (:meth:`..frame.Answers.to_host`). On a CPU, several threads may call it at once.
@@ -251,7 +250,7 @@ def shaded(
     inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]
     kernel = specialised(color_kernel, Switches(bounced=bounces > 0, orthographic=moment.orthographic))
 
-    def colors(first: int, count: int) -> NDArray[np.float32]:
+    def colors(first: int, count: int) -> F32:
         color = wp.empty(count, dtype=wp.vec3f, device=device)
         wp.launch(kernel, dim=count, inputs=[first, *inputs], outputs=[color], device=device)
         return color.numpy()

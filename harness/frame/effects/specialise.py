@@ -7,8 +7,6 @@ needed costs nothing; ``tests/frame/test_effects_compiled.py`` tests this on the
 and cached.
 """
 
-from __future__ import annotations
-
 import ast
 import dis
 import functools

@@ -1,7 +1,5 @@
 """The passes of a frame as a captured graph: what runs at the same time, and what waits for what."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace

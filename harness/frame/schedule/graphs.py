@@ -4,8 +4,6 @@ Warp makes graphs that run with the priority of the stream on which they are lau
 fills what the others leave idle, and takes no room from them, the driver is asked for a graph that keeps the priorities.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager

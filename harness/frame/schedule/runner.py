@@ -1,7 +1,5 @@
 """Passes on a device, launched in order or as a captured graph."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -5,8 +5,6 @@ plain instructions there: parts that run at the same time must write different w
 instructions of their own, or write the same value.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import itertools

@@ -1,7 +1,5 @@
 """The page as one file: the template of ``web/`` with its style, its scripts and its data inside."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import html

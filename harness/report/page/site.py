@@ -1,7 +1,5 @@
 """A folder for any static host: the page, an address for each experiment that stays, drawings, the documentation."""
 
-from __future__ import annotations
-
 import html
 import shutil
 from collections.abc import Mapping

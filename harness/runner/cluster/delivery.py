@@ -1,7 +1,5 @@
 """Files that go from a results folder to a worker and back; they are stored as a run on one machine stores them."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 

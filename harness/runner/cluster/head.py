@@ -5,8 +5,6 @@ lost, that is written into ``cluster.jsonl``, and its shard goes to another work
 folder as a run on one machine stores them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import time

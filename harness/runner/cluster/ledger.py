@@ -4,8 +4,6 @@
 because all results of a folder share columns, and results of cards that differ too much are not merged into one column.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable
 from pathlib import Path

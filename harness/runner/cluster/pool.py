@@ -1,7 +1,5 @@
 """Workers: those of this machine, one per GPU, or those of any Dask scheduler; and which of them are present."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -5,8 +5,6 @@ ratio between methods, and that needs one card. The Dask worker has one thread, 
 :class:`~..run.Run` does on a single machine, with worker processes of our own.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import os

@@ -5,8 +5,6 @@ continues there as an interrupted run continues in its folder, if the same card 
 all rounds of a point are of one card.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import os

@@ -3,8 +3,6 @@
 NVIDIA's management library tells them in a millisecond where its binding is installed; ``nvidia-smi`` starts a process.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Callable

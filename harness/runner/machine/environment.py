@@ -1,7 +1,5 @@
 """The environment of a measurement: machine, driver, versions, commit. Stored once, referenced by its id."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import os

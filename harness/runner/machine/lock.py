@@ -10,8 +10,6 @@ It uses flock. The shared lock of the filelock package is a database that must b
 prefers shared over waiting exclusive users, and fails on file systems without locks.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -5,8 +5,6 @@ the idle card used just before. Two frames in flight are the graphs of two sessi
 on two streams. Frames that are not captured have their launches issued one by one, which counts in their energy.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Memory of a process and of Warp's allocators."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import functools

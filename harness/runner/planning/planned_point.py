@@ -1,7 +1,5 @@
 """The points of an experiment: what is measured, its configuration and its key."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import re

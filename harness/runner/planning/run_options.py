@@ -1,7 +1,5 @@
 """The options of a run, and a point that is being measured."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

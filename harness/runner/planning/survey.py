@@ -1,7 +1,5 @@
 """Which points of a run are measured already, which are not, and how long the rest may take."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import os

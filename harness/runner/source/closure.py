@@ -9,8 +9,6 @@ stand-ins) are not imported by a statement, and so one method's key does not dep
 docstrings and layout do not count (:mod:`.runner.source.code`).
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import hashlib

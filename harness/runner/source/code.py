@@ -6,8 +6,6 @@ function, the text below an attribute): it does nothing. Changes of a docstring 
 (``__doc__``) are not seen.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from typing import Any

@@ -5,8 +5,6 @@ reply, so that only one worker runs at a time. Output of methods goes to standar
 ends; :mod:`.runner.workers.guard` starts it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import json

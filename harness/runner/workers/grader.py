@@ -5,8 +5,6 @@ memory of a method's process. If the reference is not available, the frame has n
 saved, so that ``shadowbench score DIR`` can score them on another machine.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

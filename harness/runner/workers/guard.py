@@ -7,8 +7,6 @@ themselves orphans or a session of their own. The guard ends as the worker has e
 signal.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

@@ -1,7 +1,5 @@
 """The parent's side of a worker process: start it, send commands, stop it if it does not reply or has died."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -4,8 +4,6 @@ The points of a scene are measured in turn, whatever their method and lighting, 
 Where memory gets short, the points that were not used for longest are freed, and prepared again when their turn comes.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from ...results.folder import ResultsFolder

@@ -3,8 +3,6 @@
 Paths are named from the root: a method may change the folder that its process works in.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
 

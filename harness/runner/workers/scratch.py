@@ -5,8 +5,6 @@ as the compiled headers of kernels. So workers get a folder of their own there. 
 this process is killed, the next run removes it. Whether a folder is still in use is told by a lock on it.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import fcntl

@@ -5,8 +5,6 @@ them within limits on memory and time, and sends back the arrays. Whatever happe
 file. It is started for the first file, used for all others, and ended with this process.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import itertools

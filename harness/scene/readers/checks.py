@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import I32, Floats
 from ...errors import UserError
 from ...files import open_regular
 from ..scene import Camera, Geometry, Light, Vector
@@ -115,8 +116,8 @@ class Loaded:
     sequence  whether each frame has a file of its own
     """
 
-    faces: NDArray[np.int32]
-    frames: tuple[NDArray[np.floating], ...]
+    faces: I32
+    frames: tuple[Floats, ...]
     files: tuple[Path, ...] = ()
     up: Vector | None = None
     rate: float | None = None

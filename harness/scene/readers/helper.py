@@ -4,8 +4,6 @@ A message is two lengths, of a JSON text and of the arrays that follow it, then 
 tuple is an object in the text with one key that says which; arrays stand in the order in which the text names them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

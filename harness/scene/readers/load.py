@@ -1,7 +1,5 @@
 """Read scene files of any supported format. Triangles keep the order of the file; nothing is merged or dropped."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace

@@ -6,16 +6,14 @@ normal indices, counts relative (negative) indices from the end of the file inst
 with what trimesh reads.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64, I32, I64
 from ...errors import UserError
 from .checks import ALL, MAX_LINE, Loaded, Wanted, broken, checked, read_bytes
 from .polygons import triangulate
@@ -97,7 +95,7 @@ def _wrong(path: Path, lines: Sequence[bytes], kind: set[bytes], index: int, pro
     return broken(path, f"line {number_of(lines, place)}: {problem}", way_out)
 
 
-def _positions(lines: Sequence[bytes]) -> NDArray[np.float64]:
+def _positions(lines: Sequence[bytes]) -> F64:
     """The first three numbers of each line, [len(lines), 3]."""
     try:
         values, each = numbers([line[1:] for line in lines])
@@ -110,7 +108,7 @@ def _positions(lines: Sequence[bytes]) -> NDArray[np.float64]:
     return values[(np.cumsum(each) - each)[:, None] + np.arange(3)]
 
 
-def _faces(path: Path, lines: Sequence[bytes]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def _faces(path: Path, lines: Sequence[bytes]) -> tuple[I64, I32]:
     """The number of corners of each face, and the vertex indices of all corners, counted from 0."""
     parts = _parsed(path, lines, _FACE, _corners)
     counts = np.concatenate([np.zeros(0, np.int64), *(each for _, each in parts)])
@@ -133,7 +131,7 @@ def _faces(path: Path, lines: Sequence[bytes]) -> tuple[NDArray[np.int64], NDArr
     return counts, found.astype(np.int32)
 
 
-def _corners(lines: Sequence[bytes]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _corners(lines: Sequence[bytes]) -> tuple[I32, I64]:
     """The vertex indices as they stand in the lines, and how many each line has.
 
     A corner is ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``.

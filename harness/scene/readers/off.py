@@ -4,15 +4,13 @@ trimesh 5.2 is not used because it sorts faces by their number of corners, fans 
 there are where the header claims more.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64, I32, I64, Bools
 from ...errors import UserError
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .polygons import polygon_sizes, triangulate
@@ -73,7 +71,7 @@ def _wrong(path: Path, what: str) -> Callable[[int, str], UserError]:
     return lambda index, problem: broken(path, f"{what} {index}: {problem}", "correct that line")
 
 
-def _positions(lines: Sequence[bytes]) -> tuple[NDArray[np.float64], bool]:
+def _positions(lines: Sequence[bytes]) -> tuple[F64, bool]:
     """The first three numbers of each line, [len(lines), 3], and whether any line has more."""
     values, each = numbers(lines)
     if len(each) and each.min() < 3:
@@ -82,7 +80,7 @@ def _positions(lines: Sequence[bytes]) -> tuple[NDArray[np.float64], bool]:
     return values[starts[:, None] + np.arange(3)], bool((each > 3).any())
 
 
-def _corners(lines: Sequence[bytes]) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
+def _corners(lines: Sequence[bytes]) -> tuple[I64, I32, Bools]:
     """The number of corners of each face, their vertex indices, and which faces have a colour."""
     values, each = numbers(lines)
     starts = np.cumsum(each) - each

@@ -6,13 +6,11 @@ file as a smaller mesh, and an index of 1.5 as 1. tests/scene/test_load.py has a
 of triangles with what trimesh reads.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import I32, Floats
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .ply_data import Column, Columns, Records, Rows
 from .ply_header import CORNERS, Element, read_header
@@ -51,7 +49,7 @@ def read_ply(path: Path, wanted: Wanted = ALL) -> Loaded:
     return checked(path, points, np.concatenate([faces, strips]) if len(strips) else faces, notes=notes)
 
 
-def _positions(element: Element, columns: Columns, binary: bool) -> NDArray[np.floating]:
+def _positions(element: Element, columns: Columns, binary: bool) -> Floats:
     """x, y, z of the vertices, [length, 3]."""
     kinds = {p.kind for p in element.properties if p.name in ("x", "y", "z")}
     short = binary and kinds <= {"f4", "i1", "u1", "i2", "u2"}
@@ -75,7 +73,7 @@ def _corners(path: Path, columns: Columns) -> Column:
     return Column(found.astype(np.int32, copy=False), columns[name].counts)
 
 
-def _strips(lists: Column) -> NDArray[np.int32]:
+def _strips(lists: Column) -> I32:
     """The triangles of strips, each turned like the first of its strip; int32 [triangle_count, 3].
 
     A strip goes on to the end of its list, or to :data:`_RESTART`.

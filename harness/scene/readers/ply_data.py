@@ -1,7 +1,5 @@
 """The data of a PLY file after its header: the columns of each element, from records or from rows of text."""
 
-from __future__ import annotations
-
 import struct
 from array import array
 from pathlib import Path
@@ -10,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import I64
 from ...errors import UserError
 from .checks import broken
 from .ply_header import CORNERS, Element, Header, Property
@@ -28,7 +27,7 @@ class Column(NamedTuple):
     """The values of a property of all rows; of a list one list after the other, with the length of each."""
 
     values: NDArray
-    counts: NDArray[np.int64]
+    counts: I64
 
 
 Columns = dict[str, Column]

@@ -1,7 +1,5 @@
 """The header of a PLY file: its elements, and where its data begin."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import dataclass

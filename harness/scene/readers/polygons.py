@@ -4,14 +4,12 @@ A fan about the first corner is right for a convex polygon, and for any other th
 is not, the fan about another corner may be; else the polygon's ears are clipped (mapbox_earcut).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64, I32, I64, Bools, Floats, Ints
 from .checks import broken
 
 _BLOCK = 1 << 16
@@ -24,7 +22,7 @@ _STRAIGHT = 1e-6
 """Sine of the largest angle that counts as none, for corners on one line that float32 has rounded."""
 
 
-def polygon_sizes(path: Path, counts: NDArray[np.integer], where: str = "") -> None:
+def polygon_sizes(path: Path, counts: Ints, where: str = "") -> None:
     """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices.
 
     where  what is written before the face
@@ -35,9 +33,7 @@ def polygon_sizes(path: Path, counts: NDArray[np.integer], where: str = "") -> N
         raise broken(path, problem, "a face needs at least 3: remove it")
 
 
-def triangulate(
-    points: NDArray[np.floating], counts: NDArray[np.integer], corners: NDArray[np.integer]
-) -> NDArray[np.int32]:
+def triangulate(points: Floats, counts: Ints, corners: Ints) -> I32:
     """The triangles of polygons, int32 [sum(counts - 2), 3].
 
     points   [vertex_count, 3]; may hold NaN: such a polygon is a fan
@@ -61,7 +57,7 @@ def triangulate(
     return faces
 
 
-def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int32]:
+def fan(counts: Ints, corners: Ints) -> I32:
     """Polygons as fans about their first corner, int32 [sum(counts - 2), 3]; arguments as of :func:`triangulate`.
 
     It works in blocks and needs little memory beside its result.
@@ -84,7 +80,7 @@ def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np
     return result
 
 
-def _alike(counts: NDArray[np.integer]) -> Iterator[NDArray[np.int64]]:
+def _alike(counts: Ints) -> Iterator[I64]:
     """The polygons of more than 3 corners, in groups of one size and of about :data:`_BLOCK` corners."""
     order = np.argsort(counts, kind="stable")
     sizes, firsts = np.unique(counts[order], return_index=True)
@@ -93,7 +89,7 @@ def _alike(counts: NDArray[np.integer]) -> Iterator[NDArray[np.int64]]:
             yield from np.array_split(group, min(len(group), -(-len(group) * size // _BLOCK)))
 
 
-def _wrong_fans(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+def _wrong_fans(points: Floats) -> Bools:
     """Whether a triangle of a polygon's fan is turned against the polygon's normal (Newell's). [polygons]
 
     points  the corners, [polygons, corners, 3]
@@ -107,7 +103,7 @@ def _wrong_fans(points: NDArray[np.floating]) -> NDArray[np.bool_]:
         return ((areas * normal).sum(axis=2) < -noise).any(axis=1)
 
 
-def _cut(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _cut(points: F64) -> I64:
     """The triangles of polygons of one size, [polygons, corners - 2, 3], by the places of their corners.
 
     points  the corners, [polygons, corners, 3]
@@ -127,7 +123,7 @@ def _cut(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return cut
 
 
-def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _flat(points: F64) -> F64:
     """A polygon's corners [n, 3] seen along the axis that its normal is nearest to, counterclockwise, [n, 2]."""
     own = points - points[0]
     own /= np.abs(own).max()
@@ -137,7 +133,7 @@ def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ascontiguousarray(own[:, seen if normal[axis] > 0 else seen[::-1]])
 
 
-def _clipped(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
+def _clipped(flat: F64) -> I64 | None:
     """The triangles of a polygon by clipping its ears, int64 [n - 2, 3]; None if it crosses itself so that there are fewer.
 
     mapbox_earcut leaves out corners on a line and coincident ones. The rings that these leave between the triangles and
@@ -158,7 +154,7 @@ def _clipped(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
     return cut if len(cut) == count - 2 else None
 
 
-def _rings_left(cut: NDArray[np.int64], count: int) -> list[list[int]]:
+def _rings_left(cut: I64, count: int) -> list[list[int]]:
     """The closed rings between the outline of triangles and the polygon 0, 1 ... ``count`` - 1 that they are cut from.
 
     None passes a corner twice: a ring that does is several that touch there.

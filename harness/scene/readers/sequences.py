@@ -1,7 +1,5 @@
 """Animations from files: a sequence with one frame in each, and ``.npz`` archives."""
 
-from __future__ import annotations
-
 import glob
 import itertools
 import re

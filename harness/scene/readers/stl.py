@@ -4,16 +4,14 @@ trimesh 5.2 is not used because it refuses an ASCII file without ``endsolid`` an
 triangle, and takes three times as long.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F32, F64, Floats
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .text import decoded, first_wrong, numbers, plain_lines
 
@@ -40,7 +38,7 @@ def read_stl(path: Path, wanted: Wanted = ALL) -> Loaded:
     """
     blob = read_bytes(path)
     text = plain_lines(decoded(blob))
-    points: NDArray[np.floating]
+    points: Floats
     if b"\0" not in text and (text.lstrip()[:5].lower() == b"solid" or b"facet" in text[:_BLOCK].lower()):
         points, notes = _from_text(path, text)
     elif len(blob) < _HEADER:
@@ -50,7 +48,7 @@ def read_stl(path: Path, wanted: Wanted = ALL) -> Loaded:
     return checked(path, points, np.arange(len(points)).reshape(-1, 3), _UP, notes)
 
 
-def _from_records(path: Path, blob: bytes) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+def _from_records(path: Path, blob: bytes) -> tuple[F32, tuple[str, ...]]:
     """The corners of a binary file, [3 triangles, 3]."""
     claimed = int.from_bytes(blob[80:_HEADER], "little")
     left = len(blob) - _HEADER - claimed * _TRIANGLE.itemsize
@@ -62,7 +60,7 @@ def _from_records(path: Path, blob: bytes) -> tuple[NDArray[np.float32], tuple[s
     return records["corners"].reshape(-1, 3), (f"{left} bytes after the last triangle left out",) * bool(left)
 
 
-def _from_text(path: Path, text: bytes) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _from_text(path: Path, text: bytes) -> tuple[F64, tuple[str, ...]]:
     """The corners of a text, [3 triangles, 3]."""
     text = text.lower()
     parts, at, last = [np.zeros((0, 3))], 0, text.rfind(_END)
@@ -81,7 +79,7 @@ def _lines(text: bytes) -> list[bytes]:
     return [line for line in map(bytes.strip, text.split(b"\n")) if line[:6] in _LINES]
 
 
-def _corners(path: Path, text: bytes, before: int) -> NDArray[np.float64]:
+def _corners(path: Path, text: bytes, before: int) -> F64:
     """The corners of the facets of a text in lower case, [3 facets, 3]. ``before``: facets of the file before them."""
     lines = _lines(text)
     if _in_threes(lines) and len(lines) == 4 * text.count(_END):
@@ -111,7 +109,7 @@ def _in_threes(lines: list[bytes]) -> bool:
     return b"".join([line[:1] for line in lines]) == b"fvvv" * (len(lines) // 4)
 
 
-def _positions(lines: Sequence[bytes]) -> NDArray[np.float64]:
+def _positions(lines: Sequence[bytes]) -> F64:
     """The three numbers of each line, [len(lines), 3]."""
     values, each = numbers(lines)
     if (each != 3).any():

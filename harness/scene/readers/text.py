@@ -1,7 +1,5 @@
 """What the text formats share: encodings and line ends, numbers in lines, and the line of a mistake."""
 
-from __future__ import annotations
-
 import codecs
 import re
 import warnings
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import I64
 from ...errors import UserError
 
 _MARKS = (
@@ -72,7 +71,7 @@ def number_of(lines: Sequence[bytes], index: int) -> int:
     return index + 1 + sum(line.count(JOINED) for line in lines[:index])
 
 
-def numbers(lines: Sequence[bytes], dtype: type = np.float64) -> tuple[NDArray[Any], NDArray[np.int64]]:
+def numbers(lines: Sequence[bytes], dtype: type = np.float64) -> tuple[NDArray[Any], I64]:
     """The numbers of lines, and how many each has, [len(lines)]. Raises ValueError for a word that is no number."""
     if not lines:
         return np.zeros(0, dtype), np.zeros(0, np.int64)

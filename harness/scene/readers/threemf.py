@@ -4,8 +4,6 @@ trimesh 5.2 is not used because it takes all meshes of another part of the packa
 a limit; it also reads files that require what it cannot read.
 """
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The XML parts of a 3MF package: relationships, and models of objects with triangles or components, and what is built."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import IO, Any
@@ -10,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import F64, I64
 from .text import numbers
 
 _SCHEMAS = "http://schemas.microsoft.com/3dmanufacturing/"
@@ -27,7 +26,7 @@ _BLOCK = 3 << 14
 
 _READ = 1 << 16
 
-AffineRows = NDArray[np.float64]
+AffineRows = F64
 """A transform of row vectors [4, 3]: p becomes p @ m[:3] + m[3]."""
 
 
@@ -49,8 +48,8 @@ class Solid:
     """An object: points [n, 3] and faces [m, 3], or components."""
 
     identity: str
-    points: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
-    faces: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+    points: F64 = field(default_factory=lambda: np.zeros((0, 3)))
+    faces: I64 = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     components: list[Use] = field(default_factory=list)
     shaped: bool = False
 
@@ -145,7 +144,10 @@ class _Reader:
             case "basematerials":
                 self._model.left_out.add("materials")
             case "object":
-                self._begin(attributes.get("id", ""))
+                identity = attributes.get("id", "")
+                if identity in self._model.solids or self._within:
+                    raise WrongError(f"object {identity} is there twice or within another")
+                self._solid, self._within = Solid(identity), True
             case "mesh" | "components":
                 self._solid.shaped = True
             case "vertices":
@@ -177,11 +179,6 @@ class _Reader:
             uri = self._prefixes.get(prefix, prefix)
             if uri not in _UNDERSTOOD:
                 raise WrongError(f"needs the extension {uri}")
-
-    def _begin(self, identity: str) -> None:
-        if identity in self._model.solids or self._within:
-            raise WrongError(f"object {identity} is there twice or within another")
-        self._solid, self._within = Solid(identity), True
 
     def _end_object(self) -> None:
         solid, self._solid, self._within = self._solid, Solid(""), False

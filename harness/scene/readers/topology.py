@@ -1,14 +1,14 @@
 """Parts of a scene over time as one mesh of fixed topology: what vanishes or changes has NaN positions where it is not."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-Piece = tuple[NDArray[np.floating], NDArray[np.int32]]
+from ...arrays import I32, Floats
+
+Piece = tuple[Floats, I32]
 """Positions [n, 3] and faces [m, 3] of a part at one frame."""
 
 
@@ -21,8 +21,8 @@ class Fixed:
     vanishing the other parts that some frames do not have
     """
 
-    faces: NDArray[np.int32]
-    frames: tuple[NDArray[np.floating], ...]
+    faces: I32
+    frames: tuple[Floats, ...]
     padded: tuple[int, ...]
     vanishing: tuple[int, ...]
 
@@ -32,11 +32,11 @@ class _Layout:
     """The vertices and faces that one part has in every frame; ``padded`` if each triangle has three of its own."""
 
     vertices: int
-    faces: NDArray[np.int32]
+    faces: I32
     padded: bool
     vanishing: bool
 
-    def positions(self, piece: Piece | None, dtype: np.dtype) -> NDArray[np.floating]:
+    def positions(self, piece: Piece | None, dtype: np.dtype) -> Floats:
         if piece is not None and not self.padded:
             return piece[0]
         result = np.full((self.vertices, 3), np.nan, dtype=dtype)

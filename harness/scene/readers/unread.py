@@ -1,7 +1,5 @@
 """Formats that are not read, and what converts them into one that is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

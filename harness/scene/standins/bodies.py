@@ -4,20 +4,17 @@ A :class:`Body` is a list of :class:`Blob` united smoothly, one after the other 
 its surface is meshed by :mod:`.scene.standins.implicit`, projected onto the zero set and roughened. Lengths in metres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import F32, F64, I64
 from .implicit import polygonise
 from .shapes import Mesh, rotation
 
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
-Point = Sequence[float] | NDArray[np.float64]
+Point = Sequence[float] | F64
 
 CHUNK = 2048
 """Number of points evaluated at a time: blobs far from all of them are left out."""
@@ -181,7 +178,7 @@ class Body:
         return result
 
 
-def _curve_index(points: F32) -> NDArray[np.int64]:
+def _curve_index(points: F32) -> I64:
     """Index of each point [n, 3] on a Morton curve through 128 cubes per side, so that neighbours in order are near."""
     low = points.min(axis=0)
     size = max(float((points.max(axis=0) - low).max()), 1e-9) / 127.0

@@ -4,19 +4,16 @@ One dense, closed, consistently oriented surface, as the scan is: signed distanc
 folds of cloth and chisel marks on top, turned into triangles of nearly one size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Floats
 from ..scene import Camera, Geometry, Light, Scene
 from .implicit import polygonise
 
-F32 = NDArray[np.floating]
 """Arrays [n] in float32, unless a caller wants more."""
-Part = Callable[[F32, F32, F32], F32]
+Part = Callable[[Floats, Floats, Floats], Floats]
 
 SPACING = 0.00414
 """Lattice spacing in metres; sets the triangle count (Stanford's mesh has 1,087,716)."""
@@ -44,7 +41,7 @@ def geometry() -> Geometry:
     return Geometry.static(mesh.vertices, mesh.faces)
 
 
-def distance(points: F32) -> F32:
+def distance(points: Floats) -> Floats:
     """Signed distance in metres (to within about 30 % near the surface), negative inside; points [n, 3]."""
     result = np.empty(len(points), dtype=np.float32)
     for start in range(0, len(points), BLOCK):
@@ -56,18 +53,18 @@ def distance(points: F32) -> F32:
 # Blending and basic bodies. All take coordinates as separate float32 arrays.
 
 
-def _blend(a: F32, b: F32, k: float) -> F32:
+def _blend(a: Floats, b: Floats, k: float) -> Floats:
     """Union with a fillet of about ``k`` metres."""
     h = np.maximum(k - np.abs(a - b), 0.0)
     return np.minimum(a, b) - h * h * (0.25 / k)
 
 
-def _carve(a: F32, b: F32, k: float) -> F32:
+def _carve(a: Floats, b: Floats, k: float) -> Floats:
     """``a`` without ``b``, the edge rounded by about ``k`` metres."""
     return -_blend(-a, b, k)
 
 
-def _ball(x: F32, y: F32, z: F32, centre: tuple, radii: tuple) -> F32:
+def _ball(x: Floats, y: Floats, z: Floats, centre: tuple, radii: tuple) -> Floats:
     """An ellipsoid; exact at the surface to first order."""
     px, py, pz = x - centre[0], y - centre[1], z - centre[2]
     near = np.sqrt((px / radii[0]) ** 2 + (py / radii[1]) ** 2 + (pz / radii[2]) ** 2)
@@ -75,7 +72,7 @@ def _ball(x: F32, y: F32, z: F32, centre: tuple, radii: tuple) -> F32:
     return near * (near - 1.0) / np.maximum(steep, 1e-3)
 
 
-def _bone(x: F32, y: F32, z: F32, a: tuple, b: tuple, ra: float, rb: float, flat: float = 1.0) -> F32:
+def _bone(x: Floats, y: Floats, z: Floats, a: tuple, b: tuple, ra: float, rb: float, flat: float = 1.0) -> Floats:
     """A capsule from ``a`` to ``b`` with radii ``ra`` and ``rb``, squeezed in z by ``flat``."""
     z, az, bz = z / flat, a[2] / flat, b[2] / flat
     dx, dy, dz = b[0] - a[0], b[1] - a[1], bz - az
@@ -85,14 +82,14 @@ def _bone(x: F32, y: F32, z: F32, a: tuple, b: tuple, ra: float, rb: float, flat
     return (np.sqrt(px * px + py * py + pz * pz) - (ra + (rb - ra) * h)) * min(1.0, flat)
 
 
-def _disc(x: F32, y: F32, z: F32, low: float, high: float, radius: F32 | float, edge: float) -> F32:
+def _disc(x: Floats, y: Floats, z: Floats, low: float, high: float, radius: Floats | float, edge: float) -> Floats:
     """A round plate between two heights, with a rounded edge."""
     out = np.hypot(x, z) - radius + edge
     up = np.abs(y - (low + high) / 2) - (high - low) / 2 + edge
     return np.hypot(np.maximum(out, 0.0), np.maximum(up, 0.0)) + np.minimum(np.maximum(out, up), 0.0) - edge
 
 
-def _ridges(phase: F32) -> F32:
+def _ridges(phase: Floats) -> Floats:
     """Cloth folds over a phase in radians: round ridges with narrow valleys, 0 to 1."""
     return 1.0 - np.abs(np.sin(0.5 * phase)) ** 1.5
 
@@ -100,7 +97,7 @@ def _ridges(phase: F32) -> F32:
 # Parts of the statue, from the ground up.
 
 
-def _base(x: F32, y: F32, z: F32) -> F32:
+def _base(x: Floats, y: Floats, z: Floats) -> Floats:
     """A plinth, two rows of lotus petals, and the plate that the figure stands on."""
     turn = np.arctan2(x, z)
     lower = np.abs(np.cos(8.0 * turn)) ** 0.6
@@ -112,7 +109,7 @@ def _base(x: F32, y: F32, z: F32) -> F32:
     return _blend(_blend(plinth, petals, 0.012), plate, 0.012)
 
 
-def _skirt(x: F32, y: F32, z: F32) -> F32:
+def _skirt(x: Floats, y: Floats, z: Floats) -> Floats:
     """The lower robe: an oval that widens to the hem, with folds that deepen downwards, and two feet."""
     s = np.clip((y - 0.2) / 0.85, 0.0, 1.0)
     turn = np.arctan2(x, z)
@@ -126,7 +123,7 @@ def _skirt(x: F32, y: F32, z: F32) -> F32:
     return _blend(_blend(body, foot, 0.02), toes, 0.02)
 
 
-def _trunk(x: F32, y: F32, z: F32) -> F32:
+def _trunk(x: Floats, y: Floats, z: Floats) -> Floats:
     """Bare belly and chest, with the robe open over them in a V and tied below the belly."""
     side = np.abs(x)
     belly = _ball(x, y, z, (0.0, 0.98, 0.09), (0.27, 0.25, 0.235))
@@ -146,7 +143,7 @@ def _trunk(x: F32, y: F32, z: F32) -> F32:
     return _blend(_blend(_blend(body, robe, 0.006), belt, 0.01), _blend(knot, tail, 0.015), 0.01)
 
 
-def _arms(x: F32, y: F32, z: F32) -> F32:
+def _arms(x: Floats, y: Floats, z: Floats) -> Floats:
     """Arms raised to a bowl held overhead; wide sleeves that hang from the elbows down to the hem."""
     side = np.abs(x)
     shoulder = (0.22, 1.36, 0.0)
@@ -165,7 +162,7 @@ def _arms(x: F32, y: F32, z: F32) -> F32:
     return _blend(_blend(arm, cuff, 0.02), _blend(sleeve, lower, 0.05), 0.03)
 
 
-def _hands_and_bowl(x: F32, y: F32, z: F32) -> F32:
+def _hands_and_bowl(x: Floats, y: Floats, z: Floats) -> Floats:
     """Fingers over the rim of a bowl."""
     side = np.abs(x)
     palm = _ball(side, y, z, (0.16, 1.86, 0.03), (0.035, 0.06, 0.06))
@@ -178,7 +175,7 @@ def _hands_and_bowl(x: F32, y: F32, z: F32) -> F32:
     return _blend(_blend(_blend(bowl, rim, 0.01), palm, 0.015), grip, 0.006)
 
 
-def _head(x: F32, y: F32, z: F32) -> F32:
+def _head(x: Floats, y: Floats, z: Floats) -> Floats:
     """Bald head with full cheeks, long ears, eyes nearly shut, and a laugh."""
     side = np.abs(x)
     skull = _ball(x, y, z, (0.0, 1.635, 0.04), (0.112, 0.135, 0.125))
@@ -201,7 +198,7 @@ def _head(x: F32, y: F32, z: F32) -> F32:
     return _blend(head, ear, 0.012)
 
 
-def _necklace(x: F32, y: F32, z: F32) -> F32:
+def _necklace(x: Floats, y: Floats, z: Floats) -> Floats:
     """A string of beads that hangs over the chest."""
     turn = np.arctan2(x, z)
     bead = 0.017 + 0.006 * np.cos(36.0 * turn)
@@ -221,7 +218,7 @@ PARTS: tuple[tuple[Part, float, float, float], ...] = (
 )
 
 
-def _statue(x: F32, y: F32, z: F32) -> F32:
+def _statue(x: Floats, y: Floats, z: Floats) -> Floats:
     """All parts blended; a part too far from a block of points to matter is left out."""
     bottom, top = float(y.min()), float(y.max())
     result = np.full(len(y), 1.0, dtype=np.float32)

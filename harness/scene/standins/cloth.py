@@ -4,13 +4,11 @@ The motion is simulated by :mod:`.scene.standins.cloth_solver` on a coarse sheet
 interpolation. Sheet 90,738 triangles, ball 1,470, ground 2: together 92,210, against 92,230 of the original.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64, I64
 from ..scene import Camera, Geometry, Light, Moves, Scene
 from .cloth_solver import ClothSettings, simulate
 
@@ -20,8 +18,6 @@ SETTINGS = ClothSettings()
 REFINE = 3
 BALL_SEGMENTS, BALL_RINGS = 35, 22
 GROUND_HALF = 2.5
-
-F64 = NDArray[np.float64]
 
 
 def scene() -> Scene:
@@ -90,7 +86,7 @@ def _catmull_rom(values: F64, axis: int) -> F64:
     return np.moveaxis(fine, -1, axis)
 
 
-def _grid_faces(count: int) -> NDArray[np.int64]:
+def _grid_faces(count: int) -> I64:
     """Two triangles for each cell of a square grid of ``count`` by ``count`` vertices, diagonals alternating."""
     i, j = np.meshgrid(np.arange(count - 1), np.arange(count - 1), indexing="ij")
     a = (i * count + j).ravel()
@@ -101,7 +97,7 @@ def _grid_faces(count: int) -> NDArray[np.int64]:
     return np.stack([one, two], 1).reshape(-1, 3)
 
 
-def _ball() -> tuple[F64, NDArray[np.int64]]:
+def _ball() -> tuple[F64, I64]:
     """A sphere of rings and segments standing on the ground: vertices and faces, normals outward."""
     rise = np.pi * np.arange(1, BALL_RINGS) / BALL_RINGS
     turn = 2 * np.pi * np.arange(BALL_SEGMENTS) / BALL_SEGMENTS

@@ -8,15 +8,12 @@ root alone, in a fixed order, so other platforms should agree; that has not been
 Arrays of the sheet are component first, shape [3, n, n], so that a batch of constraints is a slice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from ...arrays import F64, I64
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,7 @@ class _Sheet:
         self.time = 0.0
         self.step_index = 0
         self.batches = list(_batches(settings, count))
-        self.pairs: NDArray[np.int64] = np.empty((0, 2), dtype=np.int64)
+        self.pairs: I64 = np.empty((0, 2), dtype=np.int64)
 
     def step(self) -> None:
         """One small step: forces, one pass over the constraints, contacts, then speeds from the change of place."""
@@ -122,7 +119,7 @@ class _Sheet:
         self.time += h
         self.step_index += 1
 
-    def _near_pairs(self) -> NDArray[np.int64]:
+    def _near_pairs(self) -> I64:
         """Pairs of vertices that may touch before the next search, shape [pair_count, 2], in a fixed order."""
         from scipy.spatial import cKDTree  # here: a scene is listed without it
 

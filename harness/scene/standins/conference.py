@@ -4,14 +4,12 @@ Furniture of all sizes: walls, floor and ceiling of two triangles each, long thi
 chairs, lamps and cups that hold most of the triangles. x runs along the table, y is up, metres.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Camera, Geometry, Light, Scene
 from . import furniture
-from .furniture import X_AXIS, Z_AXIS, pairs, raised_field
-from .shapes import Mesh, box, cylinder, flip, join, lathe, patch, place, sphere, transform, tube
+from .furniture import X_AXIS, Z_AXIS, raised_field
+from .shapes import Mesh, box, cylinder, flip, join, lathe, pairs, patch, place, sphere, transform, tube
 
 LENGTH, HEIGHT, WIDTH = 12.0, 3.1, 7.6
 X, Z = LENGTH / 2, WIDTH / 2

@@ -5,10 +5,7 @@ and thousands of blades and leaves (:mod:`.scene.standins.forest`). Wings beat, 
 motion repeats after the last frame. Both figures are modelled looking towards +x, then turned.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from ..scene import Camera, Geometry, Light, Moves, Scene
 from . import forest
@@ -24,8 +21,6 @@ FAIRY_SPACING = 0.0101
 DRAGONFLY_SPACING = 0.0075
 FAIRY_PLACE, FAIRY_TURN = (0.05, 0.30, 0.0), -66.0
 DRAGONFLY_PLACE, DRAGONFLY_TURN = (0.93, 1.66, 0.50), 200.0
-
-F64 = NDArray[np.float64]
 
 
 def scene() -> Scene:

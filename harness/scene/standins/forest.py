@@ -3,16 +3,12 @@
 The clearing is flat (y = 0) where anything stands. Blades and leaves are made all at once as arrays.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from ...arrays import F64, Ints
 from .motion import Part, Sway
 from .shapes import Mesh, grid, join, lathe, noise, patch, transform, tube
-
-F64 = NDArray[np.float64]
 
 GROUND_SIDE = 24.0
 TREES = (
@@ -232,7 +228,7 @@ def _unit(vectors: F64) -> F64:
     return vectors / np.maximum(length, 1e-12)[:, None]
 
 
-def _many(points: F64, faces: NDArray[np.integer]) -> Mesh:
+def _many(points: F64, faces: Ints) -> Mesh:
     """Copies of one small topology: points [n, m, 3], faces [f, 3] within one copy."""
     count, each = points.shape[:2]
     every = faces[None] + (np.arange(count) * each)[:, None, None]

@@ -3,19 +3,12 @@
 The pieces are curved and finely tessellated, so that they hold most of the room's triangles.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
-from .shapes import Mesh, box, cushion, cylinder, flip, grid, join, lathe, patch, place, sphere, transform, tube
+from .shapes import Mesh, box, cushion, cylinder, flip, grid, join, lathe, pairs, patch, place, sphere, transform, tube
 
 X_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-
-
-def pairs(*values: float) -> NDArray[np.float64]:
-    """A profile (radius, y), (radius, y), ... written in one row."""
-    return np.array(values).reshape(-1, 2)
 
 
 def _bent(mesh: Mesh, dx: float = 0.0, dy: NDArray | float = 0.0, dz: NDArray | float = 0.0) -> Mesh:

@@ -4,17 +4,13 @@ Surface nets (Gibson 1998, "Constrained elastic surface nets"): one vertex in ea
 passes, one quad for each lattice edge that it crosses. Only lattice points near the surface are evaluated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import F32, F64, I32, I64, Floats
 from .shapes import Mesh
-
-F32 = NDArray[np.float32]
-I64 = NDArray[np.int64]
 
 # Lattice axes 0, 1, 2 are y, z, x: a cyclic order, so that the orientation of quads holds.
 AXES = (1, 2, 0)
@@ -36,7 +32,7 @@ def polygonise(
     shape = blocks * COARSEST + 2
     strides = np.array([shape[1] * shape[2], shape[2], 1])
 
-    def evaluate(lattice: NDArray[np.floating] | I64) -> F32:
+    def evaluate(lattice: Floats | I64) -> F32:
         points = np.empty((len(lattice), 3), dtype=np.float32)
         points[:, AXES] = (origin + spacing * lattice).astype(np.float32)
         return distance(points)
@@ -66,7 +62,7 @@ def _points_near(evaluate: Callable[[NDArray], F32], blocks: I64, reach: float) 
     return corner
 
 
-def _part_touching_sheets(value: F32, beyond: list[NDArray[np.int32]], spacing: float) -> None:
+def _part_touching_sheets(value: F32, beyond: list[I32], spacing: float) -> None:
     """Where the surface crosses all four sides of a lattice square, move its outer corners just inside.
 
     Such a square would give an edge with four faces. Points only ever go inside, so this comes to an end.
@@ -88,14 +84,7 @@ def _part_touching_sheets(value: F32, beyond: list[NDArray[np.int32]], spacing: 
 
 
 def _net(
-    value: F32,
-    lattice: I64,
-    flat: I64,
-    beyond: list[NDArray[np.int32]],
-    strides: I64,
-    number: NDArray[np.int32],
-    origin: NDArray[np.float64],
-    spacing: float,
+    value: F32, lattice: I64, flat: I64, beyond: list[I32], strides: I64, number: I32, origin: F64, spacing: float
 ) -> Mesh:
     """Vertices at the mean of each cell's crossings, and two triangles for each crossed edge."""
     cells, crossings, outward = [], [], []

@@ -1,7 +1,5 @@
 """Pieces that the cathedral is built from: arches, ribs, windows, a rose window, columns. Metres, y up."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

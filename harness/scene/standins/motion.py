@@ -3,18 +3,14 @@
 A motion changes the vertices of one part in place, for a phase from 0 to 1 of the period.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64
 from .shapes import Mesh, join
-
-F64 = NDArray[np.float64]
 
 
 class Motion(Protocol):

@@ -4,22 +4,20 @@ Every function returns a :class:`Mesh`: float64 vertices in metres, int32 faces,
 from outside. y is up. Only :func:`noise` draws random numbers, and it takes its seed: same call, same bytes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-F64 = NDArray[np.float64]
+from ...arrays import F64, I32, Ints
 
 
 class Mesh(NamedTuple):
     """``vertices`` float64 [vertex_count, 3] in metres; ``faces`` int32 [triangle_count, 3]."""
 
     vertices: F64
-    faces: NDArray[np.int32]
+    faces: I32
 
 
 def join(meshes: Iterable[Mesh]) -> Mesh:
@@ -117,6 +115,11 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
     return Mesh(np.array(corners, dtype=np.float64), np.array(faces, dtype=np.int32))
 
 
+def pairs(*values: float) -> F64:
+    """A profile (radius, y), (radius, y), ... written in one row."""
+    return np.array(values).reshape(-1, 2)
+
+
 def lathe(profile: ArrayLike, segments: int, start: float = 0.0, sweep: float = 360.0) -> Mesh:
     """A profile [(radius, y), ...], listed upwards for a surface facing out, turned about the y axis.
 
@@ -144,7 +147,7 @@ def lathe(profile: ArrayLike, segments: int, start: float = 0.0, sweep: float = 
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-def _fan(first: NDArray[np.integer], second: NDArray[np.integer], pole: int) -> NDArray[np.int32]:
+def _fan(first: Ints, second: Ints, pole: int) -> I32:
     """Triangles from each edge (first, second) to one pole vertex."""
     return np.stack([first, second, np.full(len(first), pole)], axis=-1).astype(np.int32)
 

@@ -4,13 +4,11 @@ Very large and long thin triangles (walls, floor, barrel vaults, the wall above 
 turned columns, balusters and mouldings, as in the original. x runs from the west door to the apse, y is up.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Camera, Geometry, Light, Scene
 from .masonry import COLUMN_HEIGHT, arch, rib, rose, turned_column, window
-from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, patch, place, sphere, transform, tube
+from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, pairs, patch, place, sphere, transform, tube
 
 HALF = 4.0
 """Half width of the nave, and radius of its vault."""
@@ -105,16 +103,7 @@ def _nave_vault() -> Mesh:
     for a, b in ((WEST, CROSSING[0]), (CROSSING[1], EAST)):
         barrel = flip(arch([(HALF, -(b - a) / 2), (HALF, (b - a) / 2)], 24))
         vaults.append(place(barrel, (a + b) / 2, SPRING, 0.0, 90.0))
-    edge = [
-        (4.05, -0.3),
-        (3.86, -0.3),
-        (3.82, -0.18),
-        (3.7, -0.12),
-        (3.7, 0.12),
-        (3.82, 0.18),
-        (3.86, 0.3),
-        (4.05, 0.3),
-    ]
+    edge = pairs(4.05, -0.3, 3.86, -0.3, 3.82, -0.18, 3.7, -0.12, 3.7, 0.12, 3.82, 0.18, 3.86, 0.3, 4.05, 0.3)
     moulding = flip(arch(edge, 32))
     ribs = [place(moulding, x, SPRING, 0.0, 90.0) for x in (WEST + 0.3, *COLUMNS, EAST - 0.3)]
     cornice = [box((a, SPRING - 0.3, s - 0.25), (b, SPRING, s + 0.25)) for a, b in BAYS for s in (-HALF, HALF)]
@@ -206,32 +195,13 @@ def _apse() -> Mesh:
 
 def _furniture() -> Mesh:
     """Choir balustrade, a baptismal font, hanging lamps on thin chains, and floor bands one step high."""
-    turned = [
-        (0.09, 0.0),
-        (0.09, 0.08),
-        (0.05, 0.12),
-        (0.1, 0.3),
-        (0.045, 0.55),
-        (0.045, 0.62),
-        (0.08, 0.68),
-        (0.08, 0.75),
-    ]
+    turned = pairs(0.09, 0, 0.09, 0.08, 0.05, 0.12, 0.1, 0.3, 0.045, 0.55, 0.045, 0.62, 0.08, 0.68, 0.08, 0.75)
     baluster = lathe(turned, 14)
     spots = [z for z in np.arange(-3.2, 3.3, 0.32) if abs(z) > 0.8]
     parts = [place(baluster, 12.6, 0.12, float(z)) for z in spots]
     for a, b in ((-3.35, -0.75), (0.75, 3.35)):
         parts += [box((12.45, 0.0, a), (12.75, 0.12, b)), box((12.42, 0.87, a), (12.78, 1.0, b))]
-    bowl = [
-        (0.0, 0.0),
-        (0.5, 0.0),
-        (0.5, 0.12),
-        (0.2, 0.25),
-        (0.18, 0.6),
-        (0.3, 0.7),
-        (0.6, 0.95),
-        (0.62, 1.1),
-        (0.5, 1.1),
-    ]
+    bowl = pairs(0, 0, 0.5, 0, 0.5, 0.12, 0.2, 0.25, 0.18, 0.6, 0.3, 0.7, 0.6, 0.95, 0.62, 1.1, 0.5, 1.1)
     parts.append(place(lathe([*bowl, (0.3, 0.95), (0.0, 0.9)], 32), -15.0, 0.0, -6.2))
     shade = [(0.0, 0.0), (0.14, 0.04), (0.22, 0.16), (0.24, 0.3), (0.12, 0.4), (0.05, 0.55), (0.0, 0.56)]
     lamp = join([lathe(shade, 20), place(cylinder(0.012, 5.4, 5), 0.0, 0.5, 0.0)])

@@ -1,7 +1,5 @@
 """Host side of the perspective grid: its arrays and the launches of its passes."""
 
-from __future__ import annotations
-
 import math
 
 import warp as wp

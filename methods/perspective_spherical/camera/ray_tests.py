@@ -13,8 +13,6 @@ triangle (in barycentric weights), and t is float64. The grids list triangles wi
 answer depends on ray and triangle alone: no tile size, slice, map or chunk can change it.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Ray

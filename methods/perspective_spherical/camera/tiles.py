@@ -7,8 +7,6 @@ All bounds are conservative: a tile is left out only if a float32 error bound sa
 see the triangle. A triangle that no pixel centre can see gets no pair at all.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, value_struct, weld_of

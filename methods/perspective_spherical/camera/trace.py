@@ -15,8 +15,6 @@ and slow, so the lanes of a warp make theirs together instead of each one making
 With split lists (:mod:`.lists.items`) a block takes one part of one sorting tile's list; parts meet in ``nearest``.
 """
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Host side of one light grid: its arrays and the launches of its passes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

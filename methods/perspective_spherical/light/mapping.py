@@ -12,8 +12,6 @@ A ray from the light has one place. Triangle bounds hold the place of every ray 
 rays' places are known to ``pad``: as a share of the distance, for directions.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Host side of where a light's shadow rays lie: its axes, its rectangles and the edges of their tiles (section 4.1)."""
 
-from __future__ import annotations
-
 import math
 
 import warp as wp

@@ -4,8 +4,6 @@ The frame is aimed at the middle of the hit points and everything in it is float
 radii still has its rays spread over all tiles; world axes and float32 are options, to measure what they cost.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.effects.receivers import hit_receives

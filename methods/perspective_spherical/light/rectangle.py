@@ -1,7 +1,5 @@
 """The rectangle of a light grid: the view's (paper, Figure 5), all directions, a whole spot, or the scene's."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

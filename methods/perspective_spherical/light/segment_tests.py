@@ -8,8 +8,6 @@ edge_planes  planes through the light and each edge, evaluated relative to the s
              vertex of lower weld index: right at any distance of the light
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Corners

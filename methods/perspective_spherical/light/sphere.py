@@ -5,8 +5,6 @@ half the digits near the poles. A triangle's bounds are those of three great arc
 the box of its three vertices is not enough: great arcs bulge towards the poles (8 % of triangles 0.1 rad wide).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...exact.triangle import largest

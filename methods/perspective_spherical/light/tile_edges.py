@@ -4,8 +4,6 @@ A tile is bounded by planes through the light (meridians, or straight edges on a
 certainly misses it where one of the planes through light and edge has all four corners outside: see ``missed``.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from .mapping import CUBE, TWO_ANGLE

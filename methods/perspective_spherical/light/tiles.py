@@ -6,8 +6,6 @@ of the box is left out only if it certainly misses the triangle (:func:`~.light.
 lies in it. An item is a triangle in one rectangle: item = triangle * faces + face.
 """
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

@@ -6,8 +6,6 @@ synchronisation. With split lists (:mod:`.lists.items`) a block takes one part o
 bit another part has set.
 """
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

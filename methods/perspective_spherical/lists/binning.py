@@ -6,8 +6,6 @@ one thread that visits the tiles of a whole image. A thread counts its pairs, re
 neither the queue's order nor the list's is the same from run to run, and answers depend on neither.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

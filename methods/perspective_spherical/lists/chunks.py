@@ -12,8 +12,6 @@ The paper's arrays hold every pixel. Pixels without a shadow ray carry the key `
 start no chunk.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import filled

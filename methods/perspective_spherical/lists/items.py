@@ -5,8 +5,6 @@ lists longer than ``split`` have more than one. Parts are combined without order
 minimum of (depth key, triangle), a shadow bit is set by any of them.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import filled

@@ -5,8 +5,6 @@ counted per cell while they are written, which also gives each its number within
 is missing. That is cheap as long as there are few cells compared with pairs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray

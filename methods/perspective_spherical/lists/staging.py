@@ -5,8 +5,6 @@ by one. A round of a block takes two barriers: one between loading and testing, 
 the threads of a block are fibers of one thread, so that static memory is shared among them.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

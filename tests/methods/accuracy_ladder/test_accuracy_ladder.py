@@ -1,7 +1,5 @@
 """The ladder's top is exact, and each step down fails as it is known to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup

@@ -1,7 +1,5 @@
 """The binary tree's answers: exact against brute force and the referee, and the same bits whatever its settings."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

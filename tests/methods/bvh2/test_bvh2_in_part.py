@@ -1,7 +1,5 @@
 """Frames in which only the light or the camera moves: what is traced in one launch with the eye's rays is traced alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

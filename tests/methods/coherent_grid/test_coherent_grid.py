@@ -1,7 +1,5 @@
 """Packets of every size against float64 brute force, and against the bits of the uniform grid."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,7 +1,5 @@
 """The driver's ray tracing by each API that a machine has: nearly brute force, holes, mirrors, lights, meshes that move."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

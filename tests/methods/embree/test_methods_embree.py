@@ -1,7 +1,5 @@
 """Embree as a method: embreex's bits, nearly brute force, settings and threads that change nothing, a library that lacks."""
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

@@ -4,8 +4,6 @@ A ray o + t d with o = -D d meets the origin exactly, with every bit of d in use
 with bits of their own. Its closed triangles hold the ray, so that missing all of them is a hole.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """The shadow origin against rational arithmetic: near the exact hit, however flat the ray meets the triangle."""
 
-from __future__ import annotations
-
 import re
 import sys
 from fractions import Fraction

@@ -4,8 +4,6 @@ A power of two for each axis changes no bit of any product, sum or bound of size
 same afterwards. A bound by the largest coordinate grows with the most stretched axis.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

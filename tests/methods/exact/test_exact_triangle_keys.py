@@ -1,7 +1,5 @@
 """The order of hits, which is compared by keys only where distances nearly agree, is the order of the keys everywhere."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """Which cells a triangle is listed in: all that it meets, and few others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,7 +1,5 @@
 """Rays through the cells of one grid: what they test, and frame after frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same, trace

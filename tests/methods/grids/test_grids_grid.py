@@ -1,7 +1,5 @@
 """Where a grid lies: its cells are as many as there is room for, whatever the shape of the scene."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,7 +1,5 @@
 """The hybrid's answers are those of ray_grids, whoever takes the shadow rays; the tree is there only for who needs it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

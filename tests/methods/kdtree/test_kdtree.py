@@ -1,7 +1,5 @@
 """The kd-tree: short stacks miss nothing, nor do leaves; bounded depth and memory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

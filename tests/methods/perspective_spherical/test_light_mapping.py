@@ -1,7 +1,5 @@
 """Where rays and triangles lie in a light's rectangle: bounds right, and wrong on purpose; float32 that stays right."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

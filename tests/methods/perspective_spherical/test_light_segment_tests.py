@@ -1,7 +1,5 @@
 """The exact test of a shadow segment: where float32 says YES or NO, float64 says the same, at every distance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

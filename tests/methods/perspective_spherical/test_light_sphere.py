@@ -1,7 +1,5 @@
 """The bounds of a triangle on a light's sphere."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

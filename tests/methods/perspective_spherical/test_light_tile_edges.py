@@ -1,7 +1,5 @@
 """The tiles of a light's rectangle, apart from any scene: what is left out holds no direction that could be hit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

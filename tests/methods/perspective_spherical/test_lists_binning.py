@@ -1,7 +1,5 @@
 """Work of the threads that put triangles into tiles: every tile of every box is somebody's, and nobody else's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """Rays to blocks: Algorithm 1 as section 4.3 and Figure 8 describe it, and the direct way to the same chunks."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pairs sorted by cell, by either sort: every pair once, every tile its run, and no lists where pairs did not fit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

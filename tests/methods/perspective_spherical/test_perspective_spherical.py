@@ -1,7 +1,5 @@
 """The paper's method against float64 brute force under drawn settings; capacities; moved frames."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,7 +1,5 @@
 """No knob of the paper's method that is meant for speed changes an answer: drawn at random, compared bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup

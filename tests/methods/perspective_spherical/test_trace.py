@@ -1,7 +1,5 @@
 """The tracing kernels: those that stage triangles give the bits of those that do not, and what they count adds up."""
 
-from __future__ import annotations
-
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup

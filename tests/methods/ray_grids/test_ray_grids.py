@@ -1,7 +1,5 @@
 """The streamed dual against float64 brute force and against the paper's method, under all settings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup

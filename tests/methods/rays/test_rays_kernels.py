@@ -1,7 +1,5 @@
 """The traversals of Warp's tree are one loop each, whatever the test of a triangle: two take up to three times as long."""
 
-from __future__ import annotations
-
 import pytest
 import warp as wp
 from shadowbench.harness.frame.effects.specialise import specialised

@@ -1,7 +1,5 @@
 """The shadow map: exact primary rays, shadows that approach the exact ones with the map's size, lights in and out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

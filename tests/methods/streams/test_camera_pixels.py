@@ -1,7 +1,5 @@
 """Pixels of the camera against triangles: what float32 calls certain is so, and words order hits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """Rows and columns of the camera's pixels, cut to a triangle: no pixel that it may cover is cut off, and groups hold all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """Slots of a light's rays: cell, rank and whether the point is stored in 32 bits, whatever the numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene

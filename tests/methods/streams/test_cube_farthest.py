@@ -1,7 +1,5 @@
 """Farthest receivers: what lies beyond them is left out of the light's work, and nothing else is."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the rays cover of a cube: which faces are in use, and how many cells these have; no answer depends on it."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cells that are narrower where rays are dense: a triangle's bounds hold every ray, and no answer depends on them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

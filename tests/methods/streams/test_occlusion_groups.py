@@ -1,7 +1,5 @@
 """Groups of rows of a light's larger triangles: small ones apart from large ones, in one array."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,7 +1,5 @@
 """Occluders kept from the last frame: they save work, and no answer depends on them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A light in the plane of a large triangle: its rays are decided by planes, not one by one in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed

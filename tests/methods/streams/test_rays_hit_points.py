@@ -1,7 +1,5 @@
 """Hit points from the camera's words: as near to those of the answers as the bounds of a light's grid suppose."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

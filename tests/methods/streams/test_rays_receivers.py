@@ -1,7 +1,5 @@
 """Receivers that ray_grids marks where it places the rays are those that the harness marks for other methods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """The region of a light's rays that follows from the triangles in view: it holds every ray, and little else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

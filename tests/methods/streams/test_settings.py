@@ -1,7 +1,5 @@
 """Settings of a frame: what is chosen from its numbers of triangles, pixels and lights, and what a trial says instead."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The tree itself: every triangle once, boxes that hold their children, depth, and the same tree on every device."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

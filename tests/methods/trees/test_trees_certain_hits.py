@@ -1,7 +1,5 @@
 """What the end of a primary ray computes in fewer instructions: the same numbers as the functions that methods share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

@@ -1,7 +1,5 @@
 """Kernels that factories make compile for a GPU without one, and what is traced most takes the registers it is given."""
 
-from __future__ import annotations
-
 import pytest
 from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches

@@ -1,7 +1,5 @@
 """The leaves of a tree and their keys."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 Pairs of triangles with a common edge: shadow rays leave out what cannot hide their hit point, and nothing else.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

@@ -1,7 +1,5 @@
 """The quality of a tree: what a random ray meets in it, and how it grows worse while the tree is kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

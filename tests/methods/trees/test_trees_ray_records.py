@@ -1,7 +1,5 @@
 """Mirrored rays of the tree: what float32 accepts and rejects is float64's verdict, and float32 decides nearly all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import soup

@@ -1,7 +1,5 @@
 """The box of a frame's triangles, and the padding of the boxes in it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

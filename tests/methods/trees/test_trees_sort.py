@@ -1,7 +1,5 @@
 """The sort of keys with what goes with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp

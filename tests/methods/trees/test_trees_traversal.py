@@ -1,7 +1,5 @@
 """The traversal: what float32 must leave, more of it than a ray keeps or than there is room for, and boxes near infinity."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Leaf grids: their lists miss nothing, and space is divided where the triangles are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup

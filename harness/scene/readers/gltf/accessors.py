@@ -1,16 +1,15 @@
 """Arrays of a glTF file: accessors, of which each is checked against the bytes that there are before it is read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Floats
 from .compressed import MESHOPT, unpacked
 from .container import Container
-from .document import Entry, Floats
+from .document import Entry
 from .extensions import refuse_unknown
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

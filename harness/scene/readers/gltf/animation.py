@@ -4,16 +4,14 @@ The first animation is read, from its first key to its last. Its frames follow e
 frame (:func:`own_rate`), or at the rate that is asked for. Between keys, values are interpolated as the file says.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import F64
 from .accessors import Accessors
 from .document import Document, Entry, titled
 from .extensions import refuse_unknown
@@ -54,11 +52,11 @@ class Track:
 
     place: int
     path: str
-    times: NDArray[np.float64]
-    values: NDArray[np.float64]
+    times: F64
+    values: F64
     interpolation: str
 
-    def at(self, time: float) -> NDArray[np.float64]:
+    def at(self, time: float) -> F64:
         """The value [n] at a time; before the first key and after the last it stays."""
         i = int(np.searchsorted(self.times, time, side="right")) - 1
         last = len(self.times) - 1
@@ -80,11 +78,11 @@ class Track:
         )
 
 
-def _between(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> NDArray[np.float64]:
+def _between(a: F64, b: F64, t: float) -> F64:
     return (1.0 - t) * a + t * b
 
 
-def _turned(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> NDArray[np.float64]:
+def _turned(a: F64, b: F64, t: float) -> F64:
     """The rotation between two quaternions along the shorter way, at constant speed."""
     cosine = float(a @ b)
     if cosine < 0.0:
@@ -107,7 +105,7 @@ class Animation:
 
     name: str
     tracks: tuple[Track, ...]
-    keys: NDArray[np.float64]
+    keys: F64
     rate: float
     count: int
 
@@ -133,7 +131,7 @@ class Animation:
         result[places] = composed(**columns)
         return result
 
-    def weights(self, time: float) -> dict[int, NDArray[np.float64]]:
+    def weights(self, time: float) -> dict[int, F64]:
         """The weights of morph targets at a time, of each node that has a track for them."""
         return {track.place: track.at(time) for track in self.tracks if track.path == "weights"}
 
@@ -185,7 +183,7 @@ def first_animation(
     return Animation(titled(entry, "animation", 0), tuple(tracks.values()), keys, chosen, int(count) + 1)
 
 
-def own_rate(keys: NDArray[np.float64]) -> float:
+def own_rate(keys: F64) -> float:
     """Frames a second at which every key is a frame, at least :data:`SLOWEST`.
 
     The lowest such rate of: a whole multiple of the rate of evenly spaced keys, and the usual ones. Where there is none,

@@ -1,7 +1,5 @@
 """Compressed data of glTF: meshes by Draco (package DracoPy) and buffer views by meshoptimizer (package meshopt)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

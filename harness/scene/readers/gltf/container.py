@@ -1,7 +1,5 @@
 """Opening a glTF file: its JSON part, and the bytes of its buffers within the file, in it as text, or beside it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import I64, Floats
 from .accessors import Accessors
-from .document import Document, Floats
+from .document import Document
 from .extensions import refuse_unknown
 from .nodes import Matrices, Tree, affine
 from .primitives import Vertices
@@ -23,7 +24,7 @@ _BLOCK = 1 << 16
 class Skin:
     """The joints that bend a mesh: their places in the tree, and the transforms of a mesh to each of them."""
 
-    joints: NDArray[np.int64]
+    joints: I64
     inverse: Matrices
 
     @staticmethod
@@ -73,7 +74,7 @@ def displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats:
     return result
 
 
-def transformed(points: Floats, matrices: Matrices, result: NDArray[np.floating]) -> None:
+def transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
     """Write each transform of the points into ``result`` [matrix_count, point_count, 3].
 
     Points that no transform moves stay as they are stored, bit for bit.
@@ -88,7 +89,7 @@ def transformed(points: Floats, matrices: Matrices, result: NDArray[np.floating]
             result[k : k + step] = exact @ some[:, :3, :3].transpose(0, 2, 1) + some[:, None, :3, 3]
 
 
-def bent(points: Floats, vertices: Vertices, joints: Matrices, result: NDArray[np.floating]) -> None:
+def bent(points: Floats, vertices: Vertices, joints: Matrices, result: Floats) -> None:
     """Write the points, each moved by the weighted mean of its joints' transforms, into ``result`` [count, 3].
 
     Weights need not add up to 1: in homogeneous coordinates, as renderers have them, their sum divides out. A point

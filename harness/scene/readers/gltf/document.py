@@ -1,18 +1,12 @@
 """The JSON part of a glTF file: its entries by index, and values of the type that they must have."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import UserError
 from ..checks import broken
 
 Entry = dict[str, Any]
-Floats = NDArray[np.floating]
 
 _ONE = {
     "accessors": "accessor",

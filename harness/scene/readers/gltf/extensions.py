@@ -4,8 +4,6 @@ An extension that is not understood may move, add or hide triangles. It is refus
 stands at something that is read. One of a material, a texture or an image only changes how a surface looks.
 """
 
-from __future__ import annotations
-
 import re
 
 from .compressed import DRACO, MESHOPT

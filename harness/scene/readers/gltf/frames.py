@@ -1,15 +1,12 @@
 """The vertices of a glTF scene at a time, and in the frames of its animation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import F64, Floats
 from .animation import Animation
 from .deformation import bent, displaced, transformed
-from .document import Floats
 from .model import Block, Model
 from .nodes import Matrices, Tree
 
@@ -50,7 +47,7 @@ class Frames:
         self._write(result, self._moving, world, weights)
         return result
 
-    def _pose(self, time: float) -> tuple[Matrices, Mapping[int, NDArray[np.float64]]]:
+    def _pose(self, time: float) -> tuple[Matrices, Mapping[int, F64]]:
         """The transforms of all nodes to the scene, and the weights of morph targets that are animated."""
         if self._animation is None:
             return self._tree.world, {}
@@ -63,9 +60,7 @@ class Frames:
         return plain and bool((block.matrices(self._tree.world) == np.eye(4)).all())
 
     @staticmethod
-    def _write(
-        result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, NDArray[np.float64]]
-    ) -> None:
+    def _write(result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, F64]) -> None:
         """Write the positions of some blocks into ``result`` [vertex_count, 3]."""
         for block in blocks:
             points = displaced(block.vertices, weights.get(block.place, block.weights))

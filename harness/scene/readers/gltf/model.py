@@ -1,14 +1,12 @@
 """What a glTF scene draws: which vertices stand where in the result, what moves them, and the triangles of all."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import I32, Bools
 from .accessors import Accessors
 from .container import Container, MissingError
 from .deformation import Skin, check_influences
@@ -40,7 +38,7 @@ class Block:
     vertices: Vertices
     place: int
     instances: Matrices
-    turned: NDArray[np.bool_]
+    turned: Bools
     skin: Skin | None
     weights: list[float]
 
@@ -191,7 +189,7 @@ class Model:
                 found[block.place] = max(found.get(block.place, 0), len(block.vertices.targets))
         return found
 
-    def faces(self) -> NDArray[np.int32]:
+    def faces(self) -> I32:
         """All triangles, int32 [triangle_count, 3]. Where a transform mirrors, the last two corners change places."""
         result, at = np.empty((self._triangle_count, 3), dtype=np.int32), 0
         for block, primitive in self._parts:

@@ -1,17 +1,16 @@
 """The nodes of a glTF scene: their order, their transforms to the scene, which are shown, and the instances of a node."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import F64, I64, Bools
 from .accessors import Accessors
 from .document import Document, Entry
 from .extensions import refuse_unknown
 
-Matrices = NDArray[np.float64]
+Matrices = F64
 """Transforms of column vectors, [..., 4, 4]."""
 
 TRANSLATION, ROTATION, SCALE = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
@@ -51,7 +50,7 @@ def affine(document: Document, matrices: Matrices, where: str) -> Matrices:
     return matrices
 
 
-def mirrored(matrices: Matrices) -> NDArray[np.bool_]:
+def mirrored(matrices: Matrices) -> Bools:
     """Whether each transform turns what is counterclockwise into clockwise, [...]."""
     with np.errstate(over="ignore", invalid="ignore"):
         x, y, z = np.moveaxis(matrices[..., :3, :3], -1, 0)
@@ -86,7 +85,7 @@ class Tree:
         """The JSON entry of the node at a place."""
         return self.document.all("nodes")[self.nodes[place]]
 
-    def moved(self, places: set[int]) -> list[NDArray[np.int64]]:
+    def moved(self, places: set[int]) -> list[I64]:
         """These places and all below them, by depth: for :meth:`posed`."""
         found: set[int] = set()
         for i, above in enumerate(self.parents):
@@ -102,7 +101,7 @@ class Tree:
                 found.add(self.parents[i])
         return found
 
-    def posed(self, local: Matrices, levels: list[NDArray[np.int64]]) -> Matrices:
+    def posed(self, local: Matrices, levels: list[I64]) -> Matrices:
         """The transforms to the scene with these transforms to the parents, where only the nodes of ``levels`` move."""
         world = self.world.copy() if levels is not self.levels else np.empty_like(local)
         parents = np.array(self.parents, dtype=np.int64)
@@ -114,7 +113,7 @@ class Tree:
                 world[below] = world[parents[below]] @ local[below]
         return world
 
-    def _levels(self, places: Sequence[int]) -> list[NDArray[np.int64]]:
+    def _levels(self, places: Sequence[int]) -> list[I64]:
         """Places by their depth, the roots first."""
         depths: list[int] = []
         for above in self.parents:
@@ -132,7 +131,7 @@ class Tree:
             raise self.document.error(f"{where}: visible is {shown!r}, not true or false")
         return shown
 
-    def _parts(self) -> dict[str, NDArray[np.float64]]:
+    def _parts(self) -> dict[str, F64]:
         columns = {}
         for key, default in _PARTS.items():
             rows = [

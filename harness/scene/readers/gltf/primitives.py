@@ -4,8 +4,6 @@ Primitives whose attributes are the same accessors share their vertices: some fi
 Strips and fans are cut as the specification says; points and lines are counted and left out.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -14,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Floats, Ints
 from .accessors import Accessors
 from .compressed import DRACO, Draco
-from .document import Document, Entry, Floats
+from .document import Document, Entry
 from .extensions import refuse_unknown
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -47,7 +46,7 @@ class Primitive:
     """Triangles [triangle_count, 3] of some vertices, and the index of their material or None."""
 
     vertices: Vertices
-    corners: NDArray[np.integer]
+    corners: Ints
     material: int | None
 
 
@@ -62,7 +61,7 @@ class Meshes:
         self._accessors = accessors
         self._read: dict[tuple[int, bool], list[Primitive]] = {}
         self._vertices: dict[Hashable, Vertices] = {}
-        self._corners: dict[Hashable, tuple[NDArray[np.integer], int]] = {}
+        self._corners: dict[Hashable, tuple[Ints, int]] = {}
         self.left_out: Counter[str] = Counter()
 
     def primitives(self, mesh: Any, where: str, skinned: bool) -> list[Primitive]:
@@ -103,7 +102,7 @@ class Meshes:
         draco = self._compressed(entry, attributes, name)
         vertices = self._vertices_of(entry, attributes, draco, name, skinned)
         count = len(vertices.positions)
-        corners: NDArray[np.integer]
+        corners: Ints
         if draco is not None:
             corners, most = draco.faces, int(draco.faces.max(initial=0))
         elif "indices" in entry:
@@ -179,7 +178,7 @@ class Meshes:
             return np.zeros((count, 0), np.uint8), np.zeros((count, 0), np.float32)
         return np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
 
-    def _indexed(self, index: Any, mode: int, name: str) -> tuple[NDArray[np.integer], int]:
+    def _indexed(self, index: Any, mode: int, name: str) -> tuple[Ints, int]:
         """The triangles that an accessor of indices makes, and its largest index; once for all that use it."""
         key = (str(index), mode)
         if key not in self._corners:
@@ -187,7 +186,7 @@ class Meshes:
             self._corners[key] = self._cut(corners, mode, name), int(corners.max(initial=0))
         return self._corners[key]
 
-    def _cut(self, corners: NDArray[np.integer], mode: int, name: str) -> NDArray[np.integer]:
+    def _cut(self, corners: Ints, mode: int, name: str) -> Ints:
         """The triangles [triangle_count, 3] of a list, a strip or a fan of corners."""
         if mode == _TRIANGLES:
             if len(corners) % 3:

@@ -1,7 +1,5 @@
 """Reads glTF 2.0 files, ``.glb`` and ``.gltf``."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 
@@ -49,15 +47,10 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Loaded:
             frames=(*mesh.frames, *(frames.at(time) for time in times[1:])),
             rate=animation.rate / chosen.step if animation and len(times) > 1 else None,
             files=tuple(file.files),
-            notes=(*notes, *_notes(document, model, animation, len(times)), *_moving_views(document, tree)),
+            notes=(*notes, *_notes(document, model, animation, len(times)), *moving(document, tree)),
             cameras=cameras(document, tree, frames.first),
             lights=lights(document, tree, frames.first),
         )
-
-
-def _moving_views(document: Document, tree: Tree) -> list[str]:
-    count = moving(document, tree)
-    return [f"moving cameras and lights read at the first frame: {count}"] if count else []
 
 
 def _notes(document: Document, model: Model, animation: Animation | None, frames: int) -> list[str]:

@@ -3,13 +3,11 @@
 Both look along -z of their node. Intensities in candela and lux become shares: pictures know no distance.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import F64
 from ...scene import Camera, Light, Spot, Vector
 from .animation import aimed
 from .document import Document, Entry
@@ -50,15 +48,16 @@ def lights(document: Document, tree: Tree, world: Matrices) -> dict[str, Light]:
     return found
 
 
-def moving(document: Document, tree: Tree) -> int:
-    """How many cameras and lights the first animation moves."""
+def moving(document: Document, tree: Tree) -> list[str]:
+    """A note if the first animation moves cameras and lights."""
     aims = aimed(document, document.all("animations")[:1])
     places = {tree.place[node] for node, path in aims if path != "weights" and node in tree.place}
     below = [int(place) for level in tree.moved(places) for place in level]
-    return sum("camera" in tree.entry(i) or _LIGHTS in tree.entry(i).get("extensions", {}) for i in below)
+    count = sum("camera" in tree.entry(i) or _LIGHTS in tree.entry(i).get("extensions", {}) for i in below)
+    return [f"moving cameras and lights read at the first frame: {count}"] if count else []
 
 
-def _camera(entry: Entry, matrix: NDArray[np.float64]) -> Camera | None:
+def _camera(entry: Entry, matrix: F64) -> Camera | None:
     parallel = entry.get("type") == "orthographic"
     lens = entry.get("orthographic" if parallel else "perspective")
     size = lens.get("ymag" if parallel else "yfov") if isinstance(lens, dict) else None
@@ -74,7 +73,7 @@ def _camera(entry: Entry, matrix: NDArray[np.float64]) -> Camera | None:
     return Camera(eye, target, _vector(up), math.degrees(size))
 
 
-def _light(document: Document, entry: Entry, matrix: NDArray[np.float64], where: str) -> Light | None:
+def _light(document: Document, entry: Entry, matrix: F64, where: str) -> Light | None:
     kind = entry.get("type")
     r, g, b = (min(max(x, 0.0), _BRIGHTEST) for x in document.numbers(entry, "color", where, (1.0, 1.0, 1.0)))
     strength = min(max(document.number(entry, "intensity", where, 1.0), 0.0), _BRIGHTEST)
@@ -93,7 +92,7 @@ def _light(document: Document, entry: Entry, matrix: NDArray[np.float64], where:
     return Light(place, True, (r, g, b), strength, Spot(_vector(forward), angle))
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _unit(vector: F64) -> F64 | None:
     """The direction of a vector; None where it has none."""
     largest = np.abs(vector).max()
     if not 0.0 < largest < np.inf:
@@ -102,7 +101,7 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return vector / np.linalg.norm(vector)
 
 
-def _vector(values: NDArray[np.float64]) -> Vector:
+def _vector(values: F64) -> Vector:
     x, y, z = (float(value) + 0.0 for value in values)  # without negative zeros
     return x, y, z
 

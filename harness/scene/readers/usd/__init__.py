@@ -9,8 +9,6 @@ views     its cameras and lights
 read      all of this together, with what it has approximated or left out
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

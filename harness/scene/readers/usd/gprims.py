@@ -4,14 +4,13 @@ All but cube and plane are surfaces of revolution: a profile of radii and height
 number of triangles does not depend on the sizes, so that a shape that grows keeps its topology.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ....arrays import F64, I32
 from ...standins.shapes import box, grid, lathe
 
 AROUND, POLE_TO_POLE = 32, 16
@@ -20,7 +19,7 @@ AROUND, POLE_TO_POLE = 32, 16
 RESOLUTION = f"{AROUND} segments around, {POLE_TO_POLE} from pole to pole"
 
 Sizes = dict[str, float]
-Surface = tuple[NDArray[np.float64], NDArray[np.int32]]
+Surface = tuple[F64, I32]
 
 _POLE = np.pi / 2
 

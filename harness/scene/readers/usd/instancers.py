@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom
 
+from ....arrays import F64, I64
 from ..checks import broken
 from ..topology import Piece
 from .shapes import array, samples
@@ -35,8 +36,8 @@ class Placed:
     matrices  float64 [n, 4, 4], by which row vectors are multiplied from the left
     """
 
-    shapes: NDArray[np.int64]
-    matrices: NDArray[np.float64]
+    shapes: I64
+    matrices: F64
 
     @staticmethod
     def joined(parts: Sequence[Placed]) -> Placed:
@@ -156,7 +157,7 @@ def mesh_of(placed: Placed, shape: Callable[[int], Piece]) -> Piece:
     return positions, corners
 
 
-def moved(points: NDArray, matrix: NDArray[np.float64]) -> NDArray:
+def moved(points: NDArray, matrix: F64) -> NDArray:
     """Positions [n, 3] after a matrix [4, 4], or [m, n, 3] after each of [m, 4, 4]; unchanged by one identity."""
     if matrix.ndim == 2 and (matrix == _IDENTITY).all():
         return points

@@ -4,8 +4,6 @@ These are the rules of usdview: prims that are inactive or abstract, or only an 
 type without a place, such as a material, nothing is drawn; visibility and purpose are inherited.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom, UsdShade
 
+from ....arrays import F64
 from ..checks import broken
 from .shapes import samples
 
@@ -156,7 +154,7 @@ class Prims:
             self._visible[i] = shown and (node.shows is None or node.shows.Get(time) != "invisible")
         self._time = time
 
-    def matrix(self, index: int) -> NDArray[np.float64]:
+    def matrix(self, index: int) -> F64:
         """The transform of a node to the space of the roots, float64 [4, 4]; row vectors are multiplied by it."""
         return np.array(self._matrices[index])
 

@@ -1,7 +1,5 @@
 """What a stage draws, over the time codes that are wanted, as one mesh, and what reading it has approximated or left out."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What one prim is made of at a time code: the triangles of a mesh, or of a tessellated sphere, cube ..."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -9,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom
 
+from ....arrays import I32
 from ..checks import broken
 from ..polygons import polygon_sizes, triangulate
 from ..topology import Piece
@@ -100,7 +99,7 @@ class Tessellated:
         self._axis = str(axis.Get()) if axis else "Z"
         self.times = samples(list(self._sizes.values()))
         self.moves = any(attribute.ValueMightBeTimeVarying() for attribute in self._sizes.values())
-        self._faces: NDArray[np.int32] | None = None
+        self._faces: I32 | None = None
 
     def at(self, time: float) -> Piece:
         sizes = {name: float(attribute.Get(time) or 0.0) for name, attribute in self._sizes.items()}

@@ -1,7 +1,5 @@
 """Meshes that a skeleton bends, and blend shapes: their positions at a time code, as the library UsdSkel computes them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A stage and the files that it is composed of: nothing missing in silence, nothing printed by USD's library."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager

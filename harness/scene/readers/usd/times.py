@@ -1,7 +1,5 @@
 """The time codes that a stage is read at."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

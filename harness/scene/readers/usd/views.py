@@ -1,7 +1,5 @@
 """The cameras and lights of a stage, at the time of its first frame."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable
@@ -9,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, UsdGeom, UsdLux
 
+from ....arrays import F64
 from ...scene import Camera, Light, Spot, Vector
 from .prims import Node, Prims
 
@@ -51,7 +49,7 @@ def lights(prims: Prims, time: float, notes: list[str]) -> dict[str, Light]:
     return _named([(node, light) for node, light in made if light is not None])
 
 
-def _camera(prim: Any, matrix: NDArray[np.float64], time: float) -> Camera | None:
+def _camera(prim: Any, matrix: F64, time: float) -> Camera | None:
     """A camera, which looks along its -z; None where its transform or lens has no meaning."""
     lens = UsdGeom.Camera(prim).GetCamera(time)
     eye, up, back = matrix[3, :3], _unit(matrix[1, :3]), _unit(matrix[2, :3])
@@ -66,7 +64,7 @@ def _camera(prim: Any, matrix: NDArray[np.float64], time: float) -> Camera | Non
     return Camera(_vector(eye), _vector(eye - back * distance), _vector(up), fov, height if flat else None)
 
 
-def _light(prim: Any, matrix: NDArray[np.float64], time: float) -> Light | None:
+def _light(prim: Any, matrix: F64, time: float) -> Light | None:
     """A light, which shines along its -z; None for one that is no point or direction."""
     back, place = _unit(matrix[2, :3]), matrix[3, :3]
     distant = prim.IsA(UsdLux.DistantLight)
@@ -94,7 +92,7 @@ def _is_point(prim: Any, time: float) -> bool:
     return prim.IsA(UsdLux.SphereLight) and bool(UsdLux.SphereLight(prim).GetTreatAsPointAttr().Get(time))
 
 
-def _with_extent(light: Light, prim: Any, matrix: NDArray[np.float64], time: float) -> Light:
+def _with_extent(light: Light, prim: Any, matrix: F64, time: float) -> Light:
     """The light with the area of its prim; a point where it has none, or where a disc or a sphere is stretched."""
     with np.errstate(over="ignore", invalid="ignore"):
         scale = np.linalg.norm(matrix[:3, :3], axis=1)
@@ -134,12 +132,12 @@ def _note_lost(notes: list[str], what: str, lost: Iterable[Node]) -> None:
         notes.append(f"{what} not offered: {len(kinds)} ({', '.join(sorted(set(kinds)))})")
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _unit(vector: F64) -> F64 | None:
     """The vector at length 1; None where that cannot be."""
     with np.errstate(over="ignore", invalid="ignore"):
         length = float(np.linalg.norm(vector))
     return vector / length if 0.0 < length < math.inf else None
 
 
-def _vector(values: NDArray[np.float64]) -> Vector:
+def _vector(values: F64) -> Vector:
     return float(values[0]), float(values[1]), float(values[2])
