@@ -83,3 +83,9 @@ def test_a_tree_tests_what_its_shadow_rays_meet(prepared, precision, device):
     single.answers(one.moment(0, WIDTH, HEIGHT))
     assert (single.method.tests_per_pixel()[1] <= shadow).all()
     assert single.method.tests_per_pixel()[1].sum() < shadow.sum()
+
+
+def test_both_triangles_of_a_leaf_are_counted(device):
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
+    square = make_scene(corners, np.array([[0, 1, 2], [0, 2, 3]]), [(0.0, 0.0, 4.0)], (0.0, 0.0, 3.0))
+    assert (counted(square, "bvh2", None, device) == 2).all()

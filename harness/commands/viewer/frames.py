@@ -134,7 +134,10 @@ class TimedSession(Session):
         and whether that time is of its first run. Passes of the targets of areas are taken together."""
         areas = any(light.shape for light in self.frame.prepared.scene.lights)
         rows: dict[str, dict[str, Any]] = {}
-        for work in self.all_passes:
+        parts = (
+            part for work in self.all_passes for part in (work, *work.apart) if part is work or self.runs[part.name]
+        )
+        for work in parts:
             name = re.sub(r"^light \d+", "targets", work.name) if areas else work.name
             took, first = self.took.get(work.name), self.runs[work.name] < 2
             row = rows.setdefault(name, {"name": name, "part": work.part, "ms": None, "ran": False, "first": False})

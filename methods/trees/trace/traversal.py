@@ -120,10 +120,11 @@ auto steps = [&]() {
     now = pop();
     return true;
 };
+auto ends_at = [&](int at, auto leave) { return test(at, leave); };
 auto ends_in_leaf = [&](auto leave) {
     int at = (int)(now & INDEX);
     if (left_out(at)) return false;
-    return test(at, leave) || (now & PAIR && test(at + 1, leave));
+    return ends_at(at, leave) || (now & PAIR && ends_at(at + 1, leave));
 };
 auto traverse = [&](auto leave, auto full) {
     if (now == NONE) return false;

@@ -56,7 +56,10 @@ TRACED = {
         specialised(shadow.make_shadow_kernel(True, True), MARKED),
         EXACT_BYTES + UNDECIDED_BYTES + RECEIVER_BYTES,
     ),
-    "float32 shadow, marking": (specialised(shadow.make_shadow_kernel(False, True), MARKED), STACK_BYTES),
+    "float32 shadow, marking": (
+        specialised(shadow.make_shadow_kernel(False, True), MARKED),
+        STACK_BYTES + RECEIVER_BYTES,
+    ),
 }
 
 OF_THE_EYE = ("exact", "exact, together", "exact packet", "holes")
