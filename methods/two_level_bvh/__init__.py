@@ -60,7 +60,11 @@ class TwoLevelTree(BaseMethod):
         self._memory = limits.memory
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         self._tree = tree = self._tree_of(frame)
-        first, grows, beside = tree.passes()
+        if isinstance(tree, Levels):
+            first, (grows, beside) = [], tree.passes()
+        else:
+            first, alone, beside = tree.passes()
+            grows = [alone]
         self._rays = rays = TreeRays(
             frame,
             tree.tree,
@@ -74,7 +78,7 @@ class TwoLevelTree(BaseMethod):
             levels=2 if isinstance(tree, Levels) else 1,
         )
         records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
-        passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
+        passes = [work.hinted(parallel=(0,)) for work in grows] + [work.hinted(parallel=(1,)) for work in records]
         return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
 
     def _tree_of(self, frame: Frame) -> Levels | Rebuilt | Refitted:

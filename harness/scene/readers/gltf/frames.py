@@ -49,7 +49,7 @@ class Frames:
         return result
 
     def bodies(self) -> I32 | None:
-        """What each vertex moves with: 0, the scene, or a number for its node; None where skins or morph targets bend any."""
+        """What each vertex moves with: 0, the scene, or its node's number; None where skins or morph targets bend one."""
         if any(block.place in self._bent for block in self._moving):
             return None
         result = np.zeros(len(self.points), dtype=np.int32)
