@@ -60,11 +60,7 @@ class TwoLevelTree(BaseMethod):
         self._memory = limits.memory
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)
         self._tree = tree = self._tree_of(frame)
-        if isinstance(tree, Levels):
-            first, (grows, beside) = [], tree.passes()
-        else:
-            first, alone, beside = tree.passes()
-            grows = [alone]
+        first, grows, beside = tree.passes()
         self._rays = rays = TreeRays(
             frame,
             tree.tree,
@@ -78,7 +74,9 @@ class TwoLevelTree(BaseMethod):
             levels=2 if isinstance(tree, Levels) else 1,
         )
         records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
-        passes = [work.hinted(parallel=(0,)) for work in grows] + [work.hinted(parallel=(1,)) for work in records]
+        if isinstance(tree, Levels):  # records need nothing of the bodies
+            first = [work.hinted(parallel=(0,)) for work in first]
+        passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
         return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
 
     def _tree_of(self, frame: Frame) -> Levels | Rebuilt | Refitted:
@@ -114,9 +112,9 @@ class TwoLevelTree(BaseMethod):
         return before != (self._capacity, self._units)
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
-        """Triangle tests of each pixel's primary ray."""
+        """Triangle tests of each pixel's primary ray, and of its shadow rays."""
         assert self._rays is not None
-        return (self._rays.tests_per_pixel(),)
+        return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:
         """Pairs that were left to float64 in the last frame, and how good its trees were."""

@@ -104,15 +104,13 @@ class Levels:
         self.sort = Sort(self.count, KEY_BITS, NO_LEAF, frame.device)
         self.leaves = filled(Leaves, count=self.sort.held, pairs=self.sort.sorted)
 
-    def passes(self) -> tuple[list[Pass], list[Pass]]:
-        """The passes that make the first level, and those that run concurrently with them."""
+    def passes(self) -> tuple[list[Pass], Pass, list[Pass]]:
+        """What the first level is made of, the pass that makes it, and those that run concurrently with all of these."""
         reads = ("points", "triangles", "max_coordinate")
-        grows = [
-            Pass("bodies: poses", "build", reads, ("poses",), self._poses),
-            Pass("bodies: boxes", "build", (*reads, "poses"), ("boxes",), self._boxes),
-            Pass("bodies: tree", "build", ("poses", "boxes", "max_coordinate"), ("bvh",), self._tree),
-        ]
-        return grows, [Pass("box", "build", ("points", "triangles"), ("extent",), self.whole.launch)]
+        poses = Pass("bodies: poses", "build", reads, ("poses",), self._poses)
+        boxes = Pass("bodies: boxes", "build", (*reads, "poses"), ("boxes",), self._boxes)
+        tree = Pass("bodies: tree", "build", ("poses", "boxes", "max_coordinate"), ("bvh",), self._tree)
+        return [poses, boxes], tree, [Pass("box", "build", ("points", "triangles"), ("extent",), self.whole.launch)]
 
     def _poses(self) -> None:
         f = self.frame

@@ -244,11 +244,13 @@ def make_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
 
 
 @functools.cache
-def make_count_any(exact: bool, holes: bool = False) -> Any:
+def make_count_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
     """A function that gives (its tests, 0, 0, 0), as :func:`make_any` traverses."""
     result = "return {tests, 0, 0, 0};"
 
-    @wp.func_native(traversal(ANY[exact], TESTS["light", exact], result, exact, holes=holes, counts=True))
+    @wp.func_native(
+        traversal(ANY[exact], TESTS["light", exact], result, exact, holes=holes, levels=levels, counts=True)
+    )
     def count_any(h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes) -> wp.vec4i: ...
 
     return count_any

@@ -248,3 +248,17 @@ def test_the_wrong_number_of_bodies_is_said():
 def test_geometry_without_triangles():
     empty = replace(SCENES["one body"]().scene, geometry=lambda: Geometry.static(np.zeros((0, 3)), np.zeros((0, 3))))
     assert_exact_in_frames(prepare(empty), [0])
+
+
+def test_tests_of_both_levels_are_counted():
+    """Trees of the same triangles are tested against about as many, whether they stand in one tree or in many."""
+    prepared, found = SCENES["through one another"](), []
+    for bodies in (prepared.bodies, np.zeros_like(prepared.bodies)):
+        session = Session(make_method(NAME), dealt(prepared, bodies), 32, 32, "cpu")
+        session.answers(prepared.moment(0, 32, 32))
+        counts = session.method.counters()
+        found.append(
+            [*(tests.sum() for tests in session.method.tests_per_pixel()), counts["expected tests a hundred rays"]]
+        )
+    assert np.allclose(*found, rtol=0.5)
+    assert all(found[0])
