@@ -179,11 +179,29 @@ def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
 
     moving = [i for i, mesh in enumerate(meshes) if mesh.frame_count > 1]
     motion = None
-    if len(chosen) > 1 and len(moving) == 1 and len(meshes) > 1:
-        own = meshes[moving[0]].motion
-        first, end = (int(start) for start in starts[moving[0] : moving[0] + 2])
-        motion = Moves(own.kind if own else "deforming", (first, end))
+    if len(chosen) > 1 and moving:
+        bodies = _bodies(meshes)
+        span = (int(starts[moving[0]]), int(starts[moving[-1] + 1])) if len(meshes) > 1 else None
+        if bodies is not None:
+            motion = Moves("rigid", span, bodies)
+        elif len(moving) == 1 and span:
+            motion = Moves("deforming", span)
     return Geometry(faces, positions, len(chosen), motion)
+
+
+def _bodies(meshes: Sequence[Geometry]) -> I32 | None:
+    """Which triangles of all meshes move together: each body of a mesh, and all that rest, body 0. None: unknown."""
+    parts, count = [], 1
+    for mesh in meshes:
+        if not mesh.moves:
+            parts.append(np.zeros(len(mesh.faces), dtype=np.int32))
+        elif mesh.motion is not None and mesh.motion.bodies is not None:
+            own = np.unique(mesh.motion.bodies, return_inverse=True)[1].ravel().astype(np.int32)
+            parts.append(own + count)
+            count += int(own.max(initial=0)) + 1
+        else:
+            return None
+    return np.concatenate(parts)
 
 
 def _outwards(faces: I32, matrix: MATRIX) -> I32:

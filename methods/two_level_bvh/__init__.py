@@ -74,6 +74,8 @@ class TwoLevelTree(BaseMethod):
             levels=2 if isinstance(tree, Levels) else 1,
         )
         records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
+        if isinstance(tree, Levels):  # records need nothing of the bodies
+            first = [work.hinted(parallel=(0,)) for work in first]
         passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
         return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
 
@@ -110,9 +112,9 @@ class TwoLevelTree(BaseMethod):
         return before != (self._capacity, self._units)
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
-        """Triangle tests of each pixel's primary ray."""
+        """Triangle tests of each pixel's primary ray, and of its shadow rays."""
         assert self._rays is not None
-        return (self._rays.tests_per_pixel(),)
+        return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:
         """Pairs that were left to float64 in the last frame, and how good its trees were."""

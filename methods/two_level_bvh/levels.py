@@ -18,7 +18,7 @@ from ...harness.frame.schedule.passes import Pass
 from ..trees.builders.climb import Leaves
 from ..trees.builders.keys import NO_LEAF, key_kernel
 from ..trees.builders.lbvh import make_lbvh_kernel
-from ..trees.builders.scene_box import MOST
+from ..trees.builders.scene_box import MOST, SceneBox
 from ..trees.builders.sort import Sort
 from ..trees.constants import BLOCK, KEY_BITS
 from ..trees.nodes import Tree
@@ -26,7 +26,7 @@ from .forest import Forest, references, used_vertices
 from .poses import WORDS, body_kernel, pose_kernel, vertex_kernel
 
 WARP = 32
-CHUNK = 256
+CHUNK = 64
 """Vertices of a body that a warp reads."""
 
 KEY_BLOCK = 256
@@ -96,24 +96,21 @@ class Levels:
                 triangles=wp.array(faces, dtype=wp.vec3i),
                 valid=wp.zeros(self.count, dtype=wp.uint8),
             )
-            self.box = wp.zeros(6, dtype=wp.float32)
+            self.box, self.extent = wp.zeros(6, dtype=wp.float32), wp.zeros(1, dtype=wp.float32)
             self.lowered = wp.array([MOST] * 6 + [0], dtype=wp.int32)
             self.flags = wp.zeros(self.count, dtype=wp.uint64)
             self.scratch = wp.zeros(4 * self.count, dtype=wp.vec4f)
+        self.whole = SceneBox(frame, self.tree.extent)
         self.sort = Sort(self.count, KEY_BITS, NO_LEAF, frame.device)
         self.leaves = filled(Leaves, count=self.sort.held, pairs=self.sort.sorted)
 
     def passes(self) -> tuple[list[Pass], Pass, list[Pass]]:
-        """As :meth:`..trees.builders.rebuild.Rebuilt.passes`."""
+        """What the first level is made of, the pass that makes it, and those that run concurrently with all of these."""
         reads = ("points", "triangles", "max_coordinate")
-        return (
-            [
-                Pass("bodies: poses", "build", reads, ("poses",), self._poses),
-                Pass("bodies: boxes", "build", (*reads, "poses"), ("boxes", "extent"), self._boxes),
-            ],
-            Pass("bodies: tree", "build", ("poses", "boxes", "max_coordinate"), ("bvh",), self._tree),
-            [],
-        )
+        poses = Pass("bodies: poses", "build", reads, ("poses",), self._poses)
+        boxes = Pass("bodies: boxes", "build", (*reads, "poses"), ("boxes",), self._boxes)
+        tree = Pass("bodies: tree", "build", ("poses", "boxes", "max_coordinate"), ("bvh",), self._tree)
+        return [poses, boxes], tree, [Pass("box", "build", ("points", "triangles"), ("extent",), self.whole.launch)]
 
     def _poses(self) -> None:
         f = self.frame
@@ -128,7 +125,7 @@ class Levels:
         threads = -(-self.count // BLOCK) * BLOCK if lanes > 1 else 1
         inputs = [self.count, threads, self.unit, self.least, f.max_coordinate, self.found]
         made = [self.mesh.points, self.mesh.valid, self.need]
-        outputs = [*made, self.lowered, self.box, self.tree.extent, self.sort.state]
+        outputs = [*made, self.lowered, self.box, self.extent, self.sort.state]
         f.launch(body_kernel, threads, inputs, outputs, BLOCK)
 
     def _tree(self) -> None:

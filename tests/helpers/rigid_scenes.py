@@ -10,7 +10,7 @@ from helpers.brute_force import closest, shadowed, soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.case import Mesh, ball, box, joined
+from shadowbench.harness.hardcases.shapes import Mesh, ball, box, joined
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Moves, Scene
 

@@ -85,6 +85,22 @@ def test_what_rests_and_what_moves_stand_together(folder, pattern):
     assert few.source.asked == {"frames": "1::2"}
 
 
+def test_bodies_of_meshes_are_told_apart(folder):
+    """What rests is one body; balls that turn alike are one, and those of another mesh another."""
+    meshes = [f'file = "balls-1k-moving{share}"' for share in (40, 80)]
+    scene = resolve(declared(folder, 'file = "room.obj"', *meshes, 'file = "quad.ply"'))
+    motion, parts = scene.geometry().motion, [resolve(f"balls-1k-moving{share}").geometry() for share in (40, 80)]
+    own = [len(np.unique(part.motion.bodies)) for part in parts]
+    assert motion.kind == "rigid"
+    assert len(np.unique(motion.bodies)) == 1 + sum(own)
+    resting = len(resolve(str(folder / "room.obj")).geometry().faces)
+    assert set(motion.bodies[:resting]) == set(motion.bodies[-2:]) == {0}
+    first = motion.bodies[resting : resting + len(parts[0].faces)]
+    assert np.array_equal(np.unique(first, return_inverse=True)[1].ravel(), parts[0].motion.bodies)
+    unknown = resolve(declared(folder, 'file = "wave"', meshes[0]))
+    assert unknown.geometry().motion is None
+
+
 def test_the_shorter_of_two_stays_as_in_its_last_frame(folder):
     scene = resolve(declared(folder, 'file = "wave"\nframes = "0:4:4"', 'file = "wave"\nframes = "1:3"'))
     geometry = scene.geometry()

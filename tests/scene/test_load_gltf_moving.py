@@ -89,6 +89,32 @@ def test_all_parents_move_what_is_below_them(tmp_path):
     assert all(np.array_equal(frame[4:], SQUARE + [100, 0, 0]) for frame in loaded.frames)
 
 
+def test_what_moves_with_a_node_is_a_body(tmp_path):
+    made = Gltf()
+    made.node(mesh=made.mesh(), translation=[100, 0, 0])
+    above = made.node(mesh=0)
+    made.node(above, mesh=0, translation=[2, 0, 0])
+    made.node(mesh=0, translation=[0, 50, 0])
+    made.animate(translation=(above, [0, 1], [[0, 0, 0], [0, 10, 0]]))
+    loaded = load(made.write(tmp_path))
+    rests, moves, below, rests_too = loaded.bodies.reshape(-1, 2)[:, 0].tolist()
+    assert loaded.bodies.tolist() == [rests, rests, moves, moves, below, below, rests_too, rests_too]
+    assert rests == rests_too
+    assert len({rests, moves, below}) == 3
+    assert loaded.geometry().motion.kind == "rigid"
+    assert load(made.write(tmp_path), Wanted((0, 1, 1))).geometry().motion is None
+
+
+def test_what_bends_is_no_body(tmp_path):
+    made = square()
+    made.primitive()["targets"] = [{"POSITION": made.accessor(np.ones((4, 3)))}]
+    made.animate(weights=(0, [0, 1], [0, 1]))
+    assert load(made.write(tmp_path)).bodies is None
+    made = skinned()
+    made.animate(rotation=(0, [0, 1], [[0, 0, 0, 1], [0, 0, 0.6, 0.8]]))
+    assert load(made.write(tmp_path)).geometry().motion is None
+
+
 def test_instances_move_with_their_node(tmp_path):
     made = moved(translation=([0, 1], [[0, 0, 0], [0, 0, 4]]))
     places = made.accessor([[0, 0, 0], [5, 0, 0]])

@@ -8,6 +8,7 @@ from helpers.mesh_checks import edge_faults
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.scene import Geometry
 from shadowbench.harness.scene.standins import bodies, bunny_dragon, cloth, cloth_solver, fairy
 from shadowbench.harness.scene.standins.motion import Swing
@@ -219,6 +220,23 @@ def test_swing_turns_by_weight_about_its_axis():
     half = np.sqrt(0.5)
     expected = [[0, 1, 0], [1, 0, 0], [half * (2 - 5), half * (2 + 5), 0]]
     np.testing.assert_allclose(points, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["bunny_dragon", "balls-2k-moving70", "balls-2k-moving100"])
+def test_bodies_keep_their_shape(name):
+    """No two vertices of a triangle come nearer or go farther, and triangles of one body have turned alike."""
+    geometry = catalogue.resolve(name).geometry()
+    bodies, faces = geometry.motion.bodies, geometry.faces
+    assert len(bodies) == len(faces)
+    assert 20 < bodies.max() < 1000
+    first, last = (geometry.positions(k)[faces].astype(np.float64) for k in (0, geometry.frame_count - 1))
+    edges = [points - np.roll(points, 1, axis=1) for points in (first, last)]
+    sizes = [np.linalg.norm(edge, axis=-1) for edge in edges]
+    assert np.abs(sizes[0] - sizes[1]).max() < 1e-5
+    # From a body's middle to its triangles.
+    far = [points[:, 0] - np.array([np.bincount(bodies, points[:, 0, k]) / np.bincount(bodies) for k in range(3)]).T[bodies]
+           for points in (first, last)]  # fmt: skip
+    assert np.abs(np.linalg.norm(far[0], axis=-1) - np.linalg.norm(far[1], axis=-1)).max() < 1e-5
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...arrays import I32, Floats
 from ...errors import UserError
 from ...files import open_regular
-from ..scene import Camera, Geometry, Light, Vector
+from ..scene import Camera, Geometry, Light, Moves, Vector
 
 MAX_LINE = 1 << 20
 """Longest line of a text file, bytes. A longer line is not part of a mesh, and splitting it takes much memory."""
@@ -114,6 +114,7 @@ class Loaded:
     cameras   the cameras that the file holds, by name
     lights    the lights that the file holds, by name
     sequence  whether each frame has a file of its own
+    bodies    which triangles move together, where the file says it (:class:`..scene.Moves`), or None
     """
 
     faces: I32
@@ -125,10 +126,12 @@ class Loaded:
     cameras: dict[str, Camera] = field(default_factory=dict)
     lights: dict[str, Light] = field(default_factory=dict)
     sequence: bool = False
+    bodies: I32 | None = None
 
     def geometry(self) -> Geometry:
         """The mesh over time."""
-        return Geometry(self.faces, lambda k: self.frames[k], len(self.frames))
+        motion = None if self.bodies is None else Moves("rigid", bodies=self.bodies)
+        return Geometry(self.faces, lambda k: self.frames[k], len(self.frames), motion)
 
 
 def broken(path: Path, problem: str, way_out: str = "export the file again") -> UserError:

@@ -26,23 +26,36 @@ they are, and 4 + 6 * 4 for the slabs and 3^0.5 * 9 for the direction make 43.6 
 
 from __future__ import annotations
 
+from ..native import STACK
+
 BACK = 0x7FFFFFFF
 """What stands on the stack below a body's nodes: the ray comes back into the scene. No node and no leaf has this number."""
 
 RAY_UNITS = 25.0
 MOST_RAY_UNITS = 44.0
 
+ROOM = {1: STACK, 2: 192}
+"""Entries of a stack, by the number of levels. A tree of bodies is an LBVH of at most 24 + 24 levels with two entries each,
+and a tree of triangles of 64 + 24 with one (:mod:`..builders.lbvh`, :mod:`..builders.sah`); and there is the way back."""
+
 ONE_LEVEL = f"""
 constexpr bool BODIES = false, inside = true;
 constexpr unsigned int BACK = {BACK}u;
+auto next = [&]() {{ return pop(); }};
 auto go_in = []() {{}};
 auto go_out = []() {{ return false; }};
+auto come_back = []() {{}};
 """
 
 TWO_LEVELS = f"""
 constexpr bool BODIES = true;
 constexpr unsigned int BACK = {BACK}u;
-bool inside = false;
+bool inside = false, away = false;
+auto next = [&]() {{
+    unsigned int ref = pop();
+    if (ANY || inside) return ref;
+    return real(pop()) > limit ? BACK : ref;
+}};
 auto go_in = [&]() {{
     int at = 4 * (int)(now & INDEX);
     Quad x = load16(tree.bodies.data, at), y = load16(tree.bodies.data, at + 1), z = load16(tree.bodies.data, at + 2);
@@ -53,15 +66,20 @@ auto go_in = [&]() {{
     if (!(size(dx) + size(dy) + size(dz) < 3.0e38f)) ix = iy = iz = ox = oy = oz = jx = jy = jz = 0.0f;
     push(BACK);
     now = bits(load16(tree.bodies.data, at + 3).x);
-    inside = true;
+    inside = away = true;
 }};
 auto go_out = [&]() {{
-    aim(o[0], o[1], o[2], d[0], d[1], d[2]);
     inside = false;
     return false;
+}};
+auto come_back = [&]() {{
+    if (away) aim(o[0], o[1], o[2], d[0], d[1], d[2]);
+    away = false;
 }};
 """
 
 LEVELS = {1: ONE_LEVEL, 2: TWO_LEVELS}
-"""C++ before the traversal, by the number of levels: ``go_in`` takes the ray from a leaf of the first level, ``now``, to the
-root of its body's tree; ``go_out`` takes it back."""
+"""C++ before the traversal, by the number of levels. ``go_in`` takes the ray from a leaf of the first level, ``now``, to the
+root of its body's tree; ``go_out`` leaves that; ``come_back`` takes the ray back where a node of the first level needs it.
+``next`` pops; of the first level a closest hit's stack holds where the ray enters each box, too, below its reference, so
+that no ray is taken to a body behind what it has hit."""

@@ -161,9 +161,9 @@ def make_shadow_kernel(exact: bool, marks: bool, levels: int = 1) -> Any:
 
 
 @functools.cache
-def make_shadow_tests_kernel(exact: bool) -> Any:
+def make_shadow_tests_kernel(exact: bool, levels: int = 1) -> Any:
     """One thread per pixel: how many triangles the shadow ray of its primary hit is tested against, added to its others."""
-    count, count_holes = (make_count_any(exact, holes) for holes in (False, True))
+    count, count_holes = (make_count_any(exact, holes, levels) for holes in (False, True))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def shadow_tests_kernel(

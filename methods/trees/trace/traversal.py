@@ -25,7 +25,7 @@ from ..constants import BLOCK
 from ..native import BASICS, STACK
 from ..nodes import MEET, Tree
 from ..records.planes import LightPlanes
-from .bodies import LEVELS
+from .bodies import LEVELS, ROOM
 from .triangle_tests import TESTS
 from .undecided import TRAVERSED, Undecided
 
@@ -63,14 +63,14 @@ auto left_out = [](int) { return false; };
 }
 """By whether it is exact. ``tiny`` is in proportion to the scene, or float32 may err."""
 
-SINGLE = f"""
+SINGLE = """
 constexpr bool PACKET = false;
-unsigned int stack[{STACK}];
+unsigned int stack[ROOM];
 int held = 0;
-auto push = [&](unsigned int ref) {{ stack[held++] = ref; }};
-auto pop = [&]() {{ return stack[--held]; }};
-auto vote = [](bool met) {{ return met; }};
-auto choose = [](bool second, bool) {{ return second; }};
+auto push = [&](unsigned int ref) { stack[held++] = ref; };
+auto pop = [&]() { return stack[--held]; };
+auto vote = [](bool met) { return met; };
+auto choose = [](bool second, bool) { return second; };
 """
 
 PACKET = f"""
@@ -103,12 +103,14 @@ START = "unsigned int now = PACKET || seen ? (unsigned int)tree.root.data[0] : N
 TRAVERSE = """
 auto descends = [&]() {
     if (BODIES && now == BACK) return go_out();
+    if (BODIES && !inside) come_back();
     Children c = children_of(now);
     auto some0 = vote(c.met0), some1 = vote(c.met1);
     if (!some0 && !some1) return false;
     bool second = some1;
     if (some0 && some1) {
         second = choose(c.met1 & (!c.met0 | (c.near1 < c.near0)), some0 | some1);
+        if (BODIES && !ANY && !inside) push(bits(second ? c.near0 : c.near1));
         push(second ? c.ref0 : c.ref1);
     }
     now = second ? c.ref1 : c.ref0;
@@ -117,7 +119,7 @@ auto descends = [&]() {
 auto steps = [&]() {
     if (descends()) return true;
     if (held == 0) return false;
-    now = pop();
+    now = next();
     return true;
 };
 auto ends_at = [&](int at, auto leave) { return test(at, leave); };
@@ -130,10 +132,7 @@ auto traverse = [&](auto leave, auto full) {
     if (now == NONE) return false;
     while (true) {
         bool done = true;
-        if (BODIES && !inside && (now & LEAF)) {
-            go_in();
-            continue;
-        }
+        if (BODIES && !inside && (now & LEAF)) go_in();
         if (ANY || PACKET) {
             if (PACKET) {
                 while (!(now & LEAF))
@@ -154,7 +153,7 @@ auto traverse = [&](auto leave, auto full) {
         }
         if (done) {
             if (held == 0) break;
-            now = pop();
+            now = next();
         }
     }
     return false;
@@ -191,6 +190,7 @@ def traversal(
     single = loop(SINGLE, "exact" if exact else "float32")
     together = loop(PACKET, "packet" if exact else "float32")
     asked = f"constexpr bool EXACT = {exact:d}, HOLES = {holes:d};\nint first = -1, second = -1, last = -1;\n"
+    asked += f"constexpr int ROOM = {ROOM[levels]};\n"
     solid = "auto solid = [&](int at) { return !HOLES || tree.masked.data[at] == 0; };\n"
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n" if packets else single
     return BASICS + asked + ray + MEET + solid + by_device + result
@@ -245,11 +245,13 @@ def make_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
 
 
 @functools.cache
-def make_count_any(exact: bool, holes: bool = False) -> Any:
+def make_count_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
     """A function that gives (its tests, 0, 0, 0), as :func:`make_any` traverses."""
     result = "return {tests, 0, 0, 0};"
 
-    @wp.func_native(traversal(ANY[exact], TESTS["light", exact], result, exact, holes=holes, counts=True))
+    @wp.func_native(
+        traversal(ANY[exact], TESTS["light", exact], result, exact, holes=holes, levels=levels, counts=True)
+    )
     def count_any(h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes) -> wp.vec4i: ...
 
     return count_any

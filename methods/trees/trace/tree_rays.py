@@ -137,7 +137,7 @@ class TreeRays:
         shadow = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
         for i in self.lights:
             wp.launch(
-                specialised(make_shadow_tests_kernel(self._exactly(i)), self.effects.switches(i)),
+                specialised(make_shadow_tests_kernel(self._exactly(i), self.levels), self.effects.switches(i)),
                 dim=f.pixels,
                 inputs=[i, f.lights, self.tree, self.planes[i], f.hits(0), self.starts[0], f.masks(0), shadow],
                 device=f.device,

@@ -17,8 +17,8 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.needed import stale
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.case import ball, triangles
 from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.hardcases.shapes import ball, triangles
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Moves
 from shadowbench.harness.scene.surface_rules import perforated
@@ -229,7 +229,7 @@ def test_vertices_that_are_no_numbers(device):
 def test_where_only_lights_or_the_camera_move_both_levels_stay():
     session = Session(make_method(NAME), SCENES["apart"](), 16, 16, "cpu")
     builds = [work.name for work in session.all_passes if work.part == "build"]
-    assert builds == ["bodies: poses", "bodies: boxes", "bodies: tree"]
+    assert builds == ["bodies: poses", "bodies: boxes", "bodies: tree", "box"]
     for changed in ({"light/0"}, {"camera"}):
         assert not [work.name for work in stale(session.all_passes, changed) if work.part == "build"]
     assert {work.name for work in stale(session.all_passes, {"points"})} >= set(builds)
@@ -248,3 +248,17 @@ def test_the_wrong_number_of_bodies_is_said():
 def test_geometry_without_triangles():
     empty = replace(SCENES["one body"]().scene, geometry=lambda: Geometry.static(np.zeros((0, 3)), np.zeros((0, 3))))
     assert_exact_in_frames(prepare(empty), [0])
+
+
+def test_tests_of_both_levels_are_counted():
+    """Trees of the same triangles are tested against about as many, whether they stand in one tree or in many."""
+    prepared, found = SCENES["through one another"](), []
+    for bodies in (prepared.bodies, np.zeros_like(prepared.bodies)):
+        session = Session(make_method(NAME), dealt(prepared, bodies), 32, 32, "cpu")
+        session.answers(prepared.moment(0, 32, 32))
+        counts = session.method.counters()
+        found.append(
+            [*(tests.sum() for tests in session.method.tests_per_pixel()), counts["expected tests a hundred rays"]]
+        )
+    assert np.allclose(*found, rtol=0.5)
+    assert all(found[0])

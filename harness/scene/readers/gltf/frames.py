@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....arrays import F64, Floats
+from ....arrays import F64, I32, Floats
 from .animation import Animation
 from .deformation import bent, displaced, transformed
 from .model import Block, Model
@@ -28,7 +28,8 @@ class Frames:
         moving = set() if animation is None else animation.moving()
         self._levels = tree.moved(moving)
         moved = {int(place) for places in self._levels for place in places}
-        bending = set() if animation is None else animation.weights(time).keys()
+        bending = set() if animation is None else set(animation.weights(time))
+        self._bent = bending | {block.place for block in model.blocks if block.skin is not None}
         self._moving = [
             block
             for block in model.blocks
@@ -45,6 +46,15 @@ class Frames:
         world, weights = self._pose(time)
         result = self.points.copy()
         self._write(result, self._moving, world, weights)
+        return result
+
+    def bodies(self) -> I32 | None:
+        """What each vertex moves with: 0, the scene, or its node's number; None where skins or morph targets bend one."""
+        if any(block.place in self._bent for block in self._moving):
+            return None
+        result = np.zeros(len(self.points), dtype=np.int32)
+        for block in self._moving:
+            result[block.start : block.start + block.count] = 1 + block.place
         return result
 
     def _pose(self, time: float) -> tuple[Matrices, Mapping[int, F64]]:

@@ -42,10 +42,12 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Loaded:
         times = [animation.time(k) if animation else 0.0 for k in chosen]
         frames = Frames(model, tree, animation, times[0])
         mesh = checked(path, frames.points, model.faces(), (0.0, 1.0, 0.0))
+        bodies = frames.bodies() if len(times) > 1 else None
         return dataclasses.replace(
             mesh,
             frames=(*mesh.frames, *(frames.at(time) for time in times[1:])),
             rate=animation.rate / chosen.step if animation and len(times) > 1 else None,
+            bodies=None if bodies is None else bodies[mesh.faces[:, 0]],
             files=tuple(file.files),
             notes=(*notes, *_notes(document, model, animation, len(times)), *moving(document, tree)),
             cameras=cameras(document, tree, frames.first),
