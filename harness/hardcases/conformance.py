@@ -4,8 +4,6 @@
 runs with the same bits).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace

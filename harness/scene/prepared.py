@@ -4,8 +4,6 @@ Every method, Embree and the referee get the same arrays. A :class:`Moment` is o
 size, with its lights.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace

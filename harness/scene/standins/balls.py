@@ -8,8 +8,6 @@ triangles moves, in per cent: ``balls-300k``, ``balls-300k-seen10``, ``balls-300
 in ``balls-300k-swirl50`` the middle turns by 50 % of a full turn, the parts farther out by less, the rim not at all.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ The pieces exist from the start as patches with vertices of their own, so the to
 out from the point of impact and each patch moves rigidly from the moment the crack reaches it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
