@@ -6,8 +6,6 @@ pixels, as its shadow rays are; in the paper preset also four times as many, so 
 matter.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -4,8 +4,6 @@ Fewest lights first. Embree is included on a CPU only: with 16 lights its frames
 for them, would take longer than all the others together; table1 has it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

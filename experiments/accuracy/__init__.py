@@ -6,8 +6,6 @@ their own: bounds of a triangle on the light's sphere, the light's frame, cullin
 use them, and shadow maps from 512 texels upward. Labels read "family: level"; a family has one colour.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...harness.report import document

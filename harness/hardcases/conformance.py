@@ -4,8 +4,6 @@
 runs with the same bits).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -15,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..frame.method import Method
 from ..frame.session import Session
 from ..scene.effects import Effects
@@ -44,7 +43,7 @@ def moving_scene() -> Prepared:
     """A ball that falls onto a floor, is squashed, and flies away in the last frame; two lights."""
     points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
 
-    def positions(frame: int) -> NDArray[np.float64]:
+    def positions(frame: int) -> F64:
         result = points.copy()
         result[4:] *= (1 + 0.3 * frame, 1 - 0.25 * frame, 1 + 0.1 * frame)
         result[4:] += (0.2 * frame, 0.4 if frame == 1 else 0.0, -0.3 * frame)

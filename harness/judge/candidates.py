@@ -5,7 +5,6 @@ short, and their triangles are decided exactly elsewhere.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -13,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, I64, Bools, Ints
 from ..frame.alpha import device_alpha
+from ..frame.geometry import filled
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
 from .arithmetic import in_plane, integers, scale_of
-from .filter_kernels import LEAF
+from .filter_kernels import LEAF, Tree
 from .lists import Lists, Segments, parts_of
 
 BATCH = 8192
@@ -26,24 +26,7 @@ SEGMENTS = 1 << 18
 """Segments of one launch."""
 
 
-@dataclass(eq=False)
-class Tree:
-    """Boxes over the valid triangles, on a device.
-
-    low, high  vec3f [2 * leaves]: boxes in heap order from 1; empty ones have low > high
-    order      int32 [leaves * LEAF]: triangle of each slot, -1 for none
-    leaves     a power of two
-    reach      the largest coordinate of a valid vertex
-    """
-
-    low: wp.array
-    high: wp.array
-    order: wp.array
-    leaves: int
-    reach: float
-
-
-def build_tree(points: F32, faces: I32, valid: NDArray, device: str) -> Tree:
+def build_tree(points: F32, faces: I32, valid: NDArray, device: str, mask: AlphaMask | None) -> Tree:
     """Sort the valid triangles by size class and Morton code, and box them bottom-up."""
     ids = np.nonzero(valid)[0].astype(np.int32)
     corners = points[faces[ids]]
@@ -68,13 +51,12 @@ def build_tree(points: F32, faces: I32, valid: NDArray, device: str) -> Tree:
         size //= 2
         level_low = level_low.reshape(size, 2, 3).min(axis=1)
         level_high = level_high.reshape(size, 2, 3).max(axis=1)
-    return Tree(
-        wp.array(low_heap, dtype=wp.vec3f, device=device),
-        wp.array(high_heap, dtype=wp.vec3f, device=device),
-        wp.array(slots, dtype=wp.int32, device=device),
-        leaves,
-        float(np.abs(corners).max()) if len(ids) else 0.0,
-    )
+    with wp.ScopedDevice(device):
+        return filled(
+            Tree, low=wp.array(low_heap, dtype=wp.vec3f), high=wp.array(high_heap, dtype=wp.vec3f),
+            order=wp.array(slots, dtype=wp.int32), leaves=leaves, points=wp.array(points, dtype=wp.vec3f),
+            triangles=wp.array(faces, dtype=wp.vec3i), alpha=device_alpha(mask, device),
+        )  # fmt: skip
 
 
 def in_planes(corners: F32, points: F32) -> Bools:
@@ -110,15 +92,13 @@ def _keys(low: F32, high: F32) -> I64:
 
 
 class Candidates:
-    """Finds candidates in one mesh at one moment, on a device; ``tree`` is made once."""
+    """Finds candidates in one mesh at one moment, on a device. ``farthest``: the largest coordinate of a valid vertex."""
 
     def __init__(self, points: F32, faces: I32, valid: NDArray, device: str, mask: AlphaMask | None = None) -> None:
         self.device = device
-        self.tree = build_tree(points, faces, valid, device)
+        self._tree = build_tree(points, faces, valid, device, mask)
         self._corners = points[faces] if len(faces) else np.zeros((0, 3, 3), dtype=np.float32)
-        self._points = wp.array(points, dtype=wp.vec3f, device=device)
-        self._faces = wp.array(faces, dtype=wp.vec3i, device=device)
-        self._alpha = device_alpha(mask, device)
+        self.farthest = float(np.abs(self._corners[valid != 0]).max(initial=0.0))
 
     def along(self, origins: F32, directions: F32, nearest: bool) -> Iterator[tuple[range, Lists]]:
         """Batches of rows and, for each ray, the triangles that it may hit; with ``nearest``, none beyond a certain
@@ -158,7 +138,7 @@ class Candidates:
             wp.array(own, dtype=wp.int32, device=self.device),
             wp.array(np.zeros(len(starts)) if margin is None else margin, dtype=wp.float64, device=self.device),
             wp.array(lights.astype(np.float64), dtype=wp.vec3d, device=self.device),
-            float(max(self.tree.reach, largest.max()) * 2.0**-48),
+            float(max(self.farthest, largest.max()) * 2.0**-48),
             int(every),
         ]
         for first in range(0, len(segments), SEGMENTS):
@@ -203,6 +183,4 @@ class Candidates:
         return Lists(written.numpy(), counts)
 
     def _launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, outputs: Sequence) -> None:
-        tree = self.tree
-        shared = [tree.low, tree.high, tree.order, tree.leaves, self._points, self._faces, self._alpha]
-        wp.launch(kernel, dim=n, inputs=[*shared, *inputs], outputs=list(outputs), device=self.device)
+        wp.launch(kernel, dim=n, inputs=[self._tree, *inputs], outputs=list(outputs), device=self.device)

@@ -14,6 +14,30 @@ LEAF = 4
 wp.set_module_options({"enable_backward": False, "fast_math": False})
 
 
+@wp.struct
+class Tree:
+    """Boxes over the valid triangles of a mesh, and the mesh.
+
+    low, high  vec3f [2 * leaves]: boxes in heap order from 1; empty ones have low > high
+    order      int32 [leaves * LEAF]: triangle of each slot, -1 for none
+    leaves     a power of two
+    """
+
+    low: wp.array(dtype=wp.vec3f)
+    high: wp.array(dtype=wp.vec3f)
+    order: wp.array(dtype=wp.int32)
+    leaves: wp.int32
+    points: wp.array(dtype=wp.vec3f)
+    triangles: wp.array(dtype=wp.vec3i)
+    alpha: Alpha
+
+
+@wp.func
+def corners_of(tree: Tree, triangle: wp.int32):
+    f = tree.triangles[triangle]
+    return widen(tree.points[f[0]]), widen(tree.points[f[1]]), widen(tree.points[f[2]])
+
+
 @wp.func
 def slab(o: wp.vec3d, d: wp.vec3d, low: wp.vec3f, high: wp.vec3f, pad: wp.float64, limit: wp.float64) -> wp.bool:
     """False only where no point o + t d with 0 <= t <= limit lies in the box grown by pad."""
@@ -49,18 +73,7 @@ def after(node: wp.int32) -> wp.int32:
 
 
 @wp.kernel
-def find_nearest(
-    low: wp.array[wp.vec3f],
-    high: wp.array[wp.vec3f],
-    order: wp.array[wp.int32],
-    leaves: wp.int32,
-    points: wp.array[wp.vec3f],
-    triangles: wp.array[wp.vec3i],
-    alpha: Alpha,
-    origins: wp.array[wp.vec3d],
-    directions: wp.array[wp.vec3d],
-    best: wp.array[wp.float64],
-):
+def find_nearest(tree: Tree, origins: wp.array[wp.vec3d], directions: wp.array[wp.vec3d], best: wp.array[wp.float64]):
     """best [n]: an upper bound of the closest t of each ray, from its certain hits; FAR where there is none."""
     i = wp.tid()
     o = origins[i]
@@ -69,20 +82,20 @@ def find_nearest(
     limit = wp.float64(1.0e300)
     node = wp.int32(1)
     while node > 0:
-        if not slab(o, d, low[node], high[node], wp.float64(0.0), limit):
+        if not slab(o, d, tree.low[node], tree.high[node], wp.float64(0.0), limit):
             node = after(node)
-        elif node < leaves:
+        elif node < tree.leaves:
             node = 2 * node
         else:
             for k in range(LEAF):
-                triangle = order[(node - leaves) * LEAF + k]
+                triangle = tree.order[(node - tree.leaves) * LEAF + k]
                 if triangle >= 0:
-                    f = triangles[triangle]
-                    a = widen(points[f[0]])
-                    b = widen(points[f[1]])
-                    c = widen(points[f[2]])
+                    a, b, c = corners_of(tree, triangle)
                     r = filter_ray(o, d, a, b, c)
-                    if r[0] == wp.float64(1.0) and opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1:
+                    if (
+                        r[0] == wp.float64(1.0)
+                        and opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1
+                    ):
                         limit = wp.min(limit, r[2])
             node = after(node)
     best[i] = limit
@@ -90,13 +103,7 @@ def find_nearest(
 
 @wp.kernel
 def collect_hits(
-    low: wp.array[wp.vec3f],
-    high: wp.array[wp.vec3f],
-    order: wp.array[wp.int32],
-    leaves: wp.int32,
-    points: wp.array[wp.vec3f],
-    triangles: wp.array[wp.vec3i],
-    alpha: Alpha,
+    tree: Tree,
     origins: wp.array[wp.vec3d],
     directions: wp.array[wp.vec3d],
     best: wp.array[wp.float64],
@@ -119,22 +126,19 @@ def collect_hits(
     count = wp.int32(0)
     node = wp.int32(1)
     while node > 0:
-        if not slab(o, d, low[node], high[node], wp.float64(0.0), limit):
+        if not slab(o, d, tree.low[node], tree.high[node], wp.float64(0.0), limit):
             node = after(node)
-        elif node < leaves:
+        elif node < tree.leaves:
             node = 2 * node
         else:
             for k in range(LEAF):
-                triangle = order[(node - leaves) * LEAF + k]
+                triangle = tree.order[(node - tree.leaves) * LEAF + k]
                 if triangle >= 0:
-                    f = triangles[triangle]
-                    a = widen(points[f[0]])
-                    b = widen(points[f[1]])
-                    c = widen(points[f[2]])
+                    a, b, c = corners_of(tree, triangle)
                     r = filter_ray(o, d, a, b, c)
                     seen = r[0] > zero and r[1] <= limit
                     if r[0] == wp.float64(1.0) and seen:
-                        seen = opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
+                        seen = opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
                     if seen:
                         if write == 1:
                             found[offsets[place] + count] = triangle
@@ -145,13 +149,7 @@ def collect_hits(
 
 @wp.kernel
 def collect_between(
-    low: wp.array[wp.vec3f],
-    high: wp.array[wp.vec3f],
-    order: wp.array[wp.int32],
-    leaves: wp.int32,
-    points: wp.array[wp.vec3f],
-    triangles: wp.array[wp.vec3i],
-    alpha: Alpha,
+    tree: Tree,
     starts: wp.array[wp.vec3d],
     errors: wp.array[wp.float64],
     own: wp.array[wp.int32],
@@ -184,21 +182,18 @@ def collect_between(
     sure = wp.int32(-1)
     node = wp.int32(1)
     while node > 0:
-        if not slab(p, d, low[node], high[node], pad + wide, wp.float64(1.0)):
+        if not slab(p, d, tree.low[node], tree.high[node], pad + wide, wp.float64(1.0)):
             node = after(node)
-        elif node < leaves:
+        elif node < tree.leaves:
             node = 2 * node
         else:
             for k in range(LEAF):
-                triangle = order[(node - leaves) * LEAF + k]
+                triangle = tree.order[(node - tree.leaves) * LEAF + k]
                 if triangle >= 0 and triangle != own[i]:
-                    f = triangles[triangle]
-                    a = widen(points[f[0]])
-                    b = widen(points[f[1]])
-                    c = widen(points[f[2]])
+                    a, b, c = corners_of(tree, triangle)
                     status = filter_segment(p, light, a, b, c, errors[i])
                     if status == 1:
-                        status = opacity(alpha, triangle, d, a - p, b - p, c - p, errors[i], errors[i])
+                        status = opacity(tree.alpha, triangle, d, a - p, b - p, c - p, errors[i], errors[i])
                     if status == 1 and sure < 0:
                         sure = triangle
                     if wide > wp.float64(0.0) and status == 0:

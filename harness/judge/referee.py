@@ -206,9 +206,7 @@ class Referee:
 
     def _classify_acne(self, hits: Hits, lights: F32, wanted: Bools, verdicts: I8) -> None:
         """EDGE where some triangle off the hit point passes within the bound of the segment, else ACNE."""
-        margin = (
-            exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(hits.points).max(axis=1), self._candidates.tree.reach)
-        )
+        margin = exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(hits.points).max(axis=1), self._candidates.farthest)
         for segments, candidates, _ in self._segments(hits, lights, wanted, every=True, margin=margin):
             found = np.full(len(segments), Verdict.ACNE, dtype=np.int8)
             for index, k in _rounds(candidates, found, Verdict.ACNE):

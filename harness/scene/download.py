@@ -1,7 +1,5 @@
 """Download a file: checked against its checksum, continued where it was cut off."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator

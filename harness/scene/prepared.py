@@ -4,8 +4,6 @@ Every method, Embree and the referee get the same arrays. A :class:`Moment` is o
 size, with its lights.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,12 +11,12 @@ from fractions import Fraction
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, F64, I32, U8
 from ..errors import UserError
 from .alpha import alpha_of
 from .corner_order import in_order_of_duplicates
-from .moment import F32, Moment, max_coordinate_of, proxy_positions_of, ray_tables
+from .moment import Moment, max_coordinate_of, proxy_positions_of, ray_tables
 from .scene import AlphaMask, Camera, Geometry, Light, Scene
 from .targets import targets_of
 
@@ -50,14 +48,14 @@ class Prepared:
 
     scene: Scene
     geometry: Geometry
-    faces: NDArray[np.int32]
-    centre: NDArray[np.float64]
-    weld: NDArray[np.int32]
-    middle: NDArray[np.float64]
+    faces: I32
+    centre: F64
+    weld: I32
+    middle: F64
     radius: float
     alpha: AlphaMask | None
-    mirror: NDArray[np.uint8]
-    points: Callable[[int], tuple[F32, NDArray[np.uint8]]]
+    mirror: U8
+    points: Callable[[int], tuple[F32, U8]]
 
     @property
     def frame_count(self) -> int:
@@ -69,7 +67,7 @@ class Prepared:
         return self.geometry.moves
 
     @property
-    def bodies(self) -> NDArray[np.int32] | None:
+    def bodies(self) -> I32 | None:
         """The body of each triangle, 0, 1, 2, ..., int32 [triangle_count]; None: the mesh deforms, or nothing says what of
         it moves together. A mesh that does not move is one body, unless its scene names more."""
         motion = self.geometry.motion
@@ -135,7 +133,7 @@ class Prepared:
             return self.radius, extent
         return size, size
 
-    def light_point(self, light: Light, radius: float) -> NDArray[np.float64]:
+    def light_point(self, light: Light, radius: float) -> F64:
         """The position of a light, recentred, float64 [3]. ``radius``: see :meth:`scale`.
 
         A directional light is placed at :data:`INFINITELY_FAR` radii (rounded up to a power of two) in its
@@ -207,13 +205,11 @@ def under(prepared: Prepared, scene: Scene) -> Prepared:
     return replace(prepared, scene=scene, alpha=alpha, mirror=mirror)
 
 
-def rounded(
-    geometry: Geometry, faces: NDArray[np.int32], centre: NDArray[np.float64]
-) -> Callable[[int], tuple[F32, NDArray[np.uint8]]]:
+def rounded(geometry: Geometry, faces: I32, centre: F64) -> Callable[[int], tuple[F32, U8]]:
     """The float32 positions and validity flags of each frame, by its index. The last frame used is cached."""
 
     @lru_cache(maxsize=1)
-    def points(frame: int) -> tuple[F32, NDArray[np.uint8]]:
+    def points(frame: int) -> tuple[F32, U8]:
         positions = np.asarray(geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
         with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
             made = np.ascontiguousarray((positions - centre).astype(np.float32))
@@ -222,7 +218,7 @@ def rounded(
     return points
 
 
-def mirror_of(scene: Scene, geometry: Geometry) -> NDArray[np.uint8]:
+def mirror_of(scene: Scene, geometry: Geometry) -> U8:
     """1 for each triangle that is a mirror, uint8 [triangle_count]. Raises :class:`UserError` for another shape."""
     count = len(np.reshape(geometry.faces, (-1, 3)))
     flags = np.zeros(count) if scene.mirror is None else np.asarray(scene.mirror(geometry))
@@ -231,14 +227,14 @@ def mirror_of(scene: Scene, geometry: Geometry) -> NDArray[np.uint8]:
     return np.ascontiguousarray(flags, dtype=np.uint8)
 
 
-def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
+def check_faces(faces: I32, vertex_count: int, name: str) -> None:
     """Raise :class:`UserError` unless every index is that of a vertex."""
     if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
         bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
         raise UserError(f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; correct the file")
 
 
-def finite_bounds(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def finite_bounds(positions: F64) -> tuple[F64, F64]:
     """Lowest and highest corner of the vertices that float32 can hold; both zero where there are none."""
     finite = positions[(np.abs(positions) <= np.finfo(np.float32).max).all(axis=1)]
     if not len(finite):
@@ -254,7 +250,7 @@ def largest_coordinate(points: F32) -> float:
     return float(np.abs(points[np.isfinite(points).all(axis=1)]).max(initial=0.0))
 
 
-def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def recentre(positions: F64) -> F64:
     """The point to subtract: the middle of the box, or zero where the box lies within its own size of the origin."""
     low, high = finite_bounds(positions)
     middle = (low + high) / 2
@@ -263,7 +259,7 @@ def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return middle
 
 
-def weld(positions: NDArray[np.float64]) -> NDArray[np.int32]:
+def weld(positions: F64) -> I32:
     """For each vertex the lowest index of a vertex at the same position (-0 equals +0), int32 [vertex_count].
 
     ``positions``: recentred, [vertex_count, 3]; compared as float32, as all methods get them.
@@ -283,7 +279,7 @@ def weld(positions: NDArray[np.float64]) -> NDArray[np.int32]:
     return result
 
 
-def valid_triangles(points: F32, faces: NDArray[np.int32]) -> NDArray[np.uint8]:
+def valid_triangles(points: F32, faces: I32) -> U8:
     """1 where a triangle has finite vertices and an area that is not zero, decided exactly. uint8 [triangle_count]."""
     if not len(faces):
         return np.zeros(0, dtype=np.uint8)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, I32, U8, Floats, Ints
 from ..errors import UserError, did_you_mean
 
 T = TypeVar("T")
@@ -142,7 +142,7 @@ class Moves:
 
     kind: str
     vertices: tuple[int, int] | None = None
-    bodies: NDArray[np.integer] | None = field(default=None, compare=False)
+    bodies: Ints | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.kind not in ("rigid", "deforming"):
@@ -160,9 +160,9 @@ class AlphaMask:
     opaque       uint8 [rows, columns]: 1 = opaque, row 0 at coordinate v = 0
     """
 
-    triangles: NDArray[np.uint8]
-    coordinates: NDArray[np.float32]
-    opaque: NDArray[np.uint8]
+    triangles: U8
+    coordinates: F32
+    opaque: U8
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +176,8 @@ class Geometry:
     ``still``: it has the same positions in every frame; its lights may move.
     """
 
-    faces: NDArray[np.int32]
-    positions: Callable[[int], NDArray[np.floating]]
+    faces: I32
+    positions: Callable[[int], Floats]
     frame_count: int = 1
     motion: Moves | None = None
     still: bool = False
@@ -194,7 +194,7 @@ class Geometry:
         return Geometry(self.faces, lambda k: self.positions(0), frames, still=True)
 
     @staticmethod
-    def static(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Geometry:
+    def static(vertices: Floats, faces: Ints) -> Geometry:
         """A mesh that does not move."""
         fixed = np.ascontiguousarray(vertices)
         return Geometry(np.ascontiguousarray(faces, dtype=np.int32), lambda k: fixed, 1)
@@ -251,7 +251,7 @@ class Scene:
     camera_moves: bool = False
     facing: bool = False
     alpha: Callable[[Geometry], AlphaMask] | None = None
-    mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None
+    mirror: Callable[[Geometry], U8] | None = None
     bounces: int = 0
     outputs: tuple[str, ...] = ("depth", "ids", "shadows")
     cameras: Mapping[str, Camera] = field(default_factory=dict)

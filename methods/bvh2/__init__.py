@@ -5,8 +5,6 @@ It does what tuned trees of GPU ray tracers do, but exactly: float32 decides wha
 float64 the rest.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

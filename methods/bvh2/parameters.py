@@ -1,7 +1,5 @@
 """The parameters of the tree. None of them changes an exact answer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ...harness.frame.schedule.threads import check_threads

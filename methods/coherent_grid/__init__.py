@@ -3,8 +3,6 @@
 The grid is that of ``uniform_grid``, built in every frame. Shadow rays and mirrored rays are traced one by one, as there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Rooms of lists that grow between frames, and what a frame needed of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 

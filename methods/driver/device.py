@@ -1,7 +1,5 @@
 """A device of slangpy by OptiX or Vulkan, the pipeline of its shaders, and what a machine may lack for them."""
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import importlib.metadata

@@ -1,7 +1,5 @@
 """How a device of slangpy reaches the arrays of Warp: by their addresses on CUDA, as copies by Vulkan."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@ The shaders are in ``rays.slang``. Each launch is recorded and submitted by the 
 that a frame is no CUDA graph.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """The driver's acceleration structure over a frame's triangles, and one instance of it that rays are traced through."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

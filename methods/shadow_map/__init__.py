@@ -4,8 +4,6 @@ Williams 1978; slope-scaled bias, normal offset and percentage-closer filtering 
 approximate: primary rays come from a rasteriser that decides every uncertain pixel in float64.
 """
 
-from __future__ import annotations
-
 from types import MappingProxyType
 from typing import Any, ClassVar
 

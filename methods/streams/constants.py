@@ -3,8 +3,6 @@
 What belongs to one kernel (registers, sizes in shared memory) stands beside the kernel.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """The passes of one light: its rays are placed, and triangles are tested against them."""
 
-from __future__ import annotations
-
 import functools
 
 from ...harness.frame.schedule.passes import Pass

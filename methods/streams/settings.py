@@ -1,7 +1,5 @@
 """The settings of a frame, chosen from its numbers of triangles, pixels and lights. None of them changes an answer."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -24,8 +24,6 @@ varied.
     TILES_AT_ONCE      4        tiles         whose counts a thread reads at once when it looks back         tried
 """
 
-from __future__ import annotations
-
 MANY_TRIANGLES = 50_000
 KEY_BITS = 24
 RADIUS = 2

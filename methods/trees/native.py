@@ -4,8 +4,6 @@ Loops over a tree need a local array for the stack, votes of a warp and loads of
 have. A native function is the body of one C++ function: what several share is text at their start.
 """
 
-from __future__ import annotations
-
 LEAF = 0x80000000
 """Bit of a reference to a child that says that it is a leaf: the lower bits are the index of its triangle."""
 

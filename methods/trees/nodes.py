@@ -21,8 +21,6 @@ instead.) A component of the direction that is less than 2^-40 of the largest is
 by 2^-40 of its length.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

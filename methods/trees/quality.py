@@ -5,8 +5,6 @@ Booth, "Heuristics for ray tracing using space subdivision", 1990). Boxes are th
 rounded up. Computed on the host, outside a frame.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

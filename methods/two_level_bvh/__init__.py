@@ -5,8 +5,6 @@ The scene says which triangles move together. Each frame's mesh remains the trut
 so that answers are those of any exact method.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

@@ -4,8 +4,6 @@ Topologies are by the surface area heuristic (:mod:`..trees.builders.sah`), all 
 whose corners are finite there, also those without an area, which may have one after a rotation has been rounded.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ The first level is made as a rebuilt tree is (:mod:`..trees.builders.rebuild`): 
 which each body is a triangle with its box.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

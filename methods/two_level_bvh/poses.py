@@ -10,8 +10,6 @@ In a rigid motion it is a few roundings of the mesh. The three vertices are as f
 their places moves no other vertex by more than a few times as much.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.geometry import value_struct

@@ -7,8 +7,6 @@ words and the light's cube are those of ``methods/streams``; how triangles are r
 differs.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, ClassVar

@@ -4,8 +4,6 @@ Johnson et al. 2005; Wyman, Hoetzlein and Lefohn 2015. A texel holds the head of
 its place in memory. The map lies on the faces of a cube around the light (:mod:`..streams.cube.faces`).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.effects.specialise import effects

@@ -1,7 +1,5 @@
 """Passes of the visibility buffer and of the irregular z-buffers: what the streams have in other kernels."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -4,8 +4,6 @@ Edge functions and words are those of :mod:`..streams.camera.pixels`: what float
 float64.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.alpha import Alpha

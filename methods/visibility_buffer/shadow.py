@@ -5,8 +5,6 @@ float32 does to its corners. A hit point is tested against the planes of the fru
 (:mod:`..streams.occlusion.planes`); what float32 leaves undecided is queued for float64.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...harness.frame.alpha import Alpha

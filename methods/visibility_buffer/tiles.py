@@ -9,8 +9,6 @@ A triangle whose box is large is put into a list (``Queue.large``), and the tile
     chunks  (place in ``large``, column of the tile and its row << 16)
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ..gpu.entries import set_entry

@@ -1,7 +1,5 @@
 """The assembly of native snippets as C++, and their shared variables."""
 
-from __future__ import annotations
-
 import re
 
 _FLOAT4 = "{{{{ float4 v = emulated_shared<float4>({{{}}}); {{0}} = v.x; {{1}} = v.y; {{2}} = v.z; {{3}} = v.w; }}}}"

@@ -1,7 +1,5 @@
 """The report of what a frame costs besides its time, from made-up records."""
 
-from __future__ import annotations
-
 from helpers.experiment_records import csv_of, record_of, report_of
 from shadowbench.experiments.costs import METHODS
 from shadowbench.harness.report import document

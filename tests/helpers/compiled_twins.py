@@ -5,8 +5,6 @@ source before Warp sees it. What Warp makes of a kernel with the effect off must
 machine code for the CPU, and in the binary for a GPU, which is compiled here without one.
 """
 
-from __future__ import annotations
-
 import ast
 import collections
 import importlib

@@ -1,7 +1,5 @@
 """Playing a story: sessions that went through all earlier frames against a session made for each frame alone."""
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Callable
 

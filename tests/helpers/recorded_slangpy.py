@@ -1,7 +1,5 @@
 """A recording that stands for slangpy: what the method ``driver`` asks it for, without a GPU."""
 
-from __future__ import annotations
-
 import sys
 from enum import IntFlag
 from types import SimpleNamespace

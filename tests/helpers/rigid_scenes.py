@@ -1,7 +1,5 @@
 """Scenes of bodies that move rigidly, and meshes at rest whose triangles are dealt out to bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """How much room a list gets that did not suffice, or only just."""
 
-from __future__ import annotations
-
 import pytest
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.methods.common.pairs import PAIR_BYTES, SPARE, grown

@@ -1,7 +1,5 @@
 """Every kernel compiles for a GPU, ahead of time and without one: a kernel that only a GPU would refuse is seen here."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 

@@ -1,7 +1,5 @@
 """How many triangles each primary ray is tested against, of the methods that count it apart from their frames."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a run says that it will do: which points are there, how long the others may take, whether the machine is busy."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 

@@ -9,8 +9,6 @@ sections ``.nv.info`` hold pairs (symbol, value) of registers a thread and bytes
 does not fit into registers.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 import struct

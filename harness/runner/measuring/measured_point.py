@@ -4,8 +4,6 @@ This module and its imports contain everything that times a method or counts its
 change of their code makes every record outdated (:mod:`.runner.source.closure`).
 """
 
-from __future__ import annotations
-
 import hashlib
 import time
 from collections.abc import Callable, Mapping

@@ -8,19 +8,14 @@ triangles moves, in per cent: ``balls-300k``, ``balls-300k-seen10``, ``balls-300
 in ``balls-300k-swirl50`` the middle turns by 50 % of a full turn, the parts farther out by less, the rim not at all.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import F64, I32, Floats
 from ..scene import Camera, Geometry, Light, Moves, Scene
-
-F64 = NDArray[np.float64]
-I32 = NDArray[np.int32]
 
 NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?)|-swirl([1-9]\d{0,2}))?")
 EXAMPLE = "balls-300k"
@@ -144,7 +139,7 @@ def moving_geometry(count: int, moving: float | None, swirl: float | None = None
 def turned(still: Geometry, speeds: F64, moves: Moves) -> Geometry:
     """Each vertex turns about the vertical through the middle, by so many radians over the frames."""
 
-    def positions(frame: int) -> NDArray[np.floating]:
+    def positions(frame: int) -> Floats:
         angle = (speeds * (frame / (FRAMES - 1))).astype(np.float32)
         x, y, z = still.positions(0).T
         sin, cos = np.sin(angle), np.cos(angle)

@@ -4,11 +4,10 @@ The pieces exist from the start as patches with vertices of their own, so the to
 out from the point of impact and each patch moves rigidly from the moment the crack reaches it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import F64, I64
 from ..scene import Camera, Geometry, Light, Moves, Scene
 from .bodies import Blob, Body, ball, both, chain, curve, limb, normals, scales, spread_points
 from .shapes import Mesh, join, noise
@@ -23,8 +22,6 @@ CRACK_SPEED = 9.0
 BUNNY_SPACING = 0.00994
 DRAGON_SPACING = 0.0094
 SEED = 5
-
-F64 = NDArray[np.float64]
 
 
 def scene() -> Scene:
@@ -191,7 +188,7 @@ def _skinned(mesh: Mesh, scale: float) -> Mesh:
     return Mesh(mesh.vertices + normals(mesh) * relief[:, None], mesh.faces)
 
 
-def _broken(mesh: Mesh, size: float, seed: int) -> tuple[Mesh, NDArray[np.int64]]:
+def _broken(mesh: Mesh, size: float, seed: int) -> tuple[Mesh, I64]:
     """The mesh cut into patches about ``size`` wide with vertices of their own, and the patch of each vertex."""
     from scipy.spatial import cKDTree  # here: a scene is listed without it
 

@@ -6,8 +6,6 @@ float32 with an error bound decide all but a few pixels; those, and every 1 / t,
 (:mod:`...exact.triangle`).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.alpha import Alpha

@@ -1,7 +1,5 @@
 """A queued triangle as pixels are tested against it: planes and 1 / t in the records of the queue."""
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.alpha import Alpha

@@ -5,8 +5,6 @@ undecided in its chunks in shared memory, and decides them 32 at a time. So ther
 warps of this one.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.alpha import Alpha

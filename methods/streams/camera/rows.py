@@ -1,7 +1,5 @@
 """Primary rays of larger triangles, on a GPU: groups of rows (of tall ones: columns), cut to the triangle."""
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.alpha import Alpha

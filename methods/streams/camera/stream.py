@@ -3,8 +3,6 @@
 How a pixel is tested, and what is stored for it, is in :mod:`.pixels`.
 """
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

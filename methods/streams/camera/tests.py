@@ -1,7 +1,5 @@
 """How many triangles each primary ray is tested against. Counted apart: the kernels of a frame do not count."""
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray

@@ -4,8 +4,6 @@ A light outside the scene then sees everything through face 0, whose rectangle i
 whole. Light space is float64, so that the rays of a light at 1e7 scene radii are still spread over all cells.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Mesh

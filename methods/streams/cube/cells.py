@@ -1,7 +1,5 @@
 """The arrays in which a light's rays are sorted into cells, and the slots of its rays: 32 bits that say where each lies."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -8,8 +8,6 @@ density  float32 [2 axes * 6 faces * INTERVALS]: rays expected in equal interval
          scene may cover (:data:`.aim.RANGE`).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh

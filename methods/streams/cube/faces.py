@@ -3,8 +3,6 @@
 On a face, planes through the light are lines, so bounds computed there are exact.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -4,8 +4,6 @@ In a room most triangles receive the light or lie behind those that do: no ray g
 from the light along the axis of a face, as float32 whose bits are compared as integers.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Corners

@@ -4,8 +4,6 @@ Coordinates on a face are in bins, which become cells in the end (:mod:`.spacing
 the float32 rounding of a triangle's corners, so a cell is left out only if no ray in it can meet the triangle.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

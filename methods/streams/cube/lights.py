@@ -1,8 +1,6 @@
 """The lights of a frame as their rays and triangles see them: the cubes, aimed at the middle of the scene, and their
 arrays."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -7,8 +7,6 @@ Rows of the table, vec4f: of a face (low u, low v, bins per u, bins per v), zero
 (cells along a face, largest coordinate of a hit point, sum of 2^face of those with rays, 0).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...gpu.entries import entry

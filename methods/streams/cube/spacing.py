@@ -14,8 +14,6 @@ edges    vec2f [6 faces * cells along a face]: where each row begins and ends, i
 :class:`.cells.SpacedCells` have them; all :class:`.cells.RayCells` have one size.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...gpu.division import about_inverse

@@ -1,7 +1,5 @@
 """Groups of rows of a light's larger triangles, as they are queued for the warps that test the rays in them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

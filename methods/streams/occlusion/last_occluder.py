@@ -6,8 +6,6 @@ no place in the grid; every other ray goes the usual way. So no answer depends o
 an index of no triangle is passed over.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import warp as wp

@@ -3,8 +3,6 @@
 Each plane is n . p + c, with a bound on its float32 error at any hit point of the frame.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Corners

@@ -5,8 +5,6 @@ A set bit stays set, so the order in which triangles arrive does not matter. Wha
 undecided; it occludes no ray of its own, and is left out.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

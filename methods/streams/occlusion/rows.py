@@ -1,7 +1,5 @@
 """Shadow rays of larger triangles, on a GPU: the rays in groups of rows, cut to the triangle."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

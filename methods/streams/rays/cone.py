@@ -8,8 +8,6 @@ tested against every triangle in float64 instead (:mod:`..occlusion.undecided`).
 direction.
 """
 
-from __future__ import annotations
-
 import math
 
 import warp as wp

@@ -10,8 +10,6 @@ The difference is at most 2^-24 of the larger of the largest coordinate of all h
 eye. The bounds of :mod:`..cube.footprint`, :mod:`..occlusion.planes` and :mod:`.region` hold for such points.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh

@@ -1,7 +1,5 @@
 """Places of a light's rays, one for each pixel; where what they cover is known, they are counted in their cells at once."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

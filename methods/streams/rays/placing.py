@@ -5,8 +5,6 @@ What the rays cover of the light's cube is found when they are placed, and they 
 (:class:`ByTriangles`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import warp as wp

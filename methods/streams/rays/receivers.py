@@ -7,8 +7,6 @@ and where eye and light must lie on one side of its plane and that is not known 
 knows that, too (:mod:`.region`).
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.effects.receivers import note_receiver, receives

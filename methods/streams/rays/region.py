@@ -8,8 +8,6 @@ of a triangle's plane or not, whatever the pixel. The kernels' effect ``receiver
 in :mod:`.cone`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

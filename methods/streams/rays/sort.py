@@ -1,7 +1,5 @@
 """Shadow rays sorted into the cells of the light's cube: face, row, cell."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

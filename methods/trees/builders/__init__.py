@@ -1,7 +1,5 @@
 """Building a tree each frame (keys, sort, LBVH or H-PLOC), or refitting one that was made on the host."""
 
-from __future__ import annotations
-
 from ....harness.frame.frame import Frame
 from .. import constants
 from .rebuild import MAKERS, Rebuilt

@@ -5,8 +5,6 @@ those meet in shared memory: an exchange takes a tenth of the time that one in g
 is that of one exchange after another. A node is numbered by the last leaf of its left child.
 """
 
-from __future__ import annotations
-
 from ..constants import BLOCK
 
 BOXES = """

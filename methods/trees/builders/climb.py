@@ -12,8 +12,6 @@ after the last leaf: what has none was left out by the sort (:mod:`.keys`).
 On the GPU an exchange of a flag releases what was written before it, and acquires what the first arrival wrote.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -21,8 +21,6 @@ left part, and the name of the right part becomes the new node's number. The CPU
 another.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -9,8 +9,6 @@ et al. 2009). A triangle that is never hit (without area, or with a coordinate t
 the second of two that share one: they get the largest key, which no leaf has, and the sort leaves them out.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Mesh, value_struct

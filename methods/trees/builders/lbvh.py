@@ -4,8 +4,6 @@ One thread per leaf; those of a block meet in shared memory first (:mod:`.boxes`
 (:mod:`.climb`), so two builds of the same frame make the same tree.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A tree rebuilt each frame: arrays, and launches of its build."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

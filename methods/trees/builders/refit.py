@@ -5,8 +5,6 @@ but with a known tree). Counters of arrivals are never reset: an even count mean
 is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import warp as wp

@@ -5,8 +5,6 @@ once. A node whose triangles fall into one bin, or that lies :data:`DEEP` levels
 than DEEP and the bits of the number of triangles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The blocks lower six numbers, as integers in the order of floats. The last block
 numbers as they were at first.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 

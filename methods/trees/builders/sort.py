@@ -12,8 +12,6 @@ what is left.
 Warp's own sort, which takes scratch memory each time and copies an odd number of passes back, sorts on the CPU.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -44,8 +44,6 @@ Planes of zeros, and an infinite m, leave every ray to float64, whatever was hit
 from close to their plane, and sizes that float32 does not hold.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray

@@ -31,8 +31,6 @@ cancelling or zero (:func:`is_sure`). A triangle of which that is not known, a s
 :data:`SMALLEST` and :data:`LARGEST` leave every ray to float64: its record is not a number.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.digits import fused, lost_in_sum, rounded

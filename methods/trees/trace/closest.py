@@ -5,8 +5,6 @@ those of an orthographic camera) are listed first: after the first bounce few pi
 and in the list they stand side by side, so that the warps that trace them are full.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

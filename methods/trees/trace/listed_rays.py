@@ -1,7 +1,5 @@
 """Closest hits of rays that lie in arrays: mirrored ones, and those of an orthographic camera."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Shadow rays of one light: the traversal; then, in the same kernel in float64, the triangles that it left."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -5,8 +5,6 @@ list of undecided pairs of its own. A GPU begins with the blocks in the middle o
 rays there, and nothing is left to do beside those that begin last.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ In passes of their own all shadow rays wait for the last primary ray. Of a small
 the time is waiting for these.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

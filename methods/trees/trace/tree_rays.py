@@ -1,7 +1,5 @@
 """All rays of a frame through a tree: arrays, launches, and the passes of the frame."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

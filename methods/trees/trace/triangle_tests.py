@@ -7,8 +7,6 @@ if it certainly lies in front, is skipped if it certainly lies behind, and is le
 apart.
 """
 
-from __future__ import annotations
-
 from ..records.planes import DEPTH_UNITS, EYE_UNITS, LIGHT_UNITS
 from ..records.rays import DEPTH_SLACK, PLANE_UNITS, WEIGHT_UNITS
 

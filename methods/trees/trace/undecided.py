@@ -11,8 +11,6 @@ whose two triangles may add as many, is tested with at most that many kept. In a
 enters what is more at once.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ...gpu.reserve import WITHIN

@@ -4,8 +4,6 @@ Nothing else of the project knows of it: memory that a library holds, shaders as
 Warp's stream outside of graphs, a reason where a machine lacks something.
 """
 
-from __future__ import annotations
-
 import importlib
 import re
 import sys

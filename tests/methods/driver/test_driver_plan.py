@@ -1,7 +1,5 @@
 """What the method asks slangpy for, without a GPU: refusals, passes, arguments, memory. A recording stands for slangpy."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Two levels: the answers of brute force and of other exact methods, however bodies lie and move; and what does not move as
 bodies do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The rasteriser against float64 brute force, and its bits against those of ray_grids under every setting."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp
