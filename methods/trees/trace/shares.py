@@ -1,8 +1,8 @@
 """The pixels of a frame in shares that are traced at the same time: by a GPU's streams, or by threads of a CPU.
 
 While the last rays of one share end, the rays of another continue. A share is every n-th block of threads; each has a
-list of undecided pairs of its own. A GPU begins with the blocks in the middle of the image: most scenes have their longest
-rays there, and nothing is left to do beside those that begin last.
+list of undecided pairs of its own. A GPU begins with the blocks in the middle of the image, in an ellipse twice as wide as
+high: most scenes have their longest rays there, and nothing is left to do beside those that begin last.
 """
 
 import functools
@@ -26,7 +26,7 @@ def blocks_of(width: int, height: int, middle_first: bool) -> NDArray[np.int32]:
     rows, columns = np.divmod(np.arange(-(-width // 8) * -(-height // 4)), -(-width // 8))
     tiles = np.pad(columns | rows << 16, (0, -len(rows) % WARPS), constant_values=-1).reshape(-1, WARPS)
     if middle_first:
-        away = (16 * columns - width) ** 2 + (8 * rows - height) ** 2
+        away = (8 * columns - width // 2) ** 2 + (8 * rows - height) ** 2
         tiles = tiles[np.argsort(away[::WARPS], kind="stable")]
     return tiles.astype(np.int32)
 
