@@ -35,14 +35,23 @@ ABOUT = (
     "Bytes a ray: memory over primary and shadow rays. Tests: of triangles, by a ray, where they are counted. SAH cost and "
     "expected tests: of a ray through the scene's box, in a tree, by the areas of its boxes; a node counts 1.2 tests."
 )
+MOST_IDLE = 0.75
+"""Share of the power while frames are replayed that an idle card draws at most."""
+NOT_IDLE = "something else used the card while it should have been idle"
 LACKING = {"energy_missing": "No energy", "flight_missing": "No second frame in flight"}
 
 
 def read(folder: Path) -> document.DataFrame:
-    """The points, with power while frames are replayed, frames a second, and what a second one in flight adds."""
+    """The points, with power while frames are replayed, frames a second, and what a second one in flight adds.
+
+    Energy above that of a card that was not idle says nothing: there is none.
+    """
     table = document.read(folder)
+    watts = table["idle_w"] + table["energy_mj"] / table["alone_ms"].fillna(table["total_ms"])
+    busy = table["idle_w"] > MOST_IDLE * watts
     return table.assign(
-        watts=table["idle_w"] + table["energy_mj"] / table["alone_ms"].fillna(table["total_ms"]),
+        energy_mj=table["energy_mj"].mask(busy), energy_missing=table["energy_missing"].mask(busy, NOT_IDLE),
+        idle_w=table["idle_w"].mask(busy), watts=watts.mask(busy),
         memory_mb=table["memory_bytes"].astype("float64") / 1e6,
         fps=1e3 / table["alone_ms"], fps_pair=1e3 / table["pair_ms"],
         in_flight_gain=table["alone_ms"] / table["pair_ms"],

@@ -41,5 +41,18 @@ def test_the_table_has_every_cost_and_says_why_one_is_missing(tmp_path):
     assert line.split(" | ")[4:] == ["50.0", "175", "0.000", "0", "2,000", "2,500", "2.00", "-", "-", "- |"]
 
 
+def test_energy_above_a_card_that_was_not_idle_is_none(tmp_path):
+    first, second = METHODS[0], METHODS[3]
+    made = [record_of("costs", entry, ms=0.5) for entry in (first, second)]
+    made[0]["frames"][0] |= {"costs": [{**KNOWN, "idle_w": 327.0}]}
+    made[1]["frames"][0] |= {"costs": [KNOWN]}
+    text = report_of("costs", tmp_path, made)
+    assert f"No energy of {first.label}: something else used the card while it should have been idle." in text
+    rows = {row["label"]: row for row in csv_of("costs", tmp_path)}
+    assert (rows[first.label]["energy_mj"], rows[first.label]["watts"]) == ("", "")
+    assert float(rows[second.label]["watts"]) == 175.0
+    assert "above its idle power, 75 W on Imaginary GPU" in text
+
+
 def test_nothing_measured(tmp_path):
     assert "No energy was measured." in report_of("costs", tmp_path, [record_of("costs", METHODS[0])])
