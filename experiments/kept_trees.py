@@ -55,8 +55,9 @@ def read(folder: Path) -> tuple[document.DataFrame, document.DataFrame]:
     table = document.named(frames)
     rows = frames.assign(title=frames["key"].map(table["title"]), light_count=frames["lights"], between_ms=0.0)
     rows["spread"] = compare.spread(rows)
-    made_of = pd.to_numeric(rows.get("set.tree_frame", pd.Series(0, rows.index))).fillna(0)
-    rows["tree_frame"] = made_of.where(rows.get("set.update", "") == "refit")
+    rows = rows.reindex(columns=[*rows, *{"set.update", "set.tree_frame"}.difference(rows)])  # of other methods alone
+    made_of = pd.to_numeric(rows["set.tree_frame"]).fillna(0)
+    rows["tree_frame"] = made_of.where(rows["set.update"] == "refit")
     rows["age"] = (rows["frame"] - rows["tree_frame"]).astype("float64")
     base = rows[(rows["label"] == REBUILT.label) & rows["total_ms"].notna()]
     base = base[[*SAME, "total_ms", "sah_cost", "spread"]].drop_duplicates(SAME)

@@ -69,6 +69,11 @@ def test_a_tree_that_does_not_move(tmp_path):
     assert METHODS[-1].label in text
 
 
+def test_no_tree_measured(tmp_path):
+    text = report_of("kept_trees", tmp_path, [animated(METHODS[-1], lambda k: 1.0, lambda k: 1.0)])
+    assert METHODS[-1].label in text
+
+
 def test_nothing_measured(tmp_path):
     assert "Nothing was measured." in report_of(
         "kept_trees", tmp_path, [record_of("kept_trees", FIRST, status="failed")]
