@@ -86,6 +86,8 @@ class BaseMethod:
     simulates: frozenset[str] = frozenset({"shadows", "directional"})
     """The effects (:meth:`~..scene.effects.Effects.names`) that it supports; give reasons for others in ``cannot``."""
     cannot: ClassVar[Mapping[str, str]] = {}
+    finds_closed: ClassVar[bool] = False
+    """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
     """{effect: reason} for effects that it does not support; the reason is shown to the user."""
     outside: Mapping[str, str] = MappingProxyType({})
     """{hard case: reason} for the hard cases that it does not support. ``shadowbench check`` shows the reason and does

@@ -47,6 +47,7 @@ class Hybrid(BaseMethod):
     simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
+    finds_closed: ClassVar[bool] = True
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
@@ -63,6 +64,7 @@ class Hybrid(BaseMethod):
         shadows = any(effects.shadows) and self._shadows == "tree"
         if not shadows and not effects.bounces:
             return self._streams.plan(frame, effects, limits)
+        effects = replace(effects, closed=False)  # trees hold all triangles
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)

@@ -32,6 +32,7 @@ class RayGrids(StreamedMethod):
     simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
     cannot: ClassVar[dict[str, str]] = {"mirror": "its grids hold rays that share an origin: mirrored rays share none"}
     Build: ClassVar[type] = Build
+    finds_closed: ClassVar[bool] = True
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
