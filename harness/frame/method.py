@@ -86,8 +86,6 @@ class BaseMethod:
     simulates: frozenset[str] = frozenset({"shadows", "directional"})
     """The effects (:meth:`~..scene.effects.Effects.names`) that it supports; give reasons for others in ``cannot``."""
     cannot: ClassVar[Mapping[str, str]] = {}
-    finds_closed: ClassVar[bool] = False
-    """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
     """{effect: reason} for effects that it does not support; the reason is shown to the user."""
     outside: Mapping[str, str] = MappingProxyType({})
     """{hard case: reason} for the hard cases that it does not support. ``shadowbench check`` shows the reason and does
@@ -106,6 +104,11 @@ class BaseMethod:
     def __init__(self, build: Any = None, trace: Any = None):
         self.build = self.Build() if build is None else build
         self.trace = self.Trace() if trace is None else trace
+
+    @property
+    def finds_closed(self) -> bool:
+        """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
+        return False
 
     def applies(self, scene: Scene, device: str) -> str | None:
         if device.split(":")[0] not in self.devices:

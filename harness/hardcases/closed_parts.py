@@ -6,8 +6,6 @@ some frames only or by welding only, with eyes and lights on and inside them, ho
 Boxes have their faces where pixels' rays meet the floor, so that hit points lie exactly on edges and on two surfaces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

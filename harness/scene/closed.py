@@ -8,8 +8,6 @@ position does not meet them. Two triangles with the same corners that are wound 
 marked: a sheet of such pairs is seen from both sides.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -47,7 +47,6 @@ class Hybrid(BaseMethod):
     simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
-    finds_closed: ClassVar[bool] = True
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
@@ -57,6 +56,10 @@ class Hybrid(BaseMethod):
         self._shadows = self.build.shadows
         self._tree: Rebuilt | Refitted | None = None
         self._rays: TreeRays | None = None
+
+    @property
+    def finds_closed(self) -> bool:
+        return self._streams.finds_closed
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory, self._rays = limits.memory, None

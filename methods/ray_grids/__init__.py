@@ -32,11 +32,14 @@ class RayGrids(StreamedMethod):
     simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
     cannot: ClassVar[dict[str, str]] = {"mirror": "its grids hold rays that share an origin: mirrored rays share none"}
     Build: ClassVar[type] = Build
-    finds_closed: ClassVar[bool] = True
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
         self._memories: list[LastOccluder] = []
+
+    @property
+    def finds_closed(self) -> bool:
+        return bool(self.build.closed)
 
     def threads(self) -> int:
         return self.build.threads

@@ -1,7 +1,5 @@
 """Closed parts of a mesh: by index and by weld, their winding, and what opens them in a frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -29,8 +29,6 @@ only where no other triangle of the part holds h. A sheet folded on itself has t
 shadow nothing; nothing that is streamed would tell. So it is not used.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh
