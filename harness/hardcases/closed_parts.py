@@ -6,15 +6,15 @@ some frames only or by welding only, with eyes and lights on and inside them, ho
 Boxes have their faces where pixels' rays meet the floor, so that hit points lie exactly on edges and on two surfaces.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64, I64
 from ..scene.prepared import prepare
 from ..scene.scene import AlphaMask, Geometry
-from .case import HardCase, Mesh, Trial, along_axes, ball, box, case, joined, plane, quad, split, triangles, view
+from .case import Trial, axes, hard, rows, view
+from .shapes import Mesh, ball, box, joined, plane, quad, split, triangles
 
 ABOVE = (0.0, 0.0, 8.0)
 """An eye whose 16 x 16 rays meet the floor z = 0 in odd quarters."""
@@ -35,6 +35,7 @@ def reversed_(mesh: Mesh) -> Mesh:
     return mesh[0], mesh[1][:, ::-1]
 
 
+@hard("S70{axis}", "boxes on a floor that touch", "hit points on edges of two surfaces", axes())
 def touching(turn: int = 0) -> Trial:
     """Boxes on a floor that share faces, edges, corners; hit points on their lowest edges."""
     low, size = ((0.75, 0.75), (1.75, 0.75), (0.75, -1.75), (-1.75, -1.75), (-0.75, -0.75)), (1.0, 1.0)
@@ -42,6 +43,11 @@ def touching(turn: int = 0) -> Trial:
     return seen_from_above(joined(FLOOR, *boxes), turn=turn)
 
 
+@hard(
+    "S71 {what}", "balls that cross or enclose one another", ONE_SIDE,
+    rows("what nested inward", ("crossing", False, False), ("crossing inward", False, True), ("nested", True, False),
+         ("nested inward", True, True)),
+)  # fmt: skip
 def crossing(nested: bool, inward: bool) -> Trial:
     """Balls that cross, or lie within one another, some wound inward."""
     second = reversed_(ball(0.75, (0.25, 0.5, 1))) if inward else ball(0.75, (0.25, 0.5, 1))
@@ -49,6 +55,7 @@ def crossing(nested: bool, inward: bool) -> Trial:
     return seen_from_above(joined(FLOOR, second, *sizes))
 
 
+@hard("S72{axis}", "a surface that is half inside out", ONE_SIDE, axes())
 def half_turned(turn: int = 0) -> Trial:
     """One closed surface of two boxes that share an edge; the smaller one is wound inward. Seen from above and from
     outside, its faces show their backs."""
@@ -58,6 +65,7 @@ def half_turned(turn: int = 0) -> Trial:
     return seen_from_above(joined(FLOOR, welded(points, faces)), (*LIGHTS, *BELOW), turn)
 
 
+@hard("S72 covered{axis}", "the same under a square", ONE_SIDE, axes())
 def covered(turn: int = 0) -> Trial:
     """The same, its inward part covered by a square just on top, which has the lower index and is what is seen."""
     points, faces = joined(
@@ -69,6 +77,7 @@ def covered(turn: int = 0) -> Trial:
     )
 
 
+@hard("S73{axis}", "a closed sheet without thickness", "its far side taken for an occluder", axes())
 def folded(turn: int = 0) -> Trial:
     """A closed sheet without thickness, whose two sides have other diagonals: lit from the side that the eye does not see,
     and not shadowed."""
@@ -77,6 +86,7 @@ def folded(turn: int = 0) -> Trial:
     return seen_from_above(joined(plane(2, -6, 8), (square, faces)), (*BELOW, *LIGHTS), turn)
 
 
+@hard("S73 doubled", "a ball wound both ways, one twice", "the two sides taken for a closed surface")
 def doubled() -> Trial:
     """Every triangle of a ball twice, wound both ways, and of another twice wound alike."""
     one, other = ball(0.75, (-1, 0, 1)), ball(0.75, (1, 0, 1))
@@ -84,12 +94,13 @@ def doubled() -> Trial:
     return seen_from_above(joined(FLOOR, (one[0], faces), (other[0], np.concatenate([other[1], other[1]]))))
 
 
-def welded(points: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
+def welded(points: F64, faces: I64) -> Mesh:
     """The same triangles with shared vertices."""
     found, of = np.unique(points, axis=0, return_inverse=True)
     return found, of.reshape(-1)[faces]
 
 
+@hard("S74 {frame}", "pieces that fly apart", "a weld of another frame", rows("frame", 0, 1, 2))
 def falling_apart(frame: int) -> Trial:
     """Boxes of triangles without shared vertices; from frame 1 on each piece of them moves away from the others."""
     whole = split(joined(box((-1.75, -0.75, 1), (-0.75, 0.25, 2)), box((0.25, 0.25, 0.5), (1.25, 1.25, 1.5))))
@@ -97,7 +108,7 @@ def falling_apart(frame: int) -> Trial:
     random = np.random.default_rng(7)
     way = np.repeat(random.uniform(-0.5, 0.5, (len(whole[1]), 3)), 3, axis=0)
 
-    def positions(k: int) -> NDArray[np.float64]:
+    def positions(k: int) -> F64:
         result = points.copy()
         result[len(FLOOR[0]) :] += (k % 2) * way
         return result
@@ -109,6 +120,7 @@ def falling_apart(frame: int) -> Trial:
     return replace(trial, prepared=prepared, moment=moments[-1], before=tuple(moments[:-1]))
 
 
+@hard("S75", "surfaces that are open, or closed but for one triangle", ONE_SIDE)
 def opened() -> Trial:
     """A box without a side, one whose side is wound the other way, and one with a fin at an edge, all with hit points
     inside."""
@@ -120,12 +132,14 @@ def opened() -> Trial:
     return seen_from_above(joined(FLOOR, without, (points, faces), welded(*fin)))
 
 
+@hard("S76{axis}", "an edge of four triangles", "edges of two triangles only", axes())
 def edge_of_four(turn: int = 0) -> Trial:
     """Two boxes that share an edge, with welded vertices: four triangles meet there, and the surface is closed."""
     boxes = joined(box((-1.75, -1.75, 0), (0.25, 0.25, 1)), box((0.25, 0.25, 0), (1.25, 1.25, 1)))
     return seen_from_above(joined(FLOOR, welded(*boxes)), turn=turn)
 
 
+@hard("S77 within", "in the part of a surface that is inside out", ONE_SIDE)
 def within_turned() -> Trial:
     """Eye and receivers in the part that is wound inward of a closed surface: its faces show their fronts, and what leaves
     it towards the light faces away."""
@@ -133,6 +147,10 @@ def within_turned() -> Trial:
     return seen_from_above(joined(ball(0.75, (0.5, 0.5, 2)), welded(*boxes)), ((30.0, 1.0, 9.0), (1.0, 40.0, 30.0)))
 
 
+@hard(
+    "S77 {place}", "eye or light on or in a ball", ONE_SIDE,
+    rows("place", "eye", "light", "both", "on", "eye on", "corner"),
+)  # fmt: skip
 def ends_inside(place: str) -> Trial:
     """Eye or light or both in a ball, on a vertex of it, or in a corner of its box."""
     mesh = joined(FLOOR, ball(2.0, (0, 0, 4)), ball(0.5, (0.5, 0.5, 1)))
@@ -145,6 +163,7 @@ def ends_inside(place: str) -> Trial:
     return view(mesh, [light, (-3.0, 0.3, 2.0)], eye, (0.05, -0.1, -1), 0.75, (24, 24))
 
 
+@hard("S78", "a closed surface with holes", ONE_SIDE)
 def with_holes() -> Trial:
     """A box with holes in one of its sides, and one without."""
     mesh = joined(FLOOR, box((-1.75, -1.75, 0.5), (0.25, 0.25, 2)), box((0.25, 0.25, 0.5), (1.25, 1.25, 2)))
@@ -155,6 +174,7 @@ def with_holes() -> Trial:
     return view(mesh, list(LIGHTS), ABOVE, (0, 0, -1), 0.5, alpha=lambda geometry: mask)
 
 
+@hard("S79", "a surface closed by triangles without area", "edges that seem open")
 def without_area() -> Trial:
     """A box whose sides are closed by triangles without area: three corners in a line."""
     points, faces = box((-1.75, -1.75, 0.25), (0.25, 0.25, 2))
@@ -164,27 +184,3 @@ def without_area() -> Trial:
     first = faces[0]
     cut = [(a, middle, first[2]), (middle, b, first[2]), (a, b, middle)]
     return seen_from_above(joined(FLOOR, (points, np.concatenate([faces[1:], cut]))))
-
-
-def _cases() -> Iterator[HardCase]:
-    yield from along_axes("S70", "boxes on a floor that touch", "hit points on edges of two surfaces", touching)
-    for nested in (False, True):
-        for inward in (False, True):
-            name = f"S71 {'nested' if nested else 'crossing'}{' inward' if inward else ''}"
-            yield case(name, "balls that cross or enclose one another", ONE_SIDE, crossing, nested, inward)
-    yield from along_axes("S72", "a surface that is half inside out", ONE_SIDE, half_turned)
-    yield from along_axes("S72 covered", "the same under a square", ONE_SIDE, covered)
-    yield from along_axes("S73", "a closed sheet without thickness", "its far side taken for an occluder", folded)
-    yield case("S73 doubled", "a ball wound both ways, one twice", "the two sides taken for a closed surface", doubled)
-    for frame in range(3):
-        yield case(f"S74 {frame}", "pieces that fly apart", "a weld of another frame", falling_apart, frame)
-    yield case("S75", "surfaces that are open, or closed but for one triangle", ONE_SIDE, opened)
-    yield from along_axes("S76", "an edge of four triangles", "edges of two triangles only", edge_of_four)
-    for place in ("eye", "light", "both", "on", "eye on", "corner"):
-        yield case(f"S77 {place}", "eye or light on or in a ball", ONE_SIDE, ends_inside, place)
-    yield case("S77 within", "in the part of a surface that is inside out", ONE_SIDE, within_turned)
-    yield case("S78", "a closed surface with holes", ONE_SIDE, with_holes)
-    yield case("S79", "a surface closed by triangles without area", "edges that seem open", without_area)
-
-
-CASES = tuple(_cases())

@@ -11,9 +11,9 @@ marked: a sheet of such pairs is seen from both sides.
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .moment import F32, Moment
+from ..arrays import F32, F64, I32, I64, U8, Bools
+from .moment import Moment
 from .prepared import Prepared
 
 CLOSED, TURNED, TOUCHED = 2, 4, 8
@@ -25,9 +25,7 @@ OPEN = -1
 LEAST_SHARE = 2.0**-5
 """Of the triangles: with fewer in closed parts, leaving some of them out gains nothing."""
 
-Ints = NDArray[np.int32]
-Flags = NDArray[np.bool_]
-Measured = tuple[NDArray[np.float64], NDArray[np.float64], Flags, Flags]
+Measured = tuple[F64, F64, Bools, Bools]
 
 
 class ClosedParts:
@@ -72,7 +70,7 @@ class ClosedParts:
             volume = np.bincount(of, (a * np.cross(b, c)).sum(axis=1), minlength=self.count)
         return low, high, np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1) & ~apart, volume < 0
 
-    def flags(self, moment: Moment, shadows: tuple[bool, ...], opened: Flags) -> NDArray[np.uint8]:
+    def flags(self, moment: Moment, shadows: tuple[bool, ...], opened: Bools) -> U8:
         """The bits of each triangle in a frame, uint8 [triangle_count]. ``shadows``: which lights have them; ``opened``
         [count]: parts that count as open."""
         flags = moment.valid.copy()
@@ -95,12 +93,12 @@ def closed_parts_of(prepared: Prepared) -> ClosedParts:
     return ClosedParts(prepared)
 
 
-def enough(flags: NDArray[np.uint8]) -> bool:
+def enough(flags: U8) -> bool:
     """Whether enough triangles are of closed parts to leave some out."""
     return bool(np.count_nonzero(flags & CLOSED) > LEAST_SHARE * len(flags))
 
 
-def closed_parts(faces: Ints, holes: Flags) -> tuple[NDArray[np.int64], int]:
+def closed_parts(faces: I32, holes: Bools) -> tuple[I64, int]:
     """The closed parts of ``faces`` [n, 3]: the part of each triangle that may be marked, or :data:`OPEN`, and how many
     there are. A part with a triangle that has ``holes`` [n] is open."""
     from scipy.sparse import coo_matrix  # here: a scene is listed without it
@@ -130,7 +128,7 @@ def closed_parts(faces: Ints, holes: Flags) -> tuple[NDArray[np.int64], int]:
     return labels, len(kept)
 
 
-def cancelled(faces: Ints) -> Flags:
+def cancelled(faces: I32) -> Bools:
     """Triangles whose corners are those of as many that are wound the other way."""
     low, middle, high = np.sort(faces, axis=1).astype(np.int64).T
     number = int(faces.max(initial=0)) + 1
@@ -139,8 +137,8 @@ def cancelled(faces: Ints) -> Flags:
     return (np.bincount(same, np.where(_odd(faces), -1, 1))[same] == 0) & (low < middle) & (middle < high)
 
 
-def _odd(faces: Ints) -> Flags:
+def _odd(faces: I32) -> Bools:
     """Whether the corners of each triangle are an odd permutation of their ascending order."""
     a, b, c = faces.T
-    result: Flags = (a > b) ^ (b > c) ^ (a > c)
+    result: Bools = (a > b) ^ (b > c) ^ (a > c)
     return result

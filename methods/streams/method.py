@@ -19,7 +19,7 @@ from .constants import CONSTANTS
 from .cube.cells import cell_arrays
 from .cube.lights import Lights
 from .light import Light
-from .queues import CHUNKS, COUNTERS, ITEMS, SMALL, TOUCHING, UNDECIDED, Capacity, Queues, more_room
+from .queues import CHUNKS, COUNTERS, ITEMS, SMALL, UNDECIDED, Capacity, Queues, more_room
 from .rays.light_rays import LightRays
 from .settings import Settings, chosen, present_settings
 
@@ -124,9 +124,10 @@ class StreamedMethod(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
+        assert self._queues is not None
         before = self._capacity
         self._capacity = more_room(needed, before, self._memory)
-        return self._capacity != before or bool(needed.reshape(-1, COUNTERS)[:, TOUCHING].any())
+        return self._capacity != before or bool(self._queues.touched.numpy()[0])
 
     def counters(self) -> dict[str, int]:
         """Queued work of the last frame, and pairs that were queued for float64."""

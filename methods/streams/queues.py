@@ -38,10 +38,7 @@ RAYS = 4
 SMALL = 5
 """Groups of few rows (a light's), which lie at the end of the groups' array, from its last entry on downwards."""
 
-TOUCHING = 6
-"""Of no queue either: what forbids to leave out triangles of closed surfaces (:mod:`.occlusion.closed`)."""
-
-COUNTERS = 8
+COUNTERS = 6
 """Words of a row: an even number, since all rows are cleared with the 64-bit words of the pixels."""
 
 THREADS = 9 * 128
@@ -60,7 +57,8 @@ computed exactly."""
 class Queue:
     """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
-    counts   int32 [8]: ITEMS, CHUNKS, UNDECIDED, LARGE, RAYS, SMALL, TOUCHING
+    counts   int32 [6]: ITEMS, CHUNKS, UNDECIDED, LARGE, RAYS, SMALL
+    touched  int32 [1]: not 0 after a frame that left out what it may not (:mod:`.occlusion.closed`); one of all streams
     exceeded  int32 [1]: UNDECIDED of the last frame in which not all found room; 0: there was none
     large    vec4i [item_capacity]: triangles to be split into groups (a light's)
     items    vec4i [item_capacity]: groups of rows of a triangle (the camera's)
@@ -71,6 +69,7 @@ class Queue:
     """
 
     counts: wp.array(dtype=wp.int32)
+    touched: wp.array(dtype=wp.int32)
     exceeded: wp.array(dtype=wp.int32)
     large: wp.array(dtype=wp.vec4i)
     items: wp.array(dtype=wp.vec4i)
@@ -162,7 +161,7 @@ class Queues:
     """Memory that the streams of one frame share: queues, counters, and planes of queued triangles.
 
     The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
-    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 8]; exact_path uint8 [triangles]: of
+    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]; exact_path uint8 [triangles]: of
     those in view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`); exceeded int32
     [streams * shares]. Without queues (CPU) all arrays of a :class:`Queue` but the undecided pairs are one element long.
     """
@@ -189,6 +188,7 @@ class Queues:
             self.counts = wp.array(
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
+            self.touched = wp.zeros(1, dtype=wp.int32)
             self._exceeded = wp.zeros(streams * shares, dtype=wp.int32)
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
             self.exact_path = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
@@ -216,14 +216,14 @@ class Queues:
         return other
 
     def needs(self) -> wp.array:
-        """int64 [streams * shares, 8] on the host: the counters of the last frame, or of undecided pairs what exceeded the
+        """int64 [streams * shares, 6] on the host: the counters of the last frame, or of undecided pairs what exceeded the
         room in an earlier frame since the queues were made."""
         found, exceeded = (counted(array.numpy().astype(np.int64)) for array in (self.counts, self._exceeded))
         found[:, UNDECIDED] = np.maximum(found[:, UNDECIDED], exceeded)
         return wp.array(found, dtype=wp.int64, device="cpu")
 
     def counters(self, stream: int) -> wp.array:
-        """int32 [shares, 8]: rows of a stream, the camera's (0) or light i's (1 + i)."""
+        """int32 [shares, 6]: rows of a stream, the camera's (0) or light i's (1 + i)."""
         return self.counts[stream * self.shares : (stream + 1) * self.shares]
 
     def of_stream(self, stream: int) -> list[Any]:
@@ -231,8 +231,8 @@ class Queues:
         rows, first = self.counters(stream), stream * self.shares
         return [
             filled(
-                Queue, counts=rows[k], exceeded=self._exceeded[first + k : first + k + 1], records=self._records,
-                depths=self._depths, **lists,
+                Queue, counts=rows[k], touched=self.touched, exceeded=self._exceeded[first + k : first + k + 1],
+                records=self._records, depths=self._depths, **lists,
             )
             for k, lists in enumerate(self._lists)
         ]  # fmt: skip

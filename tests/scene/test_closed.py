@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shadowbench.harness.hardcases.case import ball, box, joined, moved, plane, split, triangles
+from shadowbench.harness.hardcases.shapes import ball, box, joined, moved, plane, split, triangles
 from shadowbench.harness.scene.closed import CLOSED, OPEN, TURNED, ClosedParts, closed_parts, enough
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene

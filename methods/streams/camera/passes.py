@@ -68,7 +68,7 @@ class Camera:
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
         inputs = [band.camera, f.flagged_mesh(self.effects), band.of(self.queues.nearest)]
-        outputs = [band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded), self.queue[0].counts]
+        outputs = [band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded), self.queues.touched]
         switches = replace(self.effects.switches(), closed=self.effects.closed)
         kernel = specialised(resolve.make_resolve_kernel(self._points), switches)
         f.launch(kernel, band.thread_count(), inputs, outputs, BLOCK_DIM)

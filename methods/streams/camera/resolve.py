@@ -57,7 +57,7 @@ def make_resolve_kernel(points: str) -> wp.Kernel:
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
         rounded_points: wp.array(dtype=wp.vec3f),
-        counts: wp.array(dtype=wp.int32),
+        touched: wp.array(dtype=wp.int32),
     ):
         at = tile_pixel(wp.tid(), camera.width, camera.height)
         if at[0] < 0:
@@ -79,7 +79,7 @@ def make_resolve_kernel(points: str) -> wp.Kernel:
             uv = found.uv
             if wp.static(effects.closed):
                 if seen_from_back(entry(mesh.valid, best), ray.direction, corners):
-                    refuse(mesh, best, counts)
+                    refuse(mesh, best, touched)
             if wp.static(points == "exact"):
                 hit = steep_hit_point(ray, found.t, corners)
                 flat = is_flat(ray, found.t, corners)

@@ -39,8 +39,6 @@ from ...exact.segment import light_edge_error, light_edge_functions
 from ...exact.triangle import CLOSED as INSIDE
 from ...exact.triangle import U32, U64, largest, to_float64, total
 from ...gpu.entries import entry, set_entry
-from ...gpu.reserve import next_number
-from ..queues import TOUCHING
 
 CLOSED_BIT = wp.constant(wp.uint8(CLOSED))
 TURNED_BIT = wp.constant(wp.uint8(TURNED))
@@ -73,10 +71,10 @@ def turned_away(flags: wp.uint8, light: wp.vec3f, corners: Corners) -> wp.bool:
 
 
 @wp.func
-def refuse(mesh: Mesh, i: wp.int32, counts: wp.array(dtype=wp.int32)):
+def refuse(mesh: Mesh, i: wp.int32, touched: wp.array(dtype=wp.int32)):
     """Note that the part of triangle i must count as open, and that the frame must be made again."""
     set_entry(mesh.valid, i, entry(mesh.valid, i) | TOUCHED_BIT)
-    next_number(counts, TOUCHING)
+    set_entry(touched, 0, 1)
 
 
 @wp.func

@@ -93,7 +93,7 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
                         if outside_ray < 0 and not occluded:
                             spare = spare_bits(mesh.triangles.shape[0])
                             if touches(entry(mesh.valid, i), h, camera.eye[0], place, corners, weld, spare):
-                                refuse(mesh, i, queue.counts)
+                                refuse(mesh, i, queue.touched)
                     if wp.static(effects.alpha):
                         if occluded:
                             occluded = opaque_to_light(alpha, i, h, place, corners, weld, origin_size)

@@ -29,7 +29,7 @@ class LightRays:
     cells      :class:`..cube.cells.RayCells`, or ``SpacedCells`` where ``spaced``
     receivers  uint8 [lights, pixels]: which hits have a ray, where not all have
     switches   the effects that the light's kernels are compiled for
-    queue      the queue of each share of the triangles; counts int32 [shares, 8]: their counters
+    queue      the queue of each share of the triangles; counts int32 [shares, 6]: their counters
     ranges     threads of the kernels over the image
     arrays     those of the branch
     """

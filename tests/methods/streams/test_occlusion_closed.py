@@ -10,8 +10,9 @@ from shadowbench.harness.frame.geometry import Corners
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import find_case
-from shadowbench.harness.hardcases.case import ball, joined, plane, triangles, view
+from shadowbench.harness.hardcases.case import view
 from shadowbench.harness.hardcases.closed_parts import half_turned
+from shadowbench.harness.hardcases.shapes import ball, joined, plane, triangles
 from shadowbench.harness.scene.closed import CLOSED, TURNED
 from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.streams.occlusion.closed import turned_away
