@@ -91,8 +91,8 @@ def seen_from_back(flags: wp.uint8, direction: wp.vec3f, corners: Corners) -> wp
 def touches(
     flags: wp.uint8, h: wp.vec3d, eye: wp.vec3f, light: wp.vec3f, corners: Corners, weld: wp.vec3i, spare: wp.int32
 ) -> wp.bool:
-    """Whether a triangle with such ``flags`` is of a closed part, may hold a hit point, may turn its back to the eye, and
-    does not occlude. spare: :func:`...exact.triangle.spare_bits`."""
+    """Whether a triangle with such ``flags`` is of a closed part, may hold a hit point, and may face the light and turn
+    its back to the eye, of a triangle that does not occlude. spare: :func:`...exact.triangle.spare_bits`."""
     if (flags & CLOSED_BIT) == wp.uint8(0):
         return False
     a = to_float64(corners.a)
@@ -102,7 +102,7 @@ def touches(
     e64 = to_float64(eye)
     n = wp.cross(b - a, c - a) * wp.float64(outward(flags))
     rounding = wp.float64(16.0) * U64 * largest(b - a) * largest(c - a)
-    if wp.dot(n, e64 - a) > rounding * total(e64 - a):
+    if wp.dot(n, e64 - a) > rounding * total(e64 - a) or wp.dot(n, l64 - a) < -rounding * total(l64 - a):
         return False
     tie = TIE / wp.float64(1 << spare)
     error = hit_error(h, wp.float64(largest(eye))) + tie * largest(h - e64)
