@@ -15,6 +15,7 @@ METHODS = (
     Entry(METHOD, {}, "the paper's grids"),
     Entry(METHOD, {"clamp": "scene"}, "the same, clamped to the scene"),
     Entry("ray_grids", {}, "ray grids"),
+    Entry("ray_grids", {"closed": "false"}, "ray grids, closed surfaces whole"),
     Entry("bvh2", {}, "BVH2 rebuilt"),
     Entry("uniform_grid", {}, "uniform grid"),
     Entry("warp_bvh", {}, "mesh rebuilt"),

@@ -161,6 +161,7 @@ class Frame:
         for b in range(bounces):
             self._hits.append(filled(Hits, triangle=of.triangle[b], t=of.t[b], u=of.u[b], v=of.v[b]))
             self._rays.append(filled(Rays, origin=of.origin[b], direction=of.direction[b], active=of.active[b]))
+        self.flags = wp.empty(0, dtype=wp.uint8, device=device)
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)
@@ -197,13 +198,19 @@ class Frame:
         bounced = self.answers.bounces.receivers
         return bounced[bounce - 1] if bounce and bounced.size else self.receivers
 
+    def flagged_mesh(self, effects: Effects) -> Any:
+        """The mesh; where the effects hold closed surfaces, ``valid`` has the bits of :mod:`..scene.closed`."""
+        if not effects.closed:
+            return self.mesh
+        return filled(Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=self.flags)
+
     def launch(
         self, kernel: wp.Kernel, threads: int, inputs: Sequence, outputs: Sequence = (), block: int = 256
     ) -> None:
         """Launch a kernel on the frame's device; ``block``: threads of a block on a GPU."""
         wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)
 
-    def load(self, moment: Moment) -> None:
+    def load(self, moment: Moment, flags: NDArray[np.uint8] | None = None) -> None:
         """Copy the data of the next frame to the device. This is not timed, as in the paper.
 
         Raises ValueError for another image size, mesh or number of lights than this frame was made for.
@@ -225,6 +232,10 @@ class Frame:
             self.points.assign(moment.points)
         if self.triangle_count:
             self.valid.assign(moment.valid)
+            if flags is not None:
+                if not self.flags.size:
+                    self.flags = wp.zeros_like(self.valid)
+                self.flags.assign(flags)
         self.eye.assign(moment.eye.reshape(1, 3))
         self.axes.assign(moment.axes)
         self.max_coordinate.assign(moment.max_coordinate)

@@ -105,6 +105,11 @@ class BaseMethod:
         self.build = self.Build() if build is None else build
         self.trace = self.Trace() if trace is None else trace
 
+    @property
+    def finds_closed(self) -> bool:
+        """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
+        return False
+
     def applies(self, scene: Scene, device: str) -> str | None:
         if device.split(":")[0] not in self.devices:
             return f"runs on {' and '.join(self.devices)} only"

@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ..scene.closed import TOUCHED, closed_parts_of, enough
 from ..scene.effects import Effects, Limits
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
@@ -65,6 +66,8 @@ class Session(PassRunner):
         self.made: Moment | None = None
         self._sizes: Sizes | None = None
         self._wide: WeakKeyDictionary[Moment, bool] = WeakKeyDictionary()
+        self._flags: WeakKeyDictionary[Moment, NDArray[np.uint8]] = WeakKeyDictionary()
+        self._opened: NDArray[np.bool_] | None = None
         self._outdated: set[Pass] = set()
         self.regrown = 0
         self.planned: list[Pass] = []
@@ -97,9 +100,24 @@ class Session(PassRunner):
             if self._sizes is None or self._sizes.points is not moment.points:
                 self._sizes = Sizes(moment.points, self.frame.prepared.faces, moment.valid)
             self._wide[moment] = is_wide(moment, self._sizes)
-        if self._wide[moment] != self.effects.wide:
-            self.effects = replace(self.effects, wide=self._wide[moment])
+        wide = self._wide[moment]
+        closed = not wide and self._finds_closed(moment)
+        if (wide, closed) != (self.effects.wide, self.effects.closed):
+            self.effects = replace(self.effects, wide=wide, closed=closed)
             self._plan()
+
+    def _finds_closed(self, moment: Moment) -> bool:
+        """Whether there are closed surfaces that the method may use; marks their triangles (:mod:`..scene.closed`)."""
+        effects = self.effects
+        wanted = getattr(self.method, "finds_closed", False) and any(effects.shadows)
+        if not wanted or effects.bounces or effects.orthographic:
+            return False
+        if moment not in self._flags:
+            parts = closed_parts_of(self.frame.prepared)
+            if self._opened is None:
+                self._opened = np.zeros(parts.count, dtype=bool)
+            self._flags[moment] = parts.flags(moment, effects.shadows, self._opened)
+        return enough(self._flags[moment])
 
     def load(self, moment: Moment) -> None:
         """Copy the next moment to the device. All passes will run."""
@@ -108,7 +126,7 @@ class Session(PassRunner):
 
     def _load(self, moment: Moment) -> None:
         self.made = None
-        self.frame.load(moment)
+        self.frame.load(moment, self._flags[moment] if self.effects.closed else None)
         self.passes = self.all_passes
 
     def select(self, changed: Collection[str]) -> None:
@@ -123,6 +141,10 @@ class Session(PassRunner):
         """
         self._adapt(moment)
         changed = changes(self.made, moment)
+        if self.effects.closed and self.made in self._flags:
+            assert self.made is not None
+            if not np.array_equal(self._flags[self.made], self._flags[moment]):
+                changed |= {"points"}  # the passes that find what forbids to use closed surfaces run again
         self._load(moment)
         self.select(changed)
         self.select(changed | self._outdated_inputs(self.passes))
@@ -202,8 +224,22 @@ class Session(PassRunner):
             if not self.method.grow(needed):
                 return False
         self.regrown += 1
+        self._reopen()
         self._plan()
         return True
+
+    def _reopen(self) -> None:
+        """From now on count the parts as open of which the method has touched a triangle."""
+        touched = self.frame.flags.numpy() & TOUCHED if self.effects.closed else np.zeros(0)
+        if touched.any():
+            moment = self.frame.host
+            assert moment is not None
+            assert self._opened is not None
+            self._opened[closed_parts_of(self.frame.prepared).of[touched != 0]] = True
+            self._flags.clear()
+            closed = self._finds_closed(moment)
+            self.effects = replace(self.effects, closed=closed)
+            self.frame.load(moment, self._flags[moment] if closed else None)
 
     def answers(self, moment: Moment) -> dict[str, NDArray]:
         """Load a moment, run its complete frame, and return the answers on the host (poisoned before the run)."""

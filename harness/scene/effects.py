@@ -16,6 +16,7 @@ class Switches:
     alpha      triangles have holes: a hit counts only where the alpha mask is opaque
     bounced    rays are those of a table (``frame.rays``): mirrored ones, or of an orthographic camera
     orthographic  primary rays are computed from an orthographic camera: for kernels that have no table of them
+    closed     triangles of closed surfaces are marked (:mod:`.scene.closed`)
     wide       sizes are so unlike that float64 leaves signs open (:mod:`.scene.width`): they are found in more digits
     """
 
@@ -24,6 +25,7 @@ class Switches:
     bounced: bool = False
     orthographic: bool = False
     wide: bool = False
+    closed: bool = False
 
 
 OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
@@ -44,6 +46,7 @@ class Effects:
     bounces      how many times rays are mirrored
     color        whether the frame is shaded
     orthographic whether primary rays are parallel, each with its own origin
+    closed       whether closed surfaces are found in the frame, with eye and lights outside (:mod:`.scene.closed`)
     wide         whether sizes are so unlike that more digits are needed than float64 has (:mod:`.scene.width`)
     """
 
@@ -56,6 +59,7 @@ class Effects:
     color: bool = False
     orthographic: bool = False
     wide: bool = False
+    closed: bool = False
 
     @staticmethod
     def of(scene: Scene) -> Effects:
@@ -108,6 +112,7 @@ class Effects:
             alpha=self.alpha,
             bounced=bounce > 0 or self.orthographic,
             wide=self.wide,
+            closed=self.closed and light is not None and not bounce,
         )
 
     def is_directional(self, light: int) -> bool:

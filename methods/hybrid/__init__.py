@@ -57,12 +57,17 @@ class Hybrid(BaseMethod):
         self._tree: Rebuilt | Refitted | None = None
         self._rays: TreeRays | None = None
 
+    @property
+    def finds_closed(self) -> bool:
+        return self._streams.finds_closed
+
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory, self._rays = limits.memory, None
         self._shadows = chosen(frame, effects) if self.build.shadows == "auto" else self.build.shadows
         shadows = any(effects.shadows) and self._shadows == "tree"
         if not shadows and not effects.bounces:
             return self._streams.plan(frame, effects, limits)
+        effects = replace(effects, closed=False)  # trees hold all triangles
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         self._capacity = self._capacity or constants.first_capacity(frame.pixels)

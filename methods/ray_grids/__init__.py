@@ -37,6 +37,10 @@ class RayGrids(StreamedMethod):
         super().__init__(build, trace)
         self._memories: list[LastOccluder] = []
 
+    @property
+    def finds_closed(self) -> bool:
+        return bool(self.build.closed)
+
     def threads(self) -> int:
         return self.build.threads
 

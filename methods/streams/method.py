@@ -124,9 +124,10 @@ class StreamedMethod(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
+        assert self._queues is not None
         before = self._capacity
         self._capacity = more_room(needed, before, self._memory)
-        return self._capacity != before
+        return self._capacity != before or bool(self._queues.touched.numpy()[0])
 
     def counters(self) -> dict[str, int]:
         """Queued work of the last frame, and pairs that were queued for float64."""

@@ -58,6 +58,7 @@ class Queue:
     """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
     counts   int32 [6]: ITEMS, CHUNKS, UNDECIDED, LARGE, RAYS, SMALL
+    touched  int32 [1]: not 0 after a frame that left out what it may not (:mod:`.occlusion.closed`); one of all streams
     exceeded  int32 [1]: UNDECIDED of the last frame in which not all found room; 0: there was none
     large    vec4i [item_capacity]: triangles to be split into groups (a light's)
     items    vec4i [item_capacity]: groups of rows of a triangle (the camera's)
@@ -68,6 +69,7 @@ class Queue:
     """
 
     counts: wp.array(dtype=wp.int32)
+    touched: wp.array(dtype=wp.int32)
     exceeded: wp.array(dtype=wp.int32)
     large: wp.array(dtype=wp.vec4i)
     items: wp.array(dtype=wp.vec4i)
@@ -186,6 +188,7 @@ class Queues:
             self.counts = wp.array(
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
+            self.touched = wp.zeros(1, dtype=wp.int32)
             self._exceeded = wp.zeros(streams * shares, dtype=wp.int32)
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
             self.exact_path = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
@@ -228,8 +231,8 @@ class Queues:
         rows, first = self.counters(stream), stream * self.shares
         return [
             filled(
-                Queue, counts=rows[k], exceeded=self._exceeded[first + k : first + k + 1], records=self._records,
-                depths=self._depths, **lists,
+                Queue, counts=rows[k], touched=self.touched, exceeded=self._exceeded[first + k : first + k + 1],
+                records=self._records, depths=self._depths, **lists,
             )
             for k, lists in enumerate(self._lists)
         ]  # fmt: skip

@@ -34,6 +34,7 @@ kernels = functools.cache(kernels_with_effects)
 SMALL = {
     "alpha": "methods.streams.camera.stream.undecided_kernel",
     "bounced": "harness.frame.effects.mirrors.mirror_kernel",
+    "closed": "methods.streams.camera.resolve.make_resolve_kernel",
     "orthographic": "harness.frame.effects.shading.color_kernel",
     "receivers": "methods.perspective_spherical.light.rays.box_kernel",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -66,9 +67,10 @@ class Camera:
 
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
-        inputs = [band.camera, f.mesh, band.of(self.queues.nearest)]
-        outputs = [band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded)]
-        kernel = specialised(resolve.make_resolve_kernel(self._points), self.effects.switches())
+        inputs = [band.camera, f.flagged_mesh(self.effects), band.of(self.queues.nearest)]
+        outputs = [band.fields_of(f.hits(0)), band.of(self.hit), band.of(self.rounded), self.queues.touched]
+        switches = replace(self.effects.switches(), closed=self.effects.closed)
+        kernel = specialised(resolve.make_resolve_kernel(self._points), switches)
         f.launch(kernel, band.thread_count(), inputs, outputs, BLOCK_DIM)
 
 

@@ -6,6 +6,7 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Hits, Mesh
 from ...common.pixels import tile_pixel
 from ...common.reads import corners_at, ray_at, ray_of_pixel, weld_at
@@ -13,6 +14,7 @@ from ...exact.certain_hit import certain_hit
 from ...exact.hit_point import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...exact.triangle import spare_bits, to_float32
 from ...gpu.entries import entry, set_entry, set_entry_last
+from ..occlusion.closed import refuse, seen_from_back
 from .pixels import index_of
 
 REGISTERS = 80
@@ -55,6 +57,7 @@ def make_resolve_kernel(points: str) -> wp.Kernel:
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
         rounded_points: wp.array(dtype=wp.vec3f),
+        touched: wp.array(dtype=wp.int32),
     ):
         at = tile_pixel(wp.tid(), camera.width, camera.height)
         if at[0] < 0:
@@ -74,6 +77,9 @@ def make_resolve_kernel(points: str) -> wp.Kernel:
             found = certain_hit(ray, corners, weld_at(mesh, best))
             t = wp.float32(found.t)
             uv = found.uv
+            if wp.static(effects.closed):
+                if seen_from_back(entry(mesh.valid, best), ray.direction, corners):
+                    refuse(mesh, best, touched)
             if wp.static(points == "exact"):
                 hit = steep_hit_point(ray, found.t, corners)
                 flat = is_flat(ray, found.t, corners)

@@ -33,6 +33,7 @@ from ..cube.spacing import BIN_SLACK, BINS
 from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, rays_found
 from ..queues import BLOCK_DIM, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box, span_of
+from .closed import turned_away
 from .groups import sides_on_face
 from .planes import Occluder, occluder_of, occludes_none
 from .ray_test import ShadowBits, queue_if_lit, set_shadowed
@@ -172,7 +173,11 @@ def stream_kernel(
                 k = lowest_bit(met)
                 met = without_lowest_bit(met)
                 i = first + k
-                if entry(mesh.valid, i) != wp.uint8(0):
+                flags = entry(mesh.valid, i)
+                wanted = flags != wp.uint8(0)
+                if wp.static(effects.closed):
+                    wanted = wanted and not turned_away(flags, position_of(light), corners_at(mesh, i))
+                if wanted:
                     bins = wp.vec4f(boxes[0, k], boxes[1, k], boxes[2, k], boxes[3, k])
                     depth = boxes[4, k]
                     test_triangle(

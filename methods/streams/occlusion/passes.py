@@ -57,7 +57,8 @@ class Occlusion:
         if q.queued:
             threads = q.share_threads
             kernel = stream.make_stream_kernel(settings.groups == "stream", not self.overlaps)
-        inputs = [q.share(share), settings.inline_cells, settings.inline_rays, r.light, r.cells, f.mesh, f.alpha]
+        mesh = f.flagged_mesh(r.effects)
+        inputs = [q.share(share), settings.inline_cells, settings.inline_rays, r.light, r.cells, mesh, f.alpha]
         outputs = [self.bits, r.queue[share]]
         f.launch(self.of_rays(r.of_cells(kernel)), threads, inputs, outputs, BLOCK_DIM)
 
@@ -79,6 +80,6 @@ class Occlusion:
         """Pairs that float32 left; the rays ``outside`` the region (:mod:`..rays.cone`) with the first share's."""
         r, f, q = self.rays, self.rays.frame, self.rays.queues
         kernel = make_undecided_kernel(bool(r.exact.size), share == 0 and outside.size > 0)
-        inputs = [q.few_threads, r.light, f.camera, f.mesh, f.alpha, r.exact, outside]
+        inputs = [q.few_threads, r.light, f.camera, f.flagged_mesh(r.effects), f.alpha, r.exact, outside]
         outputs = [self.bits, r.queue[share]]
         f.launch(self.of_rays(kernel), q.few_threads, inputs, outputs, BLOCK_DIM)

@@ -24,6 +24,7 @@ from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
+from .closed import turned_away
 from .groups import queue_rows, sides_on_face
 from .planes import occluder_of, occludes_none
 from .ray_test import ShadowBits, test_rays_of_box
@@ -70,8 +71,12 @@ def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
             return
         # Loaded together, without a branch between: an invalid triangle has corners too, but no face.
         row = last_row(cells.table)
-        faces = wp.where(entry(mesh.valid, i) != wp.uint8(0), faces_of(row), wp.uint32(0))
+        flags = entry(mesh.valid, i)
+        faces = wp.where(flags != wp.uint8(0), faces_of(row), wp.uint32(0))
         corners = corners_at(mesh, i)
+        if wp.static(effects.closed):
+            if turned_away(flags, position_of(light), corners):
+                return
         cube = cube_of_light(light)
         along = cells_of(row)
         q = in_cube_space(corners, cube)

@@ -16,10 +16,11 @@ from ...common.reads import corners_at, ray_of_pixel, weld_at
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
-from ...exact.triangle import largest
+from ...exact.triangle import largest, spare_bits
 from ...gpu.entries import entry
 from ..cube.lights import Light, position_of
 from ..queues import Queue, held_undecided
+from .closed import refuse, touches
 from .ray_test import ShadowBits, set_shadowed
 
 PAIRS_UNASKED = wp.constant(4)
@@ -88,6 +89,11 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
                         own = corners_at(mesh, entry(bits.triangle, pair[1]))
                         h = hit_point(ray, plane_distance(ray, own), own)
                     occluded = occludes(h, place, corners, weld, origin_size)
+                    if wp.static(effects.closed):
+                        if outside_ray < 0 and not occluded:
+                            spare = spare_bits(mesh.triangles.shape[0])
+                            if touches(entry(mesh.valid, i), h, camera.eye[0], place, corners, weld, spare):
+                                refuse(mesh, i, queue.touched)
                     if wp.static(effects.alpha):
                         if occluded:
                             occluded = opaque_to_light(alpha, i, h, place, corners, weld, origin_size)

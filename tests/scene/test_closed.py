@@ -1,0 +1,137 @@
+"""Closed parts of a mesh: by index and by weld, their winding, and what opens them in a frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shadowbench.harness.hardcases.shapes import ball, box, joined, moved, plane, split, triangles
+from shadowbench.harness.scene.closed import CLOSED, OPEN, TURNED, ClosedParts, closed_parts, enough
+from shadowbench.harness.scene.prepared import prepare
+from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene
+
+EYE, LIGHT = (0.0, 0.0, 9.0), (7.0, 1.0, 2.0)
+
+
+def scene_of(mesh, *frames, alpha=None):
+    """A prepared scene of a mesh whose vertices lie elsewhere in further frames."""
+    points, faces = mesh
+    places = [points, *frames]
+    geometry = Geometry(np.asarray(faces, dtype=np.int32), lambda k: places[k], len(places))
+    return prepare(Scene("s", "S", lambda: geometry, Camera(EYE, (0, 0, 0)), (Light(LIGHT),), alpha=alpha))
+
+
+def marked(prepared, frame=0, eye=EYE, light=LIGHT, shadows=(True,), opened=None):
+    parts = ClosedParts(prepared)
+    moment = prepared.moment(frame, 8, 8, Camera(eye, (0.5, 0.25, 0.0), (0, 1, 0.1)), (Light(light),))
+    return parts.flags(moment, shadows, np.zeros(parts.count, dtype=bool) if opened is None else opened)
+
+
+def kept(count, *faces):
+    """A mesh of ``count`` vertices with its parts."""
+    labels, number = closed_parts(np.array(faces, dtype=np.int32), np.zeros(len(faces), dtype=bool))
+    return (labels != OPEN).tolist(), number
+
+
+def test_a_part_is_closed_if_every_edge_is_passed_as_often_both_ways():
+    four = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+    assert kept(4, *four) == ([True] * 4, 1)
+    assert kept(4, *four[:3]) == ([False] * 3, 0), "an edge is open"
+    assert kept(4, *four[:3], four[3][::-1]) == ([False] * 4, 0), "one is wound the other way"
+    assert kept(5, *four, (0, 1, 4)) == ([False] * 5, 0), "a fin at an edge"
+    other = tuple(tuple((0, 1, 4, 5)[v] for v in face) for face in four)
+    assert kept(6, *four, *other) == ([True] * 8, 1), "two that share an edge"
+    apart = tuple(tuple(v + 3 for v in face) for face in four)
+    assert kept(7, *four, *apart) == ([True] * 8, 2), "two that share a corner are two parts"
+    assert kept(4, *four, *four) == ([True] * 8, 1)
+
+
+def test_triangles_wound_both_ways_cancel():
+    assert kept(3, (0, 1, 2), (2, 1, 0)) == ([False] * 2, 0)
+    four = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+    assert kept(5, *four, (0, 1, 4), (1, 0, 4)) == ([True] * 4 + [False] * 2, 1), "a fin of two sides opens nothing"
+    assert kept(4, (0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2)) == ([True] * 4, 1), "other diagonals: they do not cancel"
+
+
+def test_triangles_with_a_corner_twice_count_with_their_edges():
+    four = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+    assert kept(4, *four, (0, 0, 1), (1, 1, 1)) == ([True] * 5 + [False], 1)
+
+
+def test_split_vertices_are_joined_where_they_lie_together_in_the_frame():
+    whole = split(box(-1.0, 1.0))
+    apart = whole[0].copy()
+    apart[:3] += 0.5
+    prepared = scene_of(joined(plane(2, -2, 4), whole), np.concatenate([plane(2, -2, 4)[0], apart]))
+    assert (marked(prepared)[:2] == 1).all()
+    assert (marked(prepared)[2:] == 1 | CLOSED).all()
+    assert (marked(prepared, frame=1) == 1).all(), "closed by the first frame's weld only"
+
+
+def test_a_part_that_is_closed_by_index_stays_closed_whatever_its_vertices_touch():
+    one, other = box(-1, 0), box(0, 1)
+    away = np.concatenate([one[0], other[0] + 2])
+    prepared = scene_of(joined(one, other), away)
+    assert (marked(prepared, frame=1) == 1 | CLOSED).all()
+
+
+def test_bits_say_which_triangles_are_listed_against_the_outward_winding():
+    points, faces = ball(1.0, (0, 0, 0))
+    assert (marked(scene_of((points, faces))) == 1 | CLOSED).all()
+    assert (marked(scene_of((points, faces[:, ::-1]))) == 1 | CLOSED | TURNED).all(), "wound inward"
+    prepared = scene_of((points, faces))
+    listed = prepared.faces.copy()
+    listed[3] = listed[3][::-1]
+    flags = marked(replace(prepared, faces=listed))
+    assert np.nonzero(flags & TURNED)[0].tolist() == [3]
+
+
+def test_duplicates_that_are_prepared_in_one_order_keep_their_winding():
+    """A duplicate that belongs to another part is wound as that part is, not as it is listed."""
+    side = triangles((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    tip = np.array([(0.2, 0.2, 1.0)])
+    points = np.concatenate([side[0], tip])
+    solid = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
+    prepared = scene_of(joined(side, (points, solid)))
+    assert (prepared.faces[1] - 3 != solid[0]).any()
+    flags = marked(prepared)
+    assert flags.tolist() == [1, 1 | CLOSED | TURNED, *[1 | CLOSED] * 3]
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.9, -0.9, 0.9), (1.0, 0.0, 0.0)])
+def test_eye_and_lights_must_lie_outside_the_box(place):
+    prepared = scene_of(joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0))))
+    half = len(prepared.faces) // 2
+    for given in ({"eye": place}, {"light": place}):
+        flags = marked(prepared, **given)
+        assert (flags[:half] == 1).all()
+        assert (flags[half:] == 1 | CLOSED).all()
+    assert (marked(prepared, light=place, shadows=(False,)) == 1 | CLOSED).all(), "a light without shadows"
+
+
+def test_holes_and_infinite_vertices_open_a_part():
+    points, faces = joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0)))
+    mask = np.zeros(24, dtype=np.uint8)
+    mask[5] = 1
+    holes = AlphaMask(mask, np.zeros((24, 3, 2), dtype=np.float32), np.ones((1, 1), dtype=np.uint8))
+    flags = marked(scene_of((points, faces), alpha=lambda geometry: holes))
+    assert flags.tolist() == [1] * 12 + [1 | CLOSED] * 12
+    broken = points.copy()
+    broken[15] = np.inf
+    flags = marked(scene_of((points, faces), broken), frame=1)
+    assert (flags[:12] == 1 | CLOSED).all()
+    assert not (flags[12:] & CLOSED).any()
+
+
+def test_a_triangle_without_area_closes_a_part_and_is_not_marked():
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.5, 0, 0)])
+    faces = np.array([(0, 2, 1), (0, 4, 3), (4, 1, 3), (0, 1, 4), (1, 2, 3), (2, 0, 3)])
+    assert marked(scene_of((points, faces))).tolist() == [3, 3, 3, 0, 3, 3]
+
+
+def test_opened_parts_are_not_marked_and_few_triangles_are_not_enough():
+    prepared = scene_of(joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0))))
+    flags = marked(prepared, opened=np.array([True, False]))
+    assert flags.tolist() == [1] * 12 + [1 | CLOSED] * 12
+    assert enough(flags)
+    assert not enough(np.array([1 | CLOSED] + [1] * 40, dtype=np.uint8))
+    assert not enough(np.zeros(0, dtype=np.uint8))
