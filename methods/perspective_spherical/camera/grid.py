@@ -10,9 +10,9 @@ from ....harness.frame.geometry import filled
 from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ..lists.binning import BIN_BLOCK, TileBins
-from ..lists.items import Items, count_tiles_kernel
 from ..lists.staging import block_for, staged
 from ..parameters import TRIANGLE_TESTS, Build, Trace
+from ..variants.split_lists import Items, count_tiles_kernel
 from .ray_tests import WIDENINGS
 from .tiles import ImageTiles, bin_kernel, project_kernel
 from .trace import NO_NEAREST, make_resolve_kernel, make_trace_kernel

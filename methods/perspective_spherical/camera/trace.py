@@ -12,7 +12,7 @@ triangle and its depth.
 A ray first advances to the next triangle that float32 cannot rule out, then decides it in float64. The decision is rare
 and slow, so the lanes of a warp make theirs together instead of each one making the others wait.
 
-With split lists (:mod:`.lists.items`) a block takes one part of one sorting tile's list; parts meet in ``nearest``.
+With split lists (:mod:`.variants.split_lists`) a block takes one part of one sorting tile's list; parts meet in ``nearest``.
 """
 
 import functools
@@ -25,9 +25,9 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, dire
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import NO_HIT, depth_key, nearer, spare_bits, total, write_hit
 from ...gpu.entries import entry
-from ..lists.items import ListParts, pairs_of_part, part_of
 from ..lists.sorting import TileLists
 from ..lists.staging import any_of_block, make_shared, wait_for_block
+from ..variants.split_lists import ListParts, pairs_of_part, part_of
 from .ray_tests import RAY_DECIDES, RAY_PASSES, RECORD, RayRecord, count_tests
 from .tiles import ImageTiles, slice_scale
 

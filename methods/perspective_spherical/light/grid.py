@@ -13,10 +13,10 @@ from ..camera.grid import CameraGrid
 from ..camera.ray_tests import WIDENINGS
 from ..lists.binning import BIN_BLOCK, TileBins
 from ..lists.chunks import Chunks
-from ..lists.items import Items, count_chunks_kernel
 from ..lists.sorting import TileSort
 from ..lists.staging import block_for, staged, wide
 from ..parameters import TRIANGLE_TESTS, Build, Trace
+from ..variants.split_lists import Items, count_chunks_kernel
 from .placement import LightPlaces
 from .rays import key_kernel
 from .tile_edges import LightTiles

@@ -8,8 +8,7 @@ Light's frame: x forward, y right, z up. The maps, and the rectangle of each:
                      four points, so that what crosses it covers the whole rectangle
 2 cube               (y / x, z / x) in each of six faces (Hunt & Mark 2008): six rectangles, straight edges
 
-A ray from the light has one place. Triangle bounds hold the place of every ray that meets the triangle, where the
-rays' places are known to ``pad``: as a share of the distance, for directions.
+A ray from the light has one place; :mod:`.light.bounds` has those of all rays that meet a triangle.
 """
 
 from typing import Any
@@ -17,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from ...exact.triangle import largest, to_float32, to_float64
-from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles, wrapped
+from .sphere import HALF_PI, PI
 
 AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = wp.constant(0), wp.constant(1), wp.constant(2)
 
@@ -158,99 +157,6 @@ def box_of(u: wp.vec3d, v: wp.vec3d, pad: wp.float64) -> wp.vec4d:
 
 
 @wp.func
-def spherical_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
-    """Azimuth and elevation; a direction known to ``pad`` has an azimuth known to pad / cos(elevation)."""
-    bounds = triangle_angles(a, b, c)
-    low = bounds[2] - pad
-    high = bounds[3] + pad
-    flattest = wp.cos(wp.min(HALF_PI, wp.max(wp.abs(low), wp.abs(high))))
-    if flattest < wp.float64(16.0) * pad:
-        return wp.vec4d(-PI, PI, low, high)
-    spread = wp.float64(2.0) * pad / flattest
-    return wp.vec4d(bounds[0] - spread, bounds[1] + spread, low, high)
-
-
-@wp.func
-def vertex_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
-    """Azimuth and elevation of the three vertices as they are: wrong across the seam, at poles and for large arcs."""
-    pa = angles(a)
-    pb = angles(b)
-    pc = angles(c)
-    return box_of(wp.vec3d(pa[0], pb[0], pc[0]), wp.vec3d(pa[1], pb[1], pc[1]), pad)
-
-
-@wp.func
-def seam_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
-    """The same with azimuths unwrapped from vertex to vertex: wrong at poles and for large arcs."""
-    pa = angles(a)
-    pb = angles(b)
-    pc = angles(c)
-    second = pa[0] + wrapped(pb[0] - pa[0])
-    third = second + wrapped(pc[0] - pb[0])
-    return box_of(wp.vec3d(pa[0], second, third), wp.vec3d(pa[1], pb[1], pc[1]), pad)
-
-
-@wp.func
 def shares_ahead(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec3d:
     """How far in front of the plane x = 0 each vertex is, as a share of its distance."""
     return wp.vec3d(a[0] / wp.length(a), b[0] / wp.length(b), c[0] / wp.length(c))
-
-
-@wp.func
-def two_angle_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
-    """Vertex box, exact where all of the triangle is in front of x = 0, or all behind (unwrapped beyond pi there)."""
-    shares = shares_ahead(a, b, c)
-    share = wp.min(shares)
-    turn = wp.float64(0.0)
-    sign = wp.float64(1.0)
-    if wp.max(shares) < -FLAT:
-        turn = PI
-        share = -wp.max(shares)
-        sign = wp.float64(-1.0)
-    elif not (share > FLAT):
-        return whole(TWO_ANGLE)
-    # atan2 of both coordinates negated is the angle less pi, without a seam in the back hemisphere.
-    x = sign * wp.vec3d(a[0], b[0], c[0])
-    y = sign * wp.vec3d(a[1], b[1], c[1])
-    z = sign * wp.vec3d(a[2], b[2], c[2])
-    u = wp.vec3d(wp.atan2(y[0], x[0]), wp.atan2(y[1], x[1]), wp.atan2(y[2], x[2]))
-    v = wp.vec3d(wp.atan2(z[0], x[0]), wp.atan2(z[1], x[1]), wp.atan2(z[2], x[2]))
-    # Every point of the triangle is at least ``share`` of its distance from x = 0, as its vertices are.
-    spread = wp.float64(2.0) * (pad + wp.float64(8.0) * ROUNDING) / share
-    turned = wp.vec3d(turn, turn, turn)
-    return box_of(u + turned, v + turned, spread)
-
-
-@wp.func
-def cube_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
-    """Bounds in the face whose forward is x; high < low where the triangle certainly misses its pyramid."""
-    reach = wp.max(wp.length(a), wp.max(wp.length(b), wp.length(c)))
-    slack = wp.float64(4.0) * (pad + ROUNDING) * reach
-    empty = wp.vec4d(wp.float64(1.0), wp.float64(-1.0), wp.float64(1.0), wp.float64(-1.0))
-    x = wp.vec3d(a[0], b[0], c[0])
-    y = wp.vec3d(a[1], b[1], c[1])
-    z = wp.vec3d(a[2], b[2], c[2])
-    if wp.max(x) < -slack or wp.min(y - x) > slack or wp.min(-y - x) > slack:
-        return empty
-    if wp.min(z - x) > slack or wp.min(-z - x) > slack:
-        return empty
-    share = wp.min(shares_ahead(a, b, c))
-    if not (share > FLAT):
-        return whole(CUBE)
-    spread = wp.float64(4.0) * (pad + wp.float64(8.0) * ROUNDING) / (share * share)
-    box = box_of(wp.cw_div(y, x), wp.cw_div(z, x), spread)
-    one = wp.float64(1.0) + wp.float64(4.0) * pad
-    box = wp.vec4d(wp.max(-one, box[0]), wp.min(one, box[1]), wp.max(-one, box[2]), wp.min(one, box[3]))
-    if box[0] > box[1] or box[2] > box[3]:
-        return empty
-    return box
-
-
-BOUNDS = {
-    "azimuth-elevation": (spherical_bounds, (1, 0)),
-    "two-angle": (two_angle_bounds, (1, 1)),
-    "cube": (cube_bounds, (0, 0)),
-    "seam": (seam_bounds, (1, 0)),
-    "vertices": (vertex_bounds, (0, 0)),
-}
-"""By map, or looser bounds of azimuth and elevation: bounds of a triangle, and which of the two coordinates have a seam."""

@@ -8,7 +8,8 @@ from ....harness.frame.geometry import Camera
 from ...common.bounds import box_high, box_low
 from ...exact.triangle import to_float64
 from ..parameters import LIGHT_MAPS
-from .mapping import AZIMUTH_ELEVATION, BOUNDS, CUBE, TWO_ANGLE, LightSpace, face_frame, whole
+from .bounds import BOUNDS
+from .mapping import AZIMUTH_ELEVATION, CUBE, TWO_ANGLE, LightSpace, face_frame, whole
 from .sphere import HALF_PI, PI, ROUNDING
 from .tile_edges import EXTENT
 

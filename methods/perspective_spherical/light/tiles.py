@@ -17,7 +17,8 @@ from ...gpu.entries import set_entry
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, piece_of, queue_large, write_pairs
 from ..lists.sorting import PairSink
-from .mapping import BOUNDS, LightSpace, face_frame
+from .bounds import BOUNDS
+from .mapping import LightSpace, face_frame
 from .segment_tests import write_record
 from .sphere import ROUNDING, TWO_PI
 from .tile_edges import EXTENT, LightTiles, distance_slice, missed, slope_bounds, tile_of

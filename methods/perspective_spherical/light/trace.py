@@ -2,8 +2,8 @@
 
 The block brings its list to shared memory; loading and testing alternate as in :mod:`.camera.trace`. It is done where
 every ray of it is shadowed or behind its last slice. The bit is set in primary-ray order, so that blocks need no
-synchronisation. With split lists (:mod:`.lists.items`) a block takes one part of a chunk's list, and skips rays whose
-bit another part has set.
+synchronisation. With split lists (:mod:`.variants.split_lists`) a block takes one part of a chunk's list, and skips rays
+whose bit another part has set.
 """
 
 import functools
@@ -18,9 +18,9 @@ from ...exact.triangle import U32, largest, to_float32
 from ...gpu.entries import entry
 from ..camera.ray_tests import count_tests
 from ..lists.chunks import RayChunks
-from ..lists.items import ListParts, pairs_of_part, part_of
 from ..lists.sorting import TileLists
 from ..lists.staging import any_of_block, make_shared, wait_for_block
+from ..variants.split_lists import ListParts, pairs_of_part, part_of
 from .mapping import LightSpace
 from .segment_tests import SEGMENT_DECIDES, SEGMENT_PASSES, UNDECIDED, USED, YES, SegmentRecord
 

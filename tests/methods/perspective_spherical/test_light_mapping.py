@@ -14,7 +14,8 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.scene.effects import Limits
-from shadowbench.methods.perspective_spherical.light.mapping import BOUNDS, LightSpace, ray_place
+from shadowbench.methods.perspective_spherical.light.bounds import BOUNDS
+from shadowbench.methods.perspective_spherical.light.mapping import LightSpace, ray_place
 from shadowbench.methods.perspective_spherical.light.rays import FLOAT32_PAD, FLOAT64_PAD
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 

@@ -42,10 +42,11 @@ def test_algorithm_1_as_figure_8_is_described():
     assert a.tolist() == [1, 3, 6, 2, 7, 4, 0, 5, 8]
     assert b.tolist() == [0, 0, 0, 1, 1, 3, 4, 4, 4]
     chunks = chunks_of(keys, tiles, r, "algorithm-1")
-    assert chunks.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
-    assert chunks.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]  # C
-    assert chunks.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]  # D
-    assert chunks.validArr.numpy().tolist() == [1, 0, 1, 1, 0, 1, 1, 0, 1]  # E
+    assert chunks.paper is not None
+    assert chunks.paper.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
+    assert chunks.paper.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]  # C
+    assert chunks.paper.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]  # D
+    assert chunks.paper.validArr.numpy().tolist() == [1, 0, 1, 1, 0, 1, 1, 0, 1]  # E
     assert chunks.numCBlocks.numpy()[0] == 6  # C_total = 2 + 1 + 1 + 2
     first = chunks.outArr.numpy()[:7]
     assert first.tolist() == [0, 2, 3, 5, 6, 8, 9]  # G, and the number of rays, which closes it

@@ -9,8 +9,8 @@ import warp as wp
 
 from ....harness.frame.geometry import filled
 from ...common.pairs import need_kernel
-from .chunks import RayChunks
-from .sorting import TileLists
+from ..lists.chunks import RayChunks
+from ..lists.sorting import TileLists
 
 
 @wp.struct
