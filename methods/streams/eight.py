@@ -13,11 +13,10 @@ from ...harness.frame.geometry import Camera, Mesh
 
 EIGHT = wp.constant(AT_ONCE)
 
-FLOATS = "typedef float floats __attribute__((ext_vector_type(8)));"
-
-PACKED = """
+LANES = """
+typedef float floats __attribute__((ext_vector_type(8)));
 typedef bool bits __attribute__((ext_vector_type(8)));
-auto packed = [number](auto lanes) {
+auto packed = [](auto lanes, int number) {
     bits some = __builtin_convertvector(lanes, bits);
     unsigned char word;
     memcpy(&word, &some, 1);
@@ -25,12 +24,10 @@ auto packed = [number](auto lanes) {
 };
 """
 
-FOUND = PACKED + "return packed(inside) | packed(~(inside | outside)) << 8;"
-
 
 def on_cpu(text: str) -> str:
     """The text of a native function that a kernel of a GPU does not call."""
-    return f"#if defined(__CUDA_ARCH__)\nreturn {{}};\n#else\n{FLOATS}{text}\n#endif\n"
+    return f"#if defined(__CUDA_ARCH__)\nreturn {{}};\n#else\n{LANES}{text}\n#endif\n"
 
 
 @wp.func_native(
@@ -45,8 +42,8 @@ auto value = [&](wp::vec_t<4, float> p) { return p[0] * x + (p[1] * y + (p[2] * 
 floats e0 = value(p0), e1 = value(p1), e2 = value(p2), side = value(plane);
 auto outside = (e0 < -bound) | (e1 < -bound) | (e2 < -bound) | (side > bound);
 auto inside = (e0 > sure) & (e1 > sure) & (e2 > sure) & (side < -sure);
+return packed(inside, number) | packed(~(inside | outside), number) << 8;
 """
-        + FOUND
     )
 )
 def rays_found(
@@ -77,8 +74,8 @@ auto value = [&](wp::vec_t<3, float> n) { return n[0] * dx + n[1] * dy + n[2] * 
 floats e0 = value(n0), e1 = value(n1), e2 = value(n2);
 auto outside = (e0 < -bound) | (e1 < -bound) | (e2 < -bound);
 auto inside = (e0 > sure) & (e1 > sure) & (e2 > sure);
+return packed(inside, number) | packed(~(inside | outside), number) << 8;
 """
-        + FOUND
     )
 )
 def pixels_found(
@@ -187,10 +184,8 @@ for (int k = 0; k < 2; ++k) {
         high[k] = __builtin_elementwise_floor(high[k]);
     }
 }
-auto inside = (low[0] <= high[0]) & (low[1] <= high[1]);
+return packed((low[0] <= high[0]) & (low[1] <= high[1]), number);
 """
-        + PACKED
-        + "return packed(inside);"
     )
 )
 def boxes_met(boxes: Boxes, size: wp.vec2f, whole: wp.bool, number: wp.int32) -> wp.uint32:
