@@ -7,6 +7,7 @@ scattered each frame. Related work: the irregular z-buffer (Johnson 2005; Aila &
 
 The rooms, each of which imports only those before it:
 
+    eight       what a CPU does with eight triangles, pixels or rays at once
     camera      the pixels of the image: planes, the stream, queued rows, what is left, the answers
     cube        the cube around a light: where it is aimed, its faces and cells, what a triangle covers of them
     rays        the rays of a light: their hit points, what they cover, receivers, and how they are sorted into cells

@@ -10,16 +10,13 @@ import warp as wp
 
 from ...harness.frame.frame import AT_ONCE
 from ...harness.frame.geometry import Camera, Mesh
-from .camera.pixels import Candidate
-from .occlusion.planes import Occluder
 
 EIGHT = wp.constant(AT_ONCE)
 
-FLOATS = "typedef float floats __attribute__((ext_vector_type(8)));"
-
-PACKED = """
+LANES = """
+typedef float floats __attribute__((ext_vector_type(8)));
 typedef bool bits __attribute__((ext_vector_type(8)));
-auto packed = [number](auto lanes) {
+auto packed = [](auto lanes, int number) {
     bits some = __builtin_convertvector(lanes, bits);
     unsigned char word;
     memcpy(&word, &some, 1);
@@ -27,12 +24,10 @@ auto packed = [number](auto lanes) {
 };
 """
 
-FOUND = PACKED + "return packed(inside) | packed(~(inside | outside)) << 8;"
-
 
 def on_cpu(text: str) -> str:
     """The text of a native function that a kernel of a GPU does not call."""
-    return f"#if defined(__CUDA_ARCH__)\nreturn {{}};\n#else\n{FLOATS}{text}\n#endif\n"
+    return f"#if defined(__CUDA_ARCH__)\nreturn {{}};\n#else\n{LANES}{text}\n#endif\n"
 
 
 @wp.func_native(
@@ -44,14 +39,24 @@ floats x = __builtin_shufflevector(h, h, 0, 4, 8, 12, 16, 20, 24, 28);
 floats y = __builtin_shufflevector(h, h, 1, 5, 9, 13, 17, 21, 25, 29);
 floats z = __builtin_shufflevector(h, h, 2, 6, 10, 14, 18, 22, 26, 30);
 auto value = [&](wp::vec_t<4, float> p) { return p[0] * x + (p[1] * y + (p[2] * z + p[3])); };
-floats e0 = value(o.e0), e1 = value(o.e1), e2 = value(o.e2), side = value(o.plane);
-auto outside = (e0 < -o.bound) | (e1 < -o.bound) | (e2 < -o.bound) | (side > o.bound);
-auto inside = (e0 > o.sure) & (e1 > o.sure) & (e2 > o.sure) & (side < -o.sure);
+floats e0 = value(p0), e1 = value(p1), e2 = value(p2), side = value(plane);
+auto outside = (e0 < -bound) | (e1 < -bound) | (e2 < -bound) | (side > bound);
+auto inside = (e0 > sure) & (e1 > sure) & (e2 > sure) & (side < -sure);
+return packed(inside, number) | packed(~(inside | outside), number) << 8;
 """
-        + FOUND
     )
 )
-def rays_found(rays: wp.array(dtype=wp.vec4f), at: wp.int32, number: wp.int32, o: Occluder) -> wp.uint32:
+def rays_found(
+    rays: wp.array(dtype=wp.vec4f),
+    at: wp.int32,
+    number: wp.int32,
+    p0: wp.vec4f,
+    p1: wp.vec4f,
+    p2: wp.vec4f,
+    plane: wp.vec4f,
+    bound: wp.float32,
+    sure: wp.float32,
+) -> wp.uint32:
     """Of the rays from ``at`` on, ``number`` or at most eight: a bit for each certain hit, and eight places higher one for
     each undecided ray (:func:`.occlusion.ray_test.certain`)."""
 
@@ -66,14 +71,24 @@ floats dx = __builtin_shufflevector(c, c, 0, 3, 6, 9, 12, 15, 18, 21) + row[0];
 floats dy = __builtin_shufflevector(c, c, 1, 4, 7, 10, 13, 16, 19, 22) + row[1];
 floats dz = __builtin_shufflevector(c, c, 2, 5, 8, 11, 14, 17, 20, 23) + row[2];
 auto value = [&](wp::vec_t<3, float> n) { return n[0] * dx + n[1] * dy + n[2] * dz; };
-floats e0 = value(o.planes.n0), e1 = value(o.planes.n1), e2 = value(o.planes.n2);
-auto outside = (e0 < -o.bound) | (e1 < -o.bound) | (e2 < -o.bound);
-auto inside = (e0 > o.sure) & (e1 > o.sure) & (e2 > o.sure);
+floats e0 = value(n0), e1 = value(n1), e2 = value(n2);
+auto outside = (e0 < -bound) | (e1 < -bound) | (e2 < -bound);
+auto inside = (e0 > sure) & (e1 > sure) & (e2 > sure);
+return packed(inside, number) | packed(~(inside | outside), number) << 8;
 """
-        + FOUND
     )
 )
-def pixels_found(camera: Camera, x: wp.int32, y: wp.int32, number: wp.int32, o: Candidate) -> wp.uint32:
+def pixels_found(
+    camera: Camera,
+    x: wp.int32,
+    y: wp.int32,
+    number: wp.int32,
+    n0: wp.vec3f,
+    n1: wp.vec3f,
+    n2: wp.vec3f,
+    bound: wp.float32,
+    sure: wp.float32,
+) -> wp.uint32:
     """The same of the pixels from (x, y) on along a row (:func:`.camera.pixels.test_pixel`)."""
 
 
@@ -169,10 +184,8 @@ for (int k = 0; k < 2; ++k) {
         high[k] = __builtin_elementwise_floor(high[k]);
     }
 }
-auto inside = (low[0] <= high[0]) & (low[1] <= high[1]);
+return packed((low[0] <= high[0]) & (low[1] <= high[1]), number);
 """
-        + PACKED
-        + "return packed(inside);"
     )
 )
 def boxes_met(boxes: Boxes, size: wp.vec2f, whole: wp.bool, number: wp.int32) -> wp.uint32:

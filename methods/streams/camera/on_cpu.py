@@ -45,7 +45,10 @@ def test_pixels_of_row(
     """Test pixels ends[0]..ends[1] of a row, eight at a time."""
     x = wp.int32(ends[0])
     while x <= ends[1]:
-        found = pixels_found(camera, x, y, ends[1] - x + 1, candidate)
+        c = candidate
+        n = c.planes
+        number = ends[1] - x + 1
+        found = pixels_found(camera, x, y, number, n.n0, n.n1, n.n2, c.bound, c.sure)
         while found != wp.uint32(0):
             k = lowest_bit(found)
             found = without_lowest_bit(found)

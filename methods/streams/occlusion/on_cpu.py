@@ -71,7 +71,8 @@ def test_rays_of_row(
     span = span_of(cells.offset, face, ends[0], ends[1], y, along)
     at = wp.int32(span[0])
     while at < span[1]:
-        found = rays_found(cells.rays, at, span[1] - at, occluder)
+        o = occluder
+        found = rays_found(cells.rays, at, span[1] - at, o.e0, o.e1, o.e2, o.plane, o.bound, o.sure)
         while found != wp.uint32(0):
             k = lowest_bit(found)
             found = without_lowest_bit(found)

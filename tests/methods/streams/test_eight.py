@@ -1,0 +1,107 @@
+"""Eight rays or pixels at once, and boxes of eight triangles: what one after the other gives."""
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import make_scene, soup
+from shadowbench.harness.frame.frame import AT_ONCE, Frame
+from shadowbench.harness.frame.geometry import Camera, Mesh
+from shadowbench.methods.common.reads import corners_at, direction_at
+from shadowbench.methods.streams.camera.on_cpu import window_of
+from shadowbench.methods.streams.camera.pixels import Planes, least_edge
+from shadowbench.methods.streams.camera.stream import box_of
+from shadowbench.methods.streams.eight import boxes_met, boxes_of_eight, pixels_found, rays_found
+from shadowbench.methods.streams.occlusion.planes import Occluder
+from shadowbench.methods.streams.occlusion.ray_test import certain
+
+WIDTH, HEIGHT = 19, 7
+
+
+@wp.kernel(enable_backward=False)
+def found_kernel(
+    rays: wp.array(dtype=wp.vec4f),
+    planes: wp.array(dtype=wp.vec4f),
+    camera: Camera,
+    number: wp.int32,
+    found: wp.array2d(dtype=wp.uint32),
+):
+    """Rows of ``found``: rays at once, rays one by one, pixels at once, pixels one by one."""
+    k = wp.tid()
+    o = Occluder()
+    o.e0 = planes[4 * k]
+    o.e1 = planes[4 * k + 1]
+    o.e2 = planes[4 * k + 2]
+    o.plane = planes[4 * k + 3]
+    o.bound = 0.1
+    o.sure = 0.2
+    n = Planes()
+    n.n0 = wp.vec3f(o.e0[0], o.e0[1], o.e0[2])
+    n.n1 = wp.vec3f(o.e1[0], o.e1[1], o.e1[2])
+    n.n2 = wp.vec3f(o.e2[0], o.e2[1], o.e2[2])
+    x = k % camera.width
+    y = k % camera.height
+    found[0, k] = rays_found(rays, k, number, o.e0, o.e1, o.e2, o.plane, o.bound, o.sure)
+    found[2, k] = pixels_found(camera, x, y, number, n.n0, n.n1, n.n2, o.bound, o.sure)
+    for i in range(wp.min(number, 8)):
+        misses, hits = certain(rays[k + i], o)
+        if hits:
+            found[1, k] = found[1, k] | wp.uint32(1 << i)
+        elif not misses:
+            found[1, k] = found[1, k] | wp.uint32(256 << i)
+        low = least_edge(n, direction_at(camera, x + i, y))
+        if low > o.sure:
+            found[3, k] = found[3, k] | wp.uint32(1 << i)
+        elif not (low < -o.bound):
+            found[3, k] = found[3, k] | wp.uint32(256 << i)
+
+
+@wp.kernel(enable_backward=False)
+def boxes_kernel(
+    camera: Camera, mesh: Mesh, number: wp.int32, box: wp.array(dtype=wp.vec4i), met: wp.array(dtype=wp.bool)
+):
+    """The box of each triangle, and whether eight at once meet the image."""
+    i = wp.tid()
+    first = i & ~7
+    size = wp.vec2f(wp.float32(camera.width - 1), wp.float32(camera.height - 1))
+    bits = boxes_met(boxes_of_eight(mesh, first, 0.0, window_of(camera)), size, True, number - first)
+    met[i] = (bits >> wp.uint32(i - first) & wp.uint32(1)) != wp.uint32(0)
+    box[i] = box_of(corners_at(mesh, i), camera.eye[0], camera)
+
+
+def frame_of(size: float) -> Frame:
+    """Triangles of a size around the eye."""
+    prepared = make_scene(*soup(3, 500, size=size), [], eye=(0.1, -0.2, 0.3))
+    frame = Frame(prepared, WIDTH, HEIGHT, 0, "cpu")
+    frame.load(prepared.moment(0, WIDTH, HEIGHT))
+    return frame
+
+
+@pytest.mark.parametrize("number", [1, 5, 8, 30])
+def test_eight_at_once_are_found_as_one_by_one(number: int) -> None:
+    rng = np.random.default_rng(7)
+    count = 200
+    rays = wp.array(rng.normal(size=(count + AT_ONCE, 4)), dtype=wp.vec4f, device="cpu")
+    planes = rng.normal(size=(4 * count, 4)).astype(np.float32)
+    planes[:8] = np.nan  # such planes leave nothing out
+    found = wp.zeros((4, count), dtype=wp.uint32, device="cpu")
+    inputs = [rays, wp.array(planes, dtype=wp.vec4f, device="cpu"), frame_of(1.0).camera, number]
+    wp.launch(found_kernel, dim=count, inputs=inputs, outputs=[found], device="cpu")
+    at_once, one_by_one, pixels_at_once, pixels_one_by_one = found.numpy()
+    np.testing.assert_array_equal(at_once[2:], one_by_one[2:])
+    np.testing.assert_array_equal(pixels_at_once[2:], pixels_one_by_one[2:])
+    assert (at_once[:2] == (256 << min(number, 8)) - 256).all()
+    assert np.unique(at_once).size >= 3
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 1000.0])
+def test_no_triangle_in_view_is_left_out(size: float) -> None:
+    frame = frame_of(size)
+    count = frame.triangle_count
+    box = wp.zeros(count, dtype=wp.vec4i, device="cpu")
+    met = wp.zeros(count, dtype=wp.bool, device="cpu")
+    wp.launch(boxes_kernel, dim=count, inputs=[frame.camera, frame.mesh, count], outputs=[box, met], device="cpu")
+    first, last = box.numpy()[:, :2], box.numpy()[:, 2:]
+    seen = (first <= last).all(axis=1)
+    assert met.numpy()[seen].all()
+    assert seen.any()
+    assert not met.numpy().all()
