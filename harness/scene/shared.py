@@ -11,7 +11,7 @@ from ..errors import UserError
 from ..files import write_arrays
 from .alpha import arrays_of, from_arrays
 from .prepared import Prepared
-from .scene import Geometry, Scene
+from .scene import Geometry, Moves, Scene
 
 
 def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
@@ -27,10 +27,13 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         "weld": prepared.weld,
         "centre": prepared.centre,
         "middle": prepared.middle,
-        "numbers": np.array([prepared.radius, prepared.frame_count]),
+        "numbers": np.array([prepared.radius, prepared.frame_count, prepared.geometry.still]),
         "first": np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3),
     }
     arrays |= arrays_of(prepared.alpha)
+    motion = prepared.geometry.motion
+    if motion is not None and motion.bodies is not None:
+        arrays["bodies"] = np.asarray(motion.bodies)
     if not prepared.points(0)[1].all():
         frames = range(prepared.frame_count)
     for frame in sorted({0, *frames}):
@@ -57,10 +60,11 @@ def read_stored(path: Path, scene: Scene) -> Prepared:
     def positions(frame: int) -> F64:
         return first if frame == 0 else points(frame)[0].astype(np.float64) + centre
 
-    radius, frame_count = arrays["numbers"]
+    radius, frame_count, still = arrays["numbers"]
+    motion = Moves("rigid", bodies=arrays["bodies"]) if "bodies" in arrays else None
     return Prepared(
         scene=scene,
-        geometry=Geometry(arrays["faces"], positions, int(frame_count)),
+        geometry=Geometry(arrays["faces"], positions, int(frame_count), motion, bool(still)),
         faces=arrays["faces"],
         centre=centre,
         weld=arrays["weld"],

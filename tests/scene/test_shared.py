@@ -31,6 +31,17 @@ def test_the_first_frame_is_always_there(tmp_path: Path) -> None:
         read.points(1)
 
 
+def test_what_moves_together_is_handed_over_and_that_a_mesh_rests(tmp_path: Path) -> None:
+    """Methods that keep a tree for each body had one in the worker that made the scene only."""
+    rigid = prepare(resolve("balls-3k-moving60", None))
+    still = prepare(dataclasses.replace(rigid.scene, geometry=lambda: dataclasses.replace(rigid.geometry, still=True)))
+    for prepared in (rigid, still, prepare(resolve("cloth", None))):
+        store(tmp_path / "scene.npz", prepared, [])
+        read = read_stored(tmp_path / "scene.npz", prepared.scene)
+        assert read.moves == prepared.moves
+        np.testing.assert_array_equal(read.bodies, prepared.bodies)
+
+
 def test_all_frames_are_there_where_triangles_of_the_first_are_not_valid(tmp_path: Path) -> None:
     """Found on a GPU: Fairy has 4 triangles without area, and its refitted trees of Warp failed where a worker was handed
     the scene: what is valid in no frame is left out of the tree, which asks for every frame."""
