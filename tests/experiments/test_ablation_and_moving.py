@@ -50,7 +50,7 @@ def test_moving_has_a_row_a_frame(tmp_path):
 
 def test_moving_counts_what_explains_a_slow_place_and_names_what_has_no_record(tmp_path):
     preset = find_experiment("moving").presets["quick"]
-    ours, _, tree = preset.methods
+    ours, _, tree, _ = preset.methods
     slow, uncounted = (record_of("moving", e, "sibenik", preset.lightings[0], frames=8) for e in (ours, tree))
     even = record_of("moving", ours, "fairy", preset.lightings[0], frames=8)
     slow["frames"][3]["total_ms"] = [30.0, 30.0]

@@ -5,6 +5,7 @@ from helpers.table1_records import METHODS
 from matplotlib.figure import Figure
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.report import numbers, style
+from shadowbench.harness.runner.planning.experiment import experiment_names, find_experiment
 from shadowbench.methods import LOOKS
 
 
@@ -15,9 +16,13 @@ def test_a_method_keeps_its_colour_whoever_else_is_drawn():
 
 
 def test_every_method_has_a_look_of_its_own():
-    looks = [tuple(style.look(name).values()) for name in method_names() if name in LOOKS]
-    assert {name for name in method_names() if name not in LOOKS} == set()
-    assert len({colour for colour, _ in looks}) == len({marker for _, marker in looks}) == len(LOOKS)
+    """A colour that no other has; a marker, too, among those that an experiment draws together."""
+    assert set(method_names()) == set(LOOKS)
+    assert len({style.look(name)["color"] for name in LOOKS}) == len(LOOKS)
+    for experiment in map(find_experiment, experiment_names()):
+        for preset in experiment.presets.values():
+            drawn = {entry.method for entry in preset.methods}
+            assert len({style.look(name)["marker"] for name in drawn}) == len(drawn), experiment.name
     assert style.look("somebodys")["color"] in style.COLOURS
 
 
