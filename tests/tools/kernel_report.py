@@ -61,6 +61,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
     from shadowbench.methods.trees.trace import closest, shadow, together
+    from shadowbench.methods.two_level_bvh import poses
 
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
     grid_primary, grid_shadow = make_kernels()
@@ -113,6 +114,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: mirrored, list": "shadowbench.methods.trees.trace.closest",
         "bvh2: mirrored, resolve": closest.make_resolve_kernel(False).module,
         "bvh2: mirrored, shadow": specialised(shadow.make_shadow_kernel(True, False), bounced).module,
+        "two_level_bvh: bodies": poses.__name__,
+        "two_level_bvh: primary and shadow": together.make_together_kernel(True, False, 2).module,
+        "two_level_bvh: mirrored": closest.make_listed_kernel(True, 2).module,
         "perspective_spherical: trace": make_trace_kernel(0, 64).module,
         "perspective_spherical: shadow": make_chunk_kernel(0, 64).module,
     }
