@@ -2,7 +2,7 @@
 
 From inside there is no silhouette: around every vertex that a ray meets, the triangles form a closed fan. So a ray that
 hits nothing has leaked through the surface, whatever the rounding. Sheets are closed by a cone behind the eye
-(:func:`~.case.closed_behind`); the eye or the light is inside.
+(:func:`~.shapes.closed_behind`); the eye or the light is inside.
 """
 
 import numpy as np

@@ -137,7 +137,7 @@ def ray_size(space: LightSpace) -> wp.float32:
 
 @functools.cache
 def make_bound_kernel(bounds: str) -> wp.Kernel:
-    """Bounds of triangles, by name in :data:`.mapping.BOUNDS`: compiled apart, as each takes many registers."""
+    """Bounds of triangles, by name in :data:`.bounds.BOUNDS`: compiled apart, as each takes many registers."""
     bounds_of, wrap = BOUNDS[bounds]
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=128)
