@@ -4,7 +4,10 @@ Fewest lights first. Embree is included on a CPU only: with 16 lights its frames
 for them, would take longer than all the others together; table1 has it.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +17,9 @@ from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, faithful
 from ._rivals import HYBRID, OURS, RASTERISED, REBUILT, lights
 from .crossover import NATURAL, over_lights
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
 
 GRIDS = (
     faithful("paper-faithful"),
@@ -34,23 +40,29 @@ PAPER = "the paper, on Fairy: 7.6, its kd-tree peer 5.26, and 60 % more time for
 """Section 5: Fairy with two lights, GTX 280, 1024x1024."""
 
 
+def own_passes(points: DataFrame) -> Series:
+    """Time of the lights' own passes, ms; NaN where no pass traces shadow rays alone."""
+    return (points["light_build_ms"] + points["shadow_ms"]).where(points["shadow_ms"] > 0)
+
+
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against the number of lights, CSV, frames per second, and each further light over the first.
 
     A light costs its grid and its shadow rays: those passes are compared. (Differences of whole frames would hold the noise
-    of the build and of the primary rays, which can be more than a light.)
+    of the build and of the primary rays, which can be more than a light.) A method that traces the rays of a single light
+    in one launch with the primary ones has no such passes there.
     """
     frames, repeats = document.frames(folder), samples(folder)
     shadow, build = (compare.pass_spread(repeats, part) for part in ("shadow", "light build"))
     frames["lights_spread"] = frames["key"].map(np.hypot(shadow, build.reindex(shadow.index).fillna(0.0)))
     own, first = compare.pairs(frames, frames["lights"] == 1, (*compare.SCENE, *compare.SIZE, "label"))
-    lights_ms, first_ms = (side["light_build_ms"] + side["shadow_ms"] for side in (own, first))
+    lights_ms, first_ms = own_passes(own), own_passes(first)
     further = own["lights"].where(own["lights"] > 1).astype("float64") - 1
 
     table = document.named(frames).sort_values("lights", kind="stable")
     table["frames_per_s"] = 1000.0 / table["total_ms"]
     table["frames_per_s_spread"] = table["frames_per_s"] * table["spread"] / table["total_ms"]
-    table["ms_per_light"] = (table["light_build_ms"] + table["shadow_ms"]) / table["lights"]
+    table["ms_per_light"] = own_passes(table) / table["lights"]
     table["further_ms"] = (lights_ms - first_ms) / further
     table["further_over_first"] = table["further_ms"] / first_ms
     spread = np.hypot(own["lights_spread"], first["lights_spread"]) / further / first_ms

@@ -160,6 +160,19 @@ def test_what_a_further_light_costs_is_not_the_noise_of_the_frames(tmp_path):
     assert found == {"1": "", "2": "0.5", "8": "0.5"}
 
 
+def test_a_light_whose_rays_are_traced_with_the_primary_ones_has_no_time_of_its_own(tmp_path):
+    entry = find_experiment("two_lights").presets["quick"].methods[0]
+    records = [
+        record_of("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=4.0 * n,
+             passes=[("set up", "light build", 0.01), (f"rays {n}", "trace" if n == 1 else "shadow", 4.0 * n)])
+        for n in (1, 2)
+    ]  # fmt: skip
+    report_of("two_lights", tmp_path, records)
+    found = {row["light_count"]: row for row in csv_of("two_lights", tmp_path)}
+    assert [found[n]["further_over_first"] for n in "12"] == ["", ""]
+    assert [found[n]["ms_per_light"] for n in "12"] == ["", "4.005"]
+
+
 def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_path):
     entry = find_experiment("two_lights").presets["quick"].methods[0]
     records = [record_of("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=10.0 * n) for n in (1, 2)]
