@@ -232,7 +232,7 @@ def number_or_frames(text: str | None, view: ChosenView) -> tuple[int | None, Ch
 
 
 def _place(option: str, text: str) -> Vector:
-    from ..scene.declared_views import FARTHEST
+    from ..scene.scene import FARTHEST
 
     try:
         x, y, z = (float(number) for number in text.split(","))

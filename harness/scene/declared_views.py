@@ -10,13 +10,10 @@ import numpy as np
 from ..errors import UserError
 from .declared_values import known, listed, made, typed, with_path
 from .moment import ray_tables
-from .scene import Camera, Light, Scene, Spot, Vector, offered
+from .scene import FARTHEST, Camera, Light, Scene, Spot, Vector, offered
 from .spotlight import spot_row
 
 T = TypeVar("T")
-
-FARTHEST = 1e38
-"""Largest coordinate of an eye or a light, about the largest float32."""
 
 BRIGHTEST = 1e12
 """Largest intensity and colour; float32 can hold their product."""

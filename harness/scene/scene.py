@@ -60,6 +60,9 @@ class Spot:
 SHAPES = ("rectangle", "disc", "sphere")
 """Shapes of a light with an area."""
 
+FARTHEST = 1e38
+"""Largest coordinate of an eye or a light, and largest size of a light: sums of them are in the range of float32."""
+
 MOST_SAMPLES = 1024
 """Largest number of samples of a light: a frame has passes and shadow bits for each one."""
 
@@ -104,7 +107,7 @@ class Light:
         if not all(0.0 <= side < np.inf for side in self.extent):
             raise ValueError(f"size {self.size}: it must be finite and not negative")
         if type(self.samples) is not int or not 1 <= self.samples <= MOST_SAMPLES:
-            raise ValueError(f"samples {self.samples}: give 1 to {MOST_SAMPLES}")
+            raise ValueError(f"samples {self.samples!r}: give 1 to {MOST_SAMPLES}")
         if not self.shape and (any(self.extent) or self.samples > 1):
             raise ValueError(f"an area needs a shape: {', '.join(SHAPES)}")
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import F64
 from ..errors import UserError
-from .scene import Light, Vector
+from .scene import FARTHEST, Light, Vector
 
 SHAPE, SAMPLES = "sphere", 16
 """Shape and number of targets of a light that gets an area of which only the size is given."""
@@ -27,6 +27,8 @@ def with_area(light: Light, shape: str | None, size: float | None, samples: int 
     options = "--light-size, --light-samples, --light-shape"
     if size is None and not light.shape:
         raise UserError(f"{options}: a light at {light.position} is a point; give its --light-size")
+    if size is not None and FARTHEST < size < np.inf:
+        raise UserError(f"{options}: size {size:g} is outside the range of float32")
     try:
         return replace(
             light,

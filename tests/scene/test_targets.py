@@ -117,6 +117,7 @@ def test_lightings_and_moved_lights_of_experiments():
         ('shape = "rectangle"\nsize = [1, nan]', "lights[0].size must be finite, not nan"),
         ('shape = "sphere"\nsamples = 0', "lights[0]: samples 0: give 1 to 1024"),
         ('shape = "sphere"\nsamples = 2.5', "lights[0]: samples 2.5: give 1 to 1024"),
+        ('shape = "sphere"\nsamples = "3"', "lights[0]: samples '3': give 1 to 1024"),
         ("samples = 4", "lights[0]: an area needs a shape: rectangle, disc, sphere"),
         ('shape = "sphere"\ndirectional = true', "a directional light cannot have an area: it stands nowhere"),
         ("shape = 7", "lights[0]: shape 7: it is one of"),
@@ -134,7 +135,9 @@ def test_a_wrong_area_is_one_line(tmp_path, declared, said):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("given", [{"light_samples": 0}, {"light_size": float("nan")}, {"light_shape": "cube"}])
+@pytest.mark.parametrize(
+    "given", [{"light_samples": 0}, {"light_size": float("nan")}, {"light_size": 1e39}, {"light_shape": "cube"}]
+)
 def test_a_wrong_area_on_the_command_line_is_refused_at_once(given):
     with pytest.raises(UserError, match="--light-size, --light-samples, --light-shape: "):
         view_of(**{"light_size": 1.0, **given})

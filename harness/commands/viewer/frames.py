@@ -24,10 +24,9 @@ from ...frame.schedule.passes import run_passes
 from ...frame.session import Session
 from ...runner.machine.lock import MACHINE
 from ...scene.chosen_view import ChosenView
-from ...scene.declared_views import FARTHEST
 from ...scene.moment import Moment
 from ...scene.prepared import Prepared, finite_bounds, under
-from ...scene.scene import Camera, Light, Vector
+from ...scene.scene import FARTHEST, Camera, Light, Vector
 from ...scene.targets import with_area
 from ..listing import place_text
 
