@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -107,8 +108,7 @@ def downloaded(url: str, folder: Path, pinned: str | None = None) -> Iterator[Pa
             url, f"sha256:{expected}" if expected else None, name, folder, downloader=Resumed(folder / f"{name}.part")
         )
     except requests.exceptions.RequestException as error:
-        reason = one_line(error)
-        raise UserError(f"{url}: cannot be fetched ({reason}); the same command continues it") from error
+        raise UserError(f"{url}: cannot be fetched ({_reason(error)}); the same command continues it") from error
     except ValueError as error:  # pooch's error for another checksum
         raise UserError(
             f"{url}: its checksum is not {expected}; it has changed or was altered on its way, and is not used"
@@ -121,6 +121,14 @@ def downloaded(url: str, folder: Path, pinned: str | None = None) -> Iterator[Pa
         raise
     if expected is None:
         write_atomic(folder / CHECKSUMS, {**recorded(folder), url: pooch.file_hash(path)})
+
+
+def _reason(error: Exception) -> str:
+    """Why a download failed, without the pools and retries around it: "Failed to resolve 'a.org' ([Errno -2] ...)"."""
+    inner = getattr(error.args[0] if error.args else None, "reason", None)
+    return re.sub(
+        r"^HTTPS?Connection(Pool)?\([^)]*\): ", "", one_line(inner if isinstance(inner, Exception) else error)
+    )
 
 
 def recorded(folder: Path) -> dict[str, str]:

@@ -40,10 +40,17 @@ def wheel(requirement: str, sha256: str, folder: Path) -> Path:
         command = [sys.executable, *PIP, "--dest", place, "--requirement", str(wanted)]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
         if done.returncode:
-            said = re.sub(r"(?s)^.*?(?=ERROR:|No module)", "", done.stderr)  # after its warnings
-            raise UserError(f"{requirement}: pip cannot download it ({one_line(Exception(said))})")
+            raise UserError(f"{requirement}: pip cannot download it ({one_line(Exception(_reason(done.stderr)))})")
         (made,) = Path(place).glob("*.whl")
         return made.replace(folder / made.name)
+
+
+def _reason(said: str) -> str:
+    """Why pip failed: what it says after its warnings; of a traceback the last line, which is the error."""
+    _before, traced, after = said.partition("Traceback (most recent call last)")
+    if traced:
+        return [line for line in after.splitlines() if line.strip() and not line.startswith("[notice]")][-1]
+    return re.sub(r"(?s)^.*?(?=ERROR:|No module)", "", said)
 
 
 def city(files: Sequence[Path], folder: Path) -> Path:

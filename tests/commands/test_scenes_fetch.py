@@ -181,6 +181,17 @@ def test_what_was_cut_off_too_often_is_continued_by_the_next_command(serve, tmp_
     assert asked[-1] == "bytes=90-"
 
 
+@pytest.mark.parametrize(
+    ("host", "said"),
+    [("127.0.0.1:9", "Connection refused"), ("no-such.invalid", "Failed to resolve 'no-such.invalid'")],
+)
+def test_a_server_that_cannot_be_reached_is_named_once(tmp_path, host, said):
+    with pytest.raises(UserError) as refused, downloaded(f"http://{host}/a.zip", tmp_path):
+        pass
+    assert said in str(refused.value)
+    assert not re.search(r"HTTP|Pool|retries", str(refused.value))
+
+
 @pytest.mark.parametrize("pinned", [True, False])
 def test_a_wrong_checksum_is_refused(serve, tmp_path, pinned):
     """Pinned in the program, or recorded when it was first fetched."""

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import subprocess
 import zipfile
 from dataclasses import replace
 
@@ -93,6 +94,17 @@ def test_another_wheel_is_refused(index, tmp_path, broken):
     assert "\n" not in str(refused.value)
     assert ("DO NOT MATCH THE HASHES" in str(refused.value)) == (broken == "hash")
     assert list(tmp_path.rglob("munich.*")) == []
+
+
+@pytest.mark.parametrize("after", ["", "\n[notice] A new release of pip is available\n"])
+def test_where_pip_fails_itself_its_error_is_told(monkeypatch, tmp_path, after):
+    """A full disk: pip prints a traceback of many lines, and the reason is in the last one."""
+    said = 'ERROR: Exception:\nTraceback (most recent call last):\n  File "/a.py", line 1, in read\n    raise error\n'
+    said += "OSError: [Errno 28] No space left on device\n" + after
+    failed = subprocess.CompletedProcess([], 2, "", said)
+    monkeypatch.setattr(from_packages.subprocess, "run", lambda *_, **__: failed)
+    with pytest.raises(UserError, match=r"cannot download it \(OSError: \[Errno 28\] No space left on device\)$"):
+        from_packages.wheel("sionna-rt==2.2.0", "0" * 64, tmp_path)
 
 
 def of_a_body():
