@@ -80,6 +80,7 @@ def plan_run(
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     own = tuple(entry for part in chosen.parts() for entry in part.methods)
     refuse_own_settings(declared.name, list(settings), own)
+    _refuse_own_areas(declared.name, chosen, view)
     changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
     also: tuple[Preset, ...] = ()
     if not (scenes or size):
@@ -110,6 +111,18 @@ def plan_run(
         view=seen,
         **options,
     )
+
+
+def _refuse_own_areas(experiment: str, preset: Preset, view: ChosenView | None) -> None:
+    """Raise :class:`UserError` for the area of a light where every lighting of the experiment has its own."""
+    given = {
+        "--light-size": view and view.light_size,
+        "--light-samples": view and view.light_samples,
+        "--light-shape": view and view.light_shape,
+    }
+    named = ", ".join(name for name, value in given.items() if value is not None)
+    if named and all(lighting.samples for part in preset.parts() for lighting in part.lightings):
+        raise UserError(f"{named}: {experiment} gives lights their areas itself; leave it out")
 
 
 def dry(options: Options, as_json: bool = False) -> int:

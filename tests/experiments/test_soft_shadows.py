@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from helpers.experiment_records import record_of, report_of
 from shadowbench.experiments import soft_shadows
-from shadowbench.harness.errors import CapacityRejected
+from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.case import view
 from shadowbench.harness.hardcases.shapes import ball, joined, plane
 from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.scene.chosen_view import ChosenView
 
 OURS, TREE, LOOSE = soft_shadows.METHODS[:3]
 COUNTS = (1, 4, 16)
@@ -29,6 +31,14 @@ def records(tree):
                     one["method"]["known_inexact"] = "float32"
                 made.append(one)
     return made
+
+
+@pytest.mark.parametrize("given", [{"light_size": 2.0}, {"light_samples": 8}, {"light_shape": "disc"}])
+def test_an_area_that_the_experiment_sets_itself_is_refused(given):
+    (name,) = given
+    with pytest.raises(UserError, match=f"^--{name.replace('_', '-')}: soft_shadows gives lights their areas itself"):
+        plan_run("soft_shadows", device="cpu", view=ChosenView(**given))
+    plan_run("two_lights", "quick", "cpu", view=ChosenView(light_size=2.0))
 
 
 def test_where_a_tree_overtakes_the_grids_is_a_number_with_its_spread(tmp_path):
