@@ -70,10 +70,13 @@ def as_point(light: Light, middle: Vector, radius: float) -> Light:
 
 
 def as_directional(light: Light, middle: Vector) -> Light:
-    """A directional light with the direction of the light at ``middle``; a directional one is unchanged."""
+    """A directional light with the direction of the light at ``middle``, without its area; a directional one is
+    unchanged.
+    """
     if light.directional:
         return light
-    return replace(light, position=vector(np.subtract(light.position, middle)), spot=None, directional=True)
+    position = vector(np.subtract(light.position, middle))
+    return replace(light, position=position, spot=None, directional=True, shape="", size=0.0, samples=1)
 
 
 def as_spot(

@@ -75,6 +75,16 @@ def test_a_light_becomes_directional_once(prepared):
     assert lighting.applied(again).scene.lights == (first,)
 
 
+def test_a_light_with_an_area_becomes_directional_without_it(prepared):
+    lamp = dataclasses.replace(prepared.scene.lights[0], shape="rectangle", size=(2.0, 1.0), samples=4)
+    (light,) = (
+        Lighting("sun", directional=True)
+        .applied(under(prepared, dataclasses.replace(prepared.scene, lights=(lamp,))))
+        .scene.lights
+    )
+    assert (light.directional, light.shape, light.samples) == (True, "", 1)
+
+
 def test_a_directional_light_that_becomes_a_spot_stands_somewhere(prepared):
     sun = dataclasses.replace(prepared.scene.lights[0], position=(0.0, 3.0, 4.0), directional=True, spot=None)
     sunny = under(prepared, dataclasses.replace(prepared.scene, lights=(sun,)))
