@@ -11,6 +11,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from ..harness.errors import UserError
 from ..harness.report import compare, document, panels, sentences, style
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
@@ -65,8 +66,16 @@ PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full t
 
 
 def read(folder: Path) -> document.DataFrame:
-    """The points, nearest light first, with their panel, the traversal alone, and ``line``: r, with an inexact format."""
+    """The points, nearest light first, with their panel, the traversal alone, and ``line``: r, with an inexact format.
+
+    Those of other methods are left out, which have no such settings.
+    """
     table = document.with_passes(document.read(folder), folder, {"traversal": TRAVERSAL})
+    table = table[table["method"] == "perspective_spherical"].copy()
+    if table.empty:
+        raise UserError(
+            f"{folder}: no point of perspective_spherical, which figure11 is about; it draws no other method"
+        )
     aimed = table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
     table["axes"], table["rectangle"] = aimed.map(AXES), table["set.clamp"].map(RECTANGLES)
     table["precision"], table["distance"] = table["set.precision"], table["light_distance"].map(style.radii)

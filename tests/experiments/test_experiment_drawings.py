@@ -86,6 +86,14 @@ def distance_records(scene="cloth", growth=1.0):
     return records
 
 
+def test_figure11_of_other_methods_is_one_line(tmp_path):
+    """Its drawings are by settings that only the paper's method has."""
+    lighting = find_experiment("figure11").presets["quick"].lightings[0]
+    records = [record_of("figure11", Entry("bvh2"), "cloth", lighting, ms=1.0)]
+    with pytest.raises(UserError, match="no point of perspective_spherical"):
+        report_of("figure11", tmp_path, records)
+
+
 def test_figure11_tells_work_from_number_format(tmp_path):
     records = distance_records()
     text = report_of("figure11", tmp_path, records)
