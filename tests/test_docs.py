@@ -23,6 +23,7 @@ from shadowbench.harness.runner.planning.experiment import experiment_names
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = ROOT / "docs" / "adding-a-method.md"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), ROOT / "results" / "README.md"])
+LINKED = sorted({*DOCUMENTS, *(ROOT / "docs").rglob("*.md"), *(ROOT / "results").rglob("*.md")})
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +55,25 @@ def test_the_example_method_answers_exactly(example):
         assert (answers["shadowed"][light] == expected).all()
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_links_to_files_lead_somewhere(document):
-    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text())
-    assert [link for link in links if not (document.parent / link).exists()] == []
+@pytest.mark.parametrize("document", LINKED, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_to_files_and_headings_lead_somewhere(document):
+    lost = []
+    for path, heading in re.findall(r"\]\(([^)#:\s]*)(?:#([^)\s]*))?\)", prose(document)):
+        target = document.parent / path if path else document
+        if not target.exists() or (heading and target.suffix == ".md" and heading not in headings(target)):
+            lost.append(f"{path}#{heading}")
+    assert lost == []
+
+
+def prose(document):
+    """A document without its blocks of code."""
+    return re.sub(r"(?s)```.*?```", "", document.read_text())
+
+
+def headings(document):
+    """The anchors that the headings of a document have on a page."""
+    texts = re.findall(r"(?m)^#+ (.*)$", prose(document))
+    return {re.sub(r"[^\w\- ]", "", text.strip().lower()).replace(" ", "-") for text in texts}
 
 
 def test_the_readme_names_what_exists():
