@@ -267,11 +267,12 @@ def measured(points: document.DataFrame) -> dict[str, Any]:
     """Number of points, when they were measured, and the version of ``ray_grids``, or of the first method, by its hash."""
     days = points["started"].dropna()
     day = [datetime.fromtimestamp(s, tz=UTC).strftime("%Y-%m-%d") for s in (days.min(), days.max())]
-    ours = points[points["method"] == _rivals.OURS.method]
-    own = ours if len(ours) else points
-    hashes = [f"`{sha[:8]}`" for sha in own.sort_values("started")["method_sha256"].unique() if sha]
+    methods = points["method"].tolist()
+    name = _rivals.OURS.method if _rivals.OURS.method in methods else methods[0]
+    own = points[points["method"] == name].sort_values("started")
+    hashes = [f"`{sha[:8]}`" for sha in own["method_sha256"].unique() if sha]
     return {"points": str(len(points)), "measured": " to ".join(dict.fromkeys(day)),
-            "version": f"{own['method'].iloc[0]} {' and '.join(hashes) or 'not known'}"}  # fmt: skip
+            "version": f"{name} {' and '.join(hashes) or 'not known'}"}  # fmt: skip
 
 
 PARTS = {

@@ -10,10 +10,11 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from helpers import brute_force
 from helpers.import_graph import modules
-from shadowbench.experiments._documents import PARTS, judged
+from shadowbench.experiments._documents import PARTS, judged, measured
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.report import claims, documents
@@ -116,6 +117,16 @@ def test_a_drawn_number_that_was_changed_is_found(name, results):
         digit = text.index(re.search(r"\d", part["text"])[0], part.start("text"))
         changed = text[:digit] + str((int(text[digit]) + 1) % 10) + text[digit + 1 :]
         assert documents.drawn(changed, results, PARTS, ROOT / name) == text
+
+
+def test_the_version_of_a_folder_is_of_the_method_that_it_names():
+    points = pd.DataFrame(
+        [("paper", "a" * 64), ("tree", "b" * 64), ("paper", "c" * 64), ("tree", "d" * 64)],
+        columns=["method", "method_sha256"],
+    ).assign(started=[0.0, 1.0, 2.0, 3.0])
+    assert measured(points)["version"] == f"paper `{'a' * 8}` and `{'c' * 8}`"
+    points.loc[3, "method"] = "ray_grids"
+    assert measured(points)["version"] == f"ray_grids `{'d' * 8}`"
 
 
 def test_the_table_of_the_readme_has_six_columns_at_most():
