@@ -191,9 +191,12 @@ def judged(results: Results, machine: str) -> document.DataFrame:
 
 
 def claims(results: Results, *machines: str) -> list[str]:
-    """The paper's claims, each with its verdict on every machine."""
+    """The paper's claims, each with its verdict on every machine; -: no record of it decides."""
     first = judged(results, machines[0])
-    verdicts = {f"on {name}": "**" + judged(results, name)["verdict"] + "**" for name in machines}
+    told = {name: judged(results, name) for name in machines}
+    verdicts = {
+        f"on {name}": ("**" + of["verdict"] + "**").where(of["judged_from"] != "", "-") for name, of in told.items()
+    }
     made = first[["number", "claim", "section"]].assign(**verdicts, judged=first["judged_from"])
     return document.markdown(
         made.rename(columns={"number": "", "section": "in the paper", "judged": f"judged from, on {machines[0]}"})
@@ -202,9 +205,14 @@ def claims(results: Results, *machines: str) -> list[str]:
 
 def verdicts(results: Results, machine: str) -> list[str]:
     """How many claims hold."""
-    told = judged(results, machine)["verdict"].value_counts()
+    made = judged(results, machine)
+    told = made.loc[made["judged_from"] != "", "verdict"].value_counts()
     holds, fails, open_ = (told.get(each, 0) for each in (verdict.HOLDS, verdict.FAILS, verdict.OPEN))
-    return [f"{holds} hold, {fails} do not, {open_} cannot be told."]
+    lacking = len(made) - holds - fails - open_
+    return [
+        f"{holds} hold, {fails} do not, {open_} cannot be told"
+        + (f", {lacking} were not measured." if lacking else ".")
+    ]
 
 
 def soft(results: Results, folder: str) -> list[str]:
