@@ -21,7 +21,7 @@ from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
 from shadowbench.methods.grids import build as grid_build
 from shadowbench.methods.grids import grid
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
-from shadowbench.methods.perspective_spherical.light import mapping as light_map
+from shadowbench.methods.perspective_spherical.light import bounds as light_bounds
 from shadowbench.methods.perspective_spherical.light import rays as light_rays
 from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.rays import kernels as ray_kernels
@@ -70,7 +70,7 @@ MUTATIONS = (
                 "triangle_angles",
                 tuple((f"    bounds = arc_elevation(bounds, {edge})\n", "") for edge in ("a, b, na", "b, c, nb", "c, a, nc"))
                 + (("if reaches >= HALF_PI:", "if False:"),),
-                light_map,
+                light_bounds,
             ),
         ),
         "perspective_spherical",
@@ -86,7 +86,7 @@ MUTATIONS = (
                 (("wrapped(pb[0] - pa[0])", "pb[0] - pa[0]"), ("wrapped(pc[0] - pb[0])", "pc[0] - pb[0]"),
                  ("    bounds = arc", "    pole = wp.bool(False)\n    bounds = arc"),
                  ("    if pole:", "    if False:")),
-                light_map,
+                light_bounds,
             ),
         ),
         "perspective_spherical",

@@ -23,6 +23,7 @@ from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
+from shadowbench.harness.scene.width import Sizes, is_wide
 
 
 @some(60)
@@ -171,6 +172,11 @@ def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> N
         np.testing.assert_array_equal(other[name]["shadowed"][:, same], one[name]["shadowed"][:, same], name)
 
 
+def wide(example: Example) -> bool:
+    trial = example.trial()
+    return is_wide(trial.moment, Sizes(trial.moment.points, trial.prepared.faces, trial.moment.valid))
+
+
 @some(20)
 @given(EXAMPLES, st.binary(min_size=60, max_size=200).map(decode))
 def test_adding_triangles_brings_nothing_to_light(example: Example, more: Example) -> None:
@@ -180,6 +186,8 @@ def test_adding_triangles_brings_nothing_to_light(example: Example, more: Exampl
     )
     if added.trial().prepared.centre.any() or example.trial().prepared.centre.any():
         return  # recentring by another point rounds the mesh anew
+    if wide(added) != wide(example):
+        return  # a ray within float64's bound of a vertex hits it in an ordinary frame, in a wide one only if it is so
     one, other = traced(example), traced(added)
     for name in METHODS:
         assert (other[name]["t"] <= one[name]["t"]).all(), name

@@ -64,8 +64,8 @@ def test_what_is_not_loaded_again_is_found(monkeypatch) -> None:
     """Planted: lights stay where they were in a session's first frame."""
     load, first = Frame.load, {}
 
-    def forgetful(self, moment):
-        load(self, replace(moment, lights=first.setdefault(id(self), moment.lights)))
+    def forgetful(self, moment, *given):
+        load(self, replace(moment, lights=first.setdefault(id(self), moment.lights)), *given)
 
     monkeypatch.setattr(Frame, "load", forgetful)
     found = play(("uniform_grid", {}), MOVES, "cpu")

@@ -15,6 +15,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...errors import CapacityRejected, UserError, one_line
+from ...frame.frame import AT_ONCE
 from ...frame.method import Method
 from ...frame.room import fewer_that_fit
 from ...frame.session import Session
@@ -284,7 +285,8 @@ PROCESS = "process growth"
 def frame_bytes(session: Session) -> int:
     """Bytes of the arrays that the harness gives a method, which do not count as the method's memory."""
     given = session.frame
-    return array_bytes(given, given.answers, given.answers.bounces, given.alpha)
+    beyond = AT_ONCE * given.column.strides[0]  # room behind the columns, which their array does not tell
+    return array_bytes(given, given.answers, given.answers.bounces, given.alpha) + beyond
 
 
 def own_bytes(prepared: Prepared, width: int, height: int) -> int:
