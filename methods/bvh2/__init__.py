@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
-from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
@@ -21,28 +20,23 @@ from ..common.pairs import grown
 from ..common.parameters import refuse_static
 from ..gpu.reserve import counted
 from ..trees import constants
-from ..trees.builders import Rebuilt, Refitted, tree_of
-from ..trees.quality import expected
+from ..trees.builders import tree_of
+from ..trees.method import TreeMethod
 from ..trees.trace.tree_rays import TreeRays
 from .parameters import FLOAT32_INEXACT, Build, Trace
 
 
-class BinaryTree(BaseMethod):
+class BinaryTree(TreeMethod):
     """See the package. Needs: pairs left to float64, of the eye's rays, then of each light's."""
 
     name: ClassVar[str] = "bvh2"
     title: ClassVar[str] = "BVH2 (rebuilt in the graph)"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
         self.known_inexact = FLOAT32_INEXACT if self.trace.precision == "float32" else None
-        self._capacity = 0
-        self._memory = 0
-        self._tree: Rebuilt | Refitted | None = None
-        self._rays: TreeRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count == 0:
@@ -80,26 +74,14 @@ class BinaryTree(BaseMethod):
         self._capacity = grown(int(counted(needed).max()), before, self._memory, "undecided pairs", varies=True)
         return self._capacity != before
 
-    def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
-        """Triangle tests of each pixel's primary ray, and of its shadow rays."""
-        assert self._rays is not None
-        return self._rays.tests_per_pixel()
-
     def counters(self) -> dict[str, int]:
-        """Pairs that were left to float64 in the last frame, and how good its tree was."""
-        if self._rays is None:
-            return {}
-        counts = {f"{rays} undecided pairs": pairs for rays, pairs in self._rays.undecided_pairs().items()}
-        counts |= expected(self._rays.tree)
-        if self.build.update == "refit":
+        counts = super().counters()
+        if self._rays is not None and self.build.update == "refit":
             host = self._rays.frame.host
             counts["frames since the tree was made"] = (
                 abs(host.index - self.build.tree_frame) if host is not None else 0
             )
         return counts
-
-    def built(self) -> dict[str, Any]:
-        return {} if self._tree is None or self._rays is None else {**self._tree.built(), **self._rays.built()}
 
 
 METHOD = BinaryTree

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
-from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
@@ -21,7 +20,7 @@ from ..common.pairs import all_needs, grown
 from ..gpu.reserve import counted
 from ..trees import constants
 from ..trees.builders import Rebuilt, Refitted, tree_of
-from ..trees.quality import expected
+from ..trees.method import TreeMethod
 from ..trees.trace.bodies import RAY_UNITS
 from ..trees.trace.tree_rays import TreeRays
 from .levels import Kept, Levels
@@ -32,23 +31,19 @@ ROOM = 3
 """Units of u Q that vertices may be off by before trees are packed anew with wider boxes."""
 
 
-class TwoLevelTree(BaseMethod):
+class TwoLevelTree(TreeMethod):
     """See the package. Needs: units of padding and of what vertices are off by, then pairs left to float64."""
 
     name: ClassVar[str] = "two_level_bvh"
     title: ClassVar[str] = "Two-level BVH (trees of bodies kept)"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._capacity = self._memory = 0
         self._unit, self._units = 0.0, int(RAY_UNITS) + ROOM
         self._deforms = ""
         self._kept: Kept | None = None
-        self._tree: Levels | Rebuilt | Refitted | None = None
-        self._rays: TreeRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count == 0:
@@ -109,23 +104,9 @@ class TwoLevelTree(BaseMethod):
         self._capacity = grown(int(counted(needed).max()), self._capacity, self._memory, "undecided pairs")
         return before != (self._capacity, self._units)
 
-    def tests_per_pixel(self) -> tuple[NDArray[np.int32], ...]:
-        """Triangle tests of each pixel's primary ray, and of its shadow rays."""
-        assert self._rays is not None
-        return self._rays.tests_per_pixel()
-
-    def counters(self) -> dict[str, int]:
-        """Pairs that were left to float64 in the last frame, and how good its trees were."""
-        if self._rays is None:
-            return {}
-        counts = {f"{rays} undecided pairs": pairs for rays, pairs in self._rays.undecided_pairs().items()}
-        return counts | expected(self._rays.tree)
-
     def built(self) -> dict[str, Any]:
-        if self._tree is None or self._rays is None:
-            return {}
-        why = {"because": self._deforms} if self._deforms else {}
-        return {**self._tree.built(), **self._rays.built(), **why}
+        why = {"because": self._deforms} if self._deforms and self._rays is not None else {}
+        return super().built() | why
 
 
 METHOD = TwoLevelTree
