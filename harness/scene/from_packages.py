@@ -16,6 +16,7 @@ from ..files import write_arrays
 from .readers.obj import read_obj
 from .readers.ply import read_ply
 from .standins.motion import Swing
+from .standins.shapes import Mesh, join
 
 PIP = ("-m", "pip", "download", "--quiet", "--no-input", "--no-deps", "--require-hashes", "--only-binary=:all:")
 STEPS = 24
@@ -57,12 +58,10 @@ def city(files: Sequence[Path], folder: Path) -> Path:
     """One PLY file of the buildings and the ground, in the order of the files' names."""
     import trimesh
 
-    meshes = [read_ply(file) for file in sorted(files)]
-    starts = np.cumsum([0, *(len(mesh.frames[0]) for mesh in meshes)])
-    points = np.concatenate([mesh.frames[0] for mesh in meshes])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    meshes = map(read_ply, sorted(files))
+    whole = join(Mesh(mesh.frames[0].astype(np.float64), mesh.faces) for mesh in meshes)
     made = folder / "city.ply"
-    trimesh.Trimesh(points, faces, process=False).export(made)
+    trimesh.Trimesh(*whole, process=False).export(made)
     return made
 
 

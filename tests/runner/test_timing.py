@@ -304,7 +304,7 @@ LIBRARY = SimpleNamespace(
 def test_clocks_of_the_library_are_those_of_nvidia_smi(monkeypatch):
     """What is asked of the library reads like what nvidia-smi prints; where it refuses one, nvidia-smi is asked."""
     monkeypatch.setitem(sys.modules, "pynvml", LIBRARY)
-    monkeypatch.setattr(clocks, "_card", str)
+    monkeypatch.setattr(clocks, "card_of", str)
     monkeypatch.setattr(clocks, "wp", SimpleNamespace(get_device=lambda name: SimpleNamespace(uuid="GPU-1")))
     monkeypatch.setattr(clocks, "asked_of_driver", lambda *fields, device: [dict.fromkeys(fields, device)])
     state = clocks.clock_state("cuda:0")

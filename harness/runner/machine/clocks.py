@@ -39,13 +39,14 @@ def _told_by_library(uuid: str) -> list[dict[str, str]]:
     except ImportError:
         return []
     try:
-        return [{name: str(told(nvml, _card(uuid))) for name, told in FIELDS.items()}]
+        return [{name: str(told(nvml, card_of(uuid))) for name, told in FIELDS.items()}]
     except nvml.NVMLError:
         return []
 
 
 @functools.cache
-def _card(uuid: str) -> Any:
+def card_of(uuid: str) -> Any:
+    """NVML's handle of a GPU. Raises ImportError without the library, and ``NVMLError``."""
     import pynvml
 
     pynvml.nvmlInit()

@@ -14,6 +14,7 @@ import warp as wp
 
 from ...errors import install
 from ...frame.schedule.runner import PassRunner
+from ..machine.clocks import card_of
 
 PACKAGE = "nvidia-ml-py"
 """NVIDIA's own binding of its management library."""
@@ -89,8 +90,7 @@ def energy_counter(device: Any) -> Callable[[], float]:
     except ImportError:
         raise MissingError(f"no package {PACKAGE}; {install(PACKAGE)}") from None
     try:
-        pynvml.nvmlInit()
-        card = pynvml.nvmlDeviceGetHandleByUUID(device.uuid)
+        card = card_of(device.uuid)
         pynvml.nvmlDeviceGetTotalEnergyConsumption(card)
     except pynvml.NVMLError as error:
         raise MissingError(f"NVML does not count the energy of this card ({error})") from error
