@@ -3,7 +3,6 @@
 NVIDIA's management library tells them in a millisecond where its binding is installed; ``nvidia-smi`` starts a process.
 """
 
-import functools
 import os
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import warp as wp
 
 from .environment import asked_of_driver
+from .nvml import card_of
 
 FIELDS: dict[str, Callable[[Any, Any], Any]] = {
     "clocks.sm": lambda nvml, card: nvml.nvmlDeviceGetClockInfo(card, nvml.NVML_CLOCK_SM),
@@ -42,12 +42,3 @@ def _told_by_library(uuid: str) -> list[dict[str, str]]:
         return [{name: str(told(nvml, card_of(uuid))) for name, told in FIELDS.items()}]
     except nvml.NVMLError:
         return []
-
-
-@functools.cache
-def card_of(uuid: str) -> Any:
-    """NVML's handle of a GPU. Raises ImportError without the library, and ``NVMLError``."""
-    import pynvml
-
-    pynvml.nvmlInit()
-    return pynvml.nvmlDeviceGetHandleByUUID(uuid)

@@ -14,7 +14,7 @@ import warp as wp
 
 from ...errors import install
 from ...frame.schedule.runner import PassRunner
-from ..machine.clocks import card_of
+from ..machine.nvml import card_of
 
 PACKAGE = "nvidia-ml-py"
 """NVIDIA's own binding of its management library."""
