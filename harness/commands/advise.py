@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from ..errors import UserError, did_you_mean
 from ..scene.overrides import Lighting
 from ..texts import numbered
-from .options import Device, Json, MemoryLimit, SceneDir, complete_scene, takes_view
+from .options import command
 
 if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
@@ -27,38 +25,24 @@ MOVES = {
 MOST_LIGHTS = 1024
 
 
-@takes_view(but=["frames"])
+@command(
+    f"""
+    Say which structure is the fastest for a scene, here.
+    shadowbench advise mesh.ply --lights 4
+
+    scene         Name of a scene, or a mesh file.
+    --lights N    Number of lights: copies of the scene's first one, spread around it.
+    --moves WHAT  What has moved since the last frame: {", ".join(MOVES)}. Only what depends on it is rebuilt. Default: all.
+    --size WxH    Image size. Default: 256x256 on a CPU, 1024x1024 on a GPU.
+    --out PATH    Results folder. Default: one in results/local.
+    """,
+    without=["frames"],
+)
 def advise(
-    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.", autocompletion=complete_scene)],
-    lights: Annotated[
-        int | None,
-        typer.Option(
-            "--lights", metavar="N", help="Number of lights: copies of the scene's first one, spread around it."
-        ),
-    ] = None,
-    moves: Annotated[
-        str | None,
-        typer.Option(
-            "--moves",
-            metavar="WHAT",
-            help=f"What has moved since the last frame: {', '.join(MOVES)}. Only what depends on it is rebuilt. "
-            "Default: all.",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option("--size", metavar="WxH", help="Image size. Default: 256x256 on a CPU, 1024x1024 on a GPU."),
-    ] = None,
-    device: Device = None,
-    scene_dir: SceneDir = None,
-    memory_limit: MemoryLimit = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="PATH", help="Results folder. Default: one in results/local.")
-    ] = None,
-    as_json: Json = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: str, lights: int | None = None, moves: str | None = None, size: str | None = None,
+    device: str | None = None, scene_dir: Path | None = None, memory_limit: int | None = None,
+    out: Path | None = None, as_json: bool = False, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Measure a shortlist of structures on a scene and say which is the fastest: of the exact ones, and of all.
 
     It takes about two minutes on a CPU and half a minute on a GPU, besides compiling kernels for the first time. The

@@ -6,25 +6,27 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from ..errors import UserError
 from ..runner.machine.lock import MACHINE
 from ..texts import visible
-from .options import Json
+from .options import command
 
 MODULE = re.compile(r"wp_\w+|lto")
 """Folders of compiled modules in the folder of a version of Warp. Nothing else is counted or removed."""
 
 VERSION = re.compile(r"\d+\.\d+\.\d+\w*")
 
-Action = Annotated[str, typer.Argument(help="show, or clear: remove them all.")]
 
+@command(
+    """
+    Show or clear the compiled kernels on the disk.
+    shadowbench cache clear
 
-@MACHINE.restored()
-def cache(action: Action = "show", as_json: Json = False) -> int:
+    action  show, or clear: remove them all.
+    """
+)
+def cache(action: str = "show", as_json: bool = False) -> int:
     """Show how much room the compiled kernels take, or clear them.
 
     Kernels are compiled once for each version of their code, of Warp and of the device, and kept; the folder only grows.

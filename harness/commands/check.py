@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError
 from ..judge.verdict import Verdict
 from ..runner.machine.lock import MACHINE
-from .options import Device, Json, option
+from .options import command
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -19,19 +17,20 @@ if TYPE_CHECKING:
     from ..hardcases.judge import Finding
 
 
-@MACHINE.restored()
+@command(
+    """
+    Test one method on small scenes that are hard to trace.
+    shadowbench check perspective_spherical --device cpu
+
+    method             Name of a method; see shadowbench list methods.
+    --set PARAM=VALUE  Parameter of the method; see shadowbench list methods NAME. Repeatable.
+    --case NAME        Name of a hard case. Repeatable. Default: all.
+    """
+)
 def check(
-    method: Annotated[str, typer.Argument(help="Name of a method; see shadowbench list methods.")],
-    device: Device = None,
-    setting: Annotated[
-        list[str] | None,
-        option("--set", "PARAM=VALUE", "Parameter of the method; see shadowbench list methods NAME. Repeatable."),
-    ] = None,
-    case: Annotated[
-        list[str] | None, option("--case", "NAME", "Name of a hard case. Repeatable. Default: all.")
-    ] = None,
-    as_json: Json = False,
-) -> int:
+    method: str, device: str | None = None, setting: list[str] | None = None, case: list[str] | None = None,
+    as_json: bool = False,
+) -> int:  # fmt: skip
     """Run one method on small scenes that are hard to trace, and test that it keeps the rules of the interface.
 
     Every answer is compared with exact arithmetic. A wrong answer that float32 rounding explains (near-tie, edge) is

@@ -7,9 +7,7 @@ import re
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ..errors import UserError
 from ..files import plain
@@ -17,7 +15,7 @@ from ..report import numbers, two_runs
 from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
 from ..texts import numbered
 from .compared_runs import Run, cores, refuse
-from .options import Json, option
+from .options import command
 from .tables import make_console, make_table, print_lines
 
 ALLOWED = ("machine", "driver", "scene", "versions", "missing", "wrong")
@@ -33,41 +31,26 @@ FAILS = ("slower", "faster", "cannot-tell", *GUARDS)
 FIRST = 4
 """How many names of a list are printed without ``--all``."""
 
-One = Annotated[Path, typer.Argument(metavar="A", help="A results folder, or a folder of them: the base.")]
-Other = Annotated[Path, typer.Argument(metavar="B", help="The results to compare with A.")]
-Again = Annotated[
-    Path | None,
-    option(
-        "--again", "FOLDER", "A second run of A on the same machine: its gap to A counts as the machine's own spread."
-    ),
-]
-Allow = Annotated[
-    list[str] | None,
-    option(
-        "--allow",
-        "WHAT",
-        "Compare although this differs: machine, driver, scene or versions; and let pass what is missing or wrong. "
-        "Repeatable.",
-    ),
-]
-FailOn = Annotated[
-    list[str] | None,
-    option(
-        "--fail-on",
-        "VERDICT",
-        "Exit code 1 for this verdict: slower, faster or cannot-tell; for missing, a point of A that B has not "
-        "measured; or for wrong, errors that A had not. Slower includes missing and wrong. Repeatable.",
-    ),
-]
-All = Annotated[
-    bool, typer.Option("--all", help="Name every round that was left out and every entry, not the first few.")
-]
-Margin = Annotated[float, option("--margin", "SHARE", "A gap up to this share counts as no difference.")]
 
+@command(
+    """
+    Compare two runs: faster, slower or the same.
+    shadowbench compare results/local/old results/local/new --fail-on slower
 
+    A                  A results folder, or a folder of them: the base.
+    B                  The results to compare with A.
+    --again FOLDER     A second run of A on the same machine: its gap to A counts as the machine's own spread.
+    --allow WHAT       Compare although this differs: machine, driver, scene or versions; and let pass what is missing or
+                       wrong. Repeatable.
+    --fail-on VERDICT  Exit code 1 for this verdict: slower, faster or cannot-tell; for missing, a point of A that B has not
+                       measured; or for wrong, errors that A had not. Slower includes missing and wrong. Repeatable.
+    --all              Name every round that was left out and every entry, not the first few.
+    --margin SHARE     A gap up to this share counts as no difference.
+    """
+)
 def compare(
-    a: One, b: Other, again: Again = None, allow: Allow = None, fail_on: FailOn = None,
-    margin: Margin = two_runs.MARGIN, everything: All = False, as_json: Json = False,
+    a: Path, b: Path, again: Path | None = None, allow: list[str] | None = None, fail_on: list[str] | None = None,
+    margin: float = two_runs.MARGIN, everything: bool = False, as_json: bool = False,
 ) -> int:  # fmt: skip
     """Compare two runs: decide for each scene and method, and for the geometric mean, whether B is faster, slower or the
     same; or wrong, where it has errors that A had not.

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine.lock import MACHINE
-from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, option, takes_view
+from .options import command
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -22,21 +21,20 @@ if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
 
 
-@MACHINE.restored()
-@takes_view()
+@command(
+    """
+    Show every answer at one pixel, and the exact one.
+    shadowbench explain cloth --pixel 120,80
+
+    scene        Name of a scene, or a mesh file.
+    --pixel X,Y  Column and row of the pixel, counted from 0: X,Y.
+    """
+)
 def explain(
-    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
-    pixel: Annotated[str, option("--pixel", "X,Y", "Column and row of the pixel, counted from 0: X,Y.")],
-    method: Methods = None,
-    device: Device = None,
-    size: Size = "256x256",
-    frame: Frame = 0,
-    setting: Settings = None,
-    scene_dir: SceneDir = None,
-    as_json: Json = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: str, pixel: str, method: list[str] | None = None, device: str | None = None, size: str = "256x256",
+    frame: int = 0, setting: list[str] | None = None, scene_dir: Path | None = None, as_json: bool = False,
+    *, view: ChosenView,
+) -> int:  # fmt: skip
     """Show the answer of every method at one pixel with its class, the answer of the reference, and the exact answer.
 
     The classes are those that `verify --every-pixel` counts. Distances to edges are in units of the error bound of a

@@ -6,9 +6,6 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from ..errors import UserError, say
 from ..results.folder import ResultsFolder, require_plain
@@ -16,7 +13,7 @@ from ..results.record import FAILURES, Record
 from ..results.schema import ARCHIVE, read_records, write_archive
 from ..runner.cluster.ledger import NAME as CLUSTER
 from ..runner.cluster.ledger import merging_refused
-from .options import option
+from .options import command
 from .show import show
 
 BULKY = ("images", "maps")
@@ -25,13 +22,19 @@ BULKY = ("images", "maps")
 DRAWN = (".csv", ".md", ".svg", ".png")
 """Files beside the records that are copied: drawings, tables and notes."""
 
-Sources = Annotated[list[Path], typer.Argument(help="Results folders of one experiment.")]
-Out = Annotated[Path, option("--out", "PATH", "The folder to create.")]
-With = Annotated[list[str] | None, option("--with", "WHAT", "Also copy images or maps. Repeatable.")]
-Replace = Annotated[bool, typer.Option("--replace", help="Replace the contents of --out.")]
 
+@command(
+    """
+    Pack results into a folder to publish.
+    shadowbench keep results/local/table1-quick --out results/my-machine/table1
 
-def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = False) -> int:
+    sources      Results folders of one experiment.
+    --out PATH   The folder to create.
+    --with WHAT  Also copy images or maps. Repeatable.
+    --replace    Replace the contents of --out.
+    """
+)
+def keep(sources: list[Path], out: Path, extras: list[str] | None = None, replace: bool = False) -> int:
     """Pack results: all records in one compressed file, the environments of their runs, and the drawings made again.
 
     If several folders hold a record of the same point, the last folder whose record is not a failure counts. Journals,

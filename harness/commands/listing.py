@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from ..errors import UserError, did_you_mean
 from ..files import plain
 from ..frame import registry
 from ..texts import numbered, visible
+from .options import command, view_of
 
 if TYPE_CHECKING:  # each kind imports what it needs
     from ..runner.planning.experiment import Preset
@@ -19,6 +21,30 @@ if TYPE_CHECKING:  # each kind imports what it needs
 
 Row = dict[str, Any]
 KINDS = ("methods", "scenes", "experiments")
+
+
+@command(
+    """
+    List methods, scenes or experiments.
+    shadowbench list methods bvh2
+
+    kind  What to list: methods, scenes or experiments.
+    NAME  Methods: their parameters. Experiments: their presets. Scenes or mesh files: what they hold, their cameras and
+          lights.
+    """
+)
+def list_(
+    kind: str, name: list[str] | None = None, rate: float | None = None, allow_missing: bool = False,
+    scene_dir: Path | None = None, as_json: bool = False,
+) -> int:  # fmt: skip
+    """List the methods, scenes or experiments; of a method its parameters; of an experiment its presets; of a file its
+    triangles and frames, its cameras and its lights."""
+    rows = rows_of(kind, name or [], lambda: view_of(rate=rate, allow_missing=allow_missing), scene_dir, not as_json)
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        show(rows)
+    return 0
 
 
 def rows_of(

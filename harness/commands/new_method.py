@@ -9,12 +9,9 @@ import sys
 import tempfile
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from ..errors import UserError, install, say
-from .options import option
+from .options import command
 
 TEMPLATE = "template"
 """The folder beside this file with the files of the package; their names and texts have the marks of :func:`filled`."""
@@ -24,13 +21,17 @@ ENDING = ".txt"
 
 LONGEST = 64
 
-Name = Annotated[str, typer.Argument(help="Name of the new method, a Python identifier in lower case.")]
-Out = Annotated[
-    Path | None, option("--out", "PATH", "The folder to create. Default: shadowbench-NAME in the current folder.")
-]
 
+@command(
+    """
+    Create a Python package for a new method.
+    shadowbench new-method my_method
 
-def new_method(name: Name, out: Out = None) -> int:
+    name        Name of the new method, a Python identifier in lower case.
+    --out PATH  The folder to create. Default: shadowbench-NAME in the current folder.
+    """
+)
+def new_method(name: str, out: Path | None = None) -> int:
     """Create a Python package with a working method to start from, its test, and its entry point.
 
     As created it tests every triangle for every ray, without a structure, and passes `shadowbench check`.

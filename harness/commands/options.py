@@ -1,18 +1,29 @@
-"""Options that several commands share."""
+"""Commands made of plain functions: their parameters become arguments and options, each described by a row of text.
+
+A command's text is a line for the list of commands, an example, and a row for each parameter: what a user types, two
+spaces, and what it means. Further lines of a row are indented. A name in capitals is shown so in the help. Types and
+defaults are those of the parameters::
+
+    Compare every answer of every method with the reference.
+    shadowbench verify cloth bunny.ply --method warp_bvh --json
+
+    scene            Names of scenes, or mesh files.
+    --size WxH       Image size, such as 512x512.
+"""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from ..errors import UserError
+from ..runner.machine.lock import MACHINE
 
 if TYPE_CHECKING:  # every command needs this module, and few need what makes scenes
     from ..scene.chosen_view import ChosenView
@@ -21,186 +32,127 @@ if TYPE_CHECKING:  # every command needs this module, and few need what makes sc
 FASTEST = 1e6
 """Largest rate of an animation, frames a second."""
 
+SHARED = """
+--method NAME               Name of a method. Repeatable. Default: all methods.
+--set METHOD.PARAM=VALUE    Parameter of a method. Repeatable.
+--device DEVICE             cpu or cuda:0. Default: cuda:0 if present, else cpu.
+--size WxH                  Image size, such as 512x512.
+--frame N                   Frame of an animated scene, from 0.
+--scene-dir FOLDER          Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES.
+--memory-limit BYTES        Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process
+                            on the host (plus 256 MiB for compilers). A method that needs more is rejected. What exceeds it
+                            by gigabytes on the host, or at all on a GPU, is not taken in the first place. Default: 8 GiB.
+--json                      Print the result as JSON.
+--camera EYE TARGET         Position of the camera and the point it looks at, each X,Y,Z. Default: the scene's.
+--fov DEGREES               Vertical field of view, degrees. Default: the scene's.
+--light X,Y,Z               Position of a point light that replaces the scene's lights. Repeatable.
+--camera-of NAME            Name of a camera that the scene's file has; shadowbench list scenes FILE names them.
+--light-of NAME             Name of a light that the scene's file has, in place of the scene's lights. Repeatable.
+--frames A:B:STEP           Frames of an animated file: the first, the last and the step, counted from 0. Default: all.
+--rate FPS                  Frames a second at which the animation of a file is sampled. Default: as the file says.
+--allow-missing             Leave out what a missing file would have held, instead of refusing the scene.
+--light-size SIZE           Give every light an area of this size, in the scene's units: shadows become soft.
+--light-samples N           Points of each light's area that shadow rays are traced to. Default: the scene's, or 16.
+--light-shape SHAPE         Shape of that area: sphere, disc or rectangle. Default: the scene's, or sphere.
+"""
+"""Options that mean the same in several commands."""
 
-def option(flag: str, value: str, help: str, **more: Any) -> Any:
-    """An option of a command. ``value``: what stands for its value in the help."""
-    return typer.Option(flag, metavar=value, help=help, **more)
+ONE_METHOD = "The method that traces it. Default: ray_grids, or where it cannot trace the scene the first that can."
+"""What ``--method`` means to a command that shows a scene."""
 
-
-def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
-
-
-def complete_experiment(incomplete: str) -> list[str]:
-    """For the completion of a shell: the names of experiments that start so."""
-    from ..runner.planning.experiment import experiment_names
-
-    return _starting(incomplete, experiment_names())
-
-
-def complete_method(incomplete: str) -> list[str]:
-    """The names of methods that start so."""
-    from ..frame.registry import method_names
-
-    return _starting(incomplete, method_names())
-
-
-def complete_scene(incomplete: str) -> list[str]:
-    """The names of scenes that start so; a shell completes files itself."""
-    from ..scene.names import NAMES
-
-    return _starting(incomplete, NAMES)
-
-
-def method_option(default: str) -> Any:
-    """``--method``, for the methods that a command works on. ``default``: which those are without it."""
-    return option(
-        "--method", "NAME", f"Name of a method. Repeatable. Default: {default}.", autocompletion=complete_method
-    )
-
-
-Methods = Annotated[list[str] | None, method_option("all methods")]
-OneMethod = Annotated[
-    str | None,
-    option(
-        "--method",
-        "NAME",
-        "The method that traces it. Default: ray_grids, or where it cannot trace the scene the first that can.",
-        autocompletion=complete_method,
-    ),
-]
-Settings = Annotated[list[str] | None, option("--set", "METHOD.PARAM=VALUE", "Parameter of a method. Repeatable.")]
-Device = Annotated[str | None, option("--device", "DEVICE", "cpu or cuda:0. Default: cuda:0 if present, else cpu.")]
-Size = Annotated[str, option("--size", "WxH", "Image size, such as 512x512.")]
-Frame = Annotated[int, option("--frame", "N", "Frame of an animated scene, from 0.")]
-SceneDir = Annotated[
-    Path | None,
-    option("--scene-dir", "FOLDER", "Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES."),
-]
-MemoryLimit = Annotated[
-    int | None,
-    option(
-        "--memory-limit",
-        "BYTES",
-        "Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process on the "
-        "host (plus 256 MiB for compilers). A method that needs more is rejected. What exceeds it by gigabytes on the host, "
-        "or at all on a GPU, is not taken in the first place. Default: 8 GiB.",
-    ),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-CameraPlace = Annotated[
-    tuple[str, str] | None,
-    option(
-        "--camera", "EYE TARGET", "Position of the camera and the point it looks at, each X,Y,Z. Default: the scene's."
-    ),
-]
-Fov = Annotated[float | None, option("--fov", "DEGREES", "Vertical field of view, degrees. Default: the scene's.")]
-Lights = Annotated[
-    list[str] | None,
-    option("--light", "X,Y,Z", "Position of a point light that replaces the scene's lights. Repeatable."),
-]
-
-
-LightSize = Annotated[
-    float | None,
-    option("--light-size", "SIZE", "Give every light an area of this size, in the scene's units: shadows become soft."),
-]
-LightSamples = Annotated[
-    int | None,
-    option(
-        "--light-samples",
-        "N",
-        "Points of each light's area that shadow rays are traced to. Default: the scene's, or 16.",
-    ),
-]
-LightShape = Annotated[
-    str | None,
-    option("--light-shape", "SHAPE", "Shape of that area: sphere, disc or rectangle. Default: the scene's, or sphere."),
-]
-CameraOf = Annotated[
-    str | None,
-    option(
-        "--camera-of", "NAME", "Name of a camera that the scene's file has; shadowbench list scenes FILE names them."
-    ),
-]
-LightsOf = Annotated[
-    list[str] | None,
-    option(
-        "--light-of", "NAME", "Name of a light that the scene's file has, in place of the scene's lights. Repeatable."
-    ),
-]
-FileFrames = Annotated[
-    str | None,
-    option(
-        "--frames",
-        "A:B:STEP",
-        "Frames of an animated file: the first, the last and the step, counted from 0. Default: all.",
-    ),
-]
-FrameRate = Annotated[
-    float | None,
-    option("--rate", "FPS", "Frames a second at which the animation of a file is sampled. Default: as the file says."),
-]
-AllowMissing = Annotated[
-    bool,
-    typer.Option(
-        "--allow-missing", help="Leave out what a missing file would have held, instead of refusing the scene."
-    ),
-]
-
-
-VIEW = {
-    "camera": CameraPlace, "fov": Fov, "light": Lights, "camera_of": CameraOf, "light_of": LightsOf, "frames": FileFrames,
-    "rate": FrameRate, "allow_missing": AllowMissing, "light_size": LightSize, "light_samples": LightSamples,
-    "light_shape": LightShape,
+PARAMETERS = {
+    "set": "setting", "json": "as_json", "with": "extras", "open": "browser", "all": "everything",
+    "every_pixel": "everything", "animate": "animation",
 }  # fmt: skip
-"""The options that choose what is seen of a scene: the parameters of :func:`view_of`."""
+"""Parameters that are not called as their options, most of which Python has a use for."""
 
-Command = Callable[..., int]
+ROW = re.compile(r"(?P<head>\S+)(?: (?P<value>\S+(?: \S+)*))?  +(?P<text>.+)")
+
+Work = Callable[..., int]
 
 
-def takes_view(but: Iterable[str] = ()) -> Callable[[Command], Command]:
-    """Give a command the options :data:`VIEW`, ``but`` some; its parameter ``view`` is what they ask of a scene."""
+def described(texts: str) -> dict[str, Any]:
+    """What typer is to know of each parameter that rows of text describe, by the parameter's name."""
+    found = {}
+    for row in re.split(r"\n+(?=\S)", texts.strip()):
+        parts = ROW.fullmatch(re.sub(r"\n +", " ", row))
+        assert parts, row
+        head, value, text = parts.group("head", "value", "text")
+        name = head.removeprefix("--").partition("/")[0].replace("-", "_").lower()
+        name = PARAMETERS.get(name, name)
+        more: dict[str, Any] = {"help": text, "autocompletion": completion(name) if name in COMPLETED else None}
+        if head.startswith("--"):
+            found[name] = typer.Option(head, metavar=value, **more)
+        else:
+            found[name] = typer.Argument(metavar=head if head.isupper() else None, **more)
+    return found
 
-    def with_options(work: Command) -> Command:
-        names = [name for name in VIEW if name not in but]
+
+COMPLETED = ("experiment", "method", "scene")
+"""Parameters whose names a shell can complete. It completes files itself."""
+
+
+def completion(kind: str) -> Callable[[str], list[str]]:
+    """For a shell: the names of a kind that begin as what is typed."""
+
+    def names(incomplete: str) -> list[str]:
+        from ..frame.registry import method_names
+        from ..runner.planning.experiment import experiment_names
+        from ..scene.names import NAMES
+
+        known = {"experiment": experiment_names, "method": method_names, "scene": lambda: NAMES}[kind]()
+        return [name for name in known if name.startswith(incomplete)]
+
+    return names
+
+
+def command(text: str, without: Collection[str] = ()) -> Callable[[Work], Work]:
+    """Make a function that returns its exit code a command. What its ``text`` leaves out is described by :data:`SHARED`. One
+    that has a parameter ``view`` gets those of :func:`view_of`, ``without`` some, in its place.
+
+    What the command takes of the lock on the machine, it gives back.
+    """
+    short, example, *rows = inspect.cleandoc(text).split("\n", 2)
+    known = described("\n".join([SHARED, *rows]))
+
+    def made(work: Work) -> Work:
+        own = dict(inspect.signature(work).parameters)
+        hints = get_type_hints(work, localns={"ChosenView": object})
+        seen: dict[str, inspect.Parameter] = {}
+        if own.pop("view", None):
+            taken = {*own, *without}
+            seen = {name: one for name, one in inspect.signature(view_of).parameters.items() if name not in taken}
+            hints |= get_type_hints(view_of, localns={"ChosenView": object})
 
         @functools.wraps(work)
         def called(*arguments: Any, **given: Any) -> int:
-            view = view_of(**{name: given.pop(name) for name in names if name in given})
-            return work(*arguments, **given, view=view)
+            if seen:
+                given["view"] = view_of(**{name: given.pop(name) for name in seen if name in given})
+            with MACHINE.restored():
+                return work(*arguments, **given)
 
-        own = [
-            one.replace(annotation=eval(str(one.annotation), work.__globals__))  # as typer evaluates them
-            for one in inspect.signature(work).parameters.values()
-            if one.name != "view"
-        ]
-        kind = inspect.Parameter.KEYWORD_ONLY
-        more = [
-            inspect.Parameter(name, kind, annotation=VIEW[name], default=False if name == "allow_missing" else None)
-            for name in names
-        ]
-        called.__signature__ = inspect.Signature([*own, *more], return_annotation=int)  # type: ignore[attr-defined]
-        called.__annotations__ = {one.name: one.annotation for one in (*own, *more)}
+        parameters = [one.replace(annotation=Annotated[hints[name], known[name]]) for name, one in (own | seen).items()]
+        called.__annotations__ = {one.name: one.annotation for one in parameters}
+        vars(called).update(short=short, example=example, __signature__=inspect.Signature(parameters))
         return called
 
-    return with_options
+    return made
 
 
 def view_of(
     camera: tuple[str, str] | None = None,
     fov: float | None = None,
     light: list[str] | None = None,
+    camera_of: str | None = None,
+    light_of: list[str] | None = None,
     frames: str | None = None,
     rate: float | None = None,
     allow_missing: bool = False,
-    camera_of: str | None = None,
-    light_of: list[str] | None = None,
     light_size: float | None = None,
     light_samples: int | None = None,
     light_shape: str | None = None,
 ) -> ChosenView:
-    """What the options :data:`VIEW` ask of a scene. Raises :class:`UserError` for a malformed value."""
+    """What the options of these names ask of a scene. Raises :class:`UserError` for a malformed value."""
     from ..scene.chosen_view import ChosenView
     from ..scene.readers.checks import Wanted, frames_of
     from ..scene.scene import Light

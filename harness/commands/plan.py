@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import CapacityRejected, UserError, one_line
 from ..frame.devices import find_device, placed_method
@@ -27,26 +25,26 @@ from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from ..scene.targets import numbers_of
 from .listing import area_text, place_text
-from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size, takes_view
+from .options import command
 from .tables import table_blocks
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
-@takes_view()
+@command(
+    """
+    List the passes of each method for a scene, with reasons.
+    shadowbench plan cloth --method uniform_grid
+
+    scene  Name of a scene, or a mesh file.
+    """
+)
 def plan(
-    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
-    method: Methods = None,
-    setting: Settings = None,
-    size: Size = "256x256",
-    device: Device = None,
-    frame: Frame = 0,
-    scene_dir: SceneDir = None,
-    as_json: Json = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: str, method: list[str] | None = None, setting: list[str] | None = None, size: str = "256x256",
+    device: str | None = None, frame: int = 0, scene_dir: Path | None = None, as_json: bool = False,
+    *, view: ChosenView,
+) -> int:  # fmt: skip
     """List the effects of a scene and the passes of each method, with the reason why each pass runs.
 
     The passes are listed for the first frame that is traced (--frame), and for a later one in which only the camera, only

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import U8
-from ..errors import CapacityRejected, UserError, warn
+from ..errors import CapacityRejected, UserError, say, warn
 from ..frame.devices import find_device, placed_method
 from ..frame.session import Session
 from ..runner.machine.lock import MACHINE
@@ -17,7 +17,8 @@ from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
-from .default_method import default_method
+from .default_method import default_method, settings_by_method
+from .options import ONE_METHOD, command, number_or_frames
 
 SECONDS, MOST_SECONDS = 4.0, 3600.0
 """Length of an animation whose file does not say its rate, and of any at most."""
@@ -104,6 +105,44 @@ def with_turning_light(described: Scene, places: int) -> Prepared:
     middle = vector(prepared.middle + prepared.centre)
     path = Orbit(middle, described.camera.up, (places - 1) / places)
     return under(prepared, replace(prepared.scene, light_path=path))
+
+
+@command(
+    f"""
+    Render a picture or an animation of a scene.
+    shadowbench render cloth --out cloth.png --size 512x512
+
+    scene                   Name of a scene, or a mesh file. With --animate there may be several, side by side.
+    --method NAME           {ONE_METHOD}
+    --out PATH              PNG file to write; its folder is created if missing.
+    --animate FILE          WebP file to write instead: every frame, or of a still scene a turn of its lights.
+    --frames N or A:B:STEP  Number of frames of the animation. Default: all. With colons: of an animated file the first
+                            frame, the last and the step, counted from 0.
+    --seconds SECONDS       Length of the animation. Default: as the file says, else 4.
+    """
+)
+def render_(
+    scene: list[str], method: str | None = None, out: Path | None = None, animation: Path | None = None,
+    size: str = "512x512", frame: int = 0, frames: str | None = None, seconds: float | None = None,
+    setting: list[str] | None = None, device: str | None = None, scene_dir: Path | None = None, *, view: ChosenView,
+) -> int:  # fmt: skip
+    """Render a scene from the hits and shadow bits that a method finds.
+
+    The picture of a stand-in scene has a caption that says so.
+    """
+    settings = settings_by_method(setting or [])
+    count, seen = number_or_frames(frames, view)
+    if (out is None) == (animation is None):
+        raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
+    if animation is not None:
+        picture = animate(scene, method, animation, size, count, seconds, device, scene_dir, settings, seen)
+    else:
+        assert out is not None
+        if len(scene) > 1:
+            raise UserError(f"render {' '.join(scene)}: --out shows one scene; --animate shows several")
+        picture = render(scene[0], method, out, size, frame, device, scene_dir, settings, seen)
+    say(f"written: {picture}")
+    return 0
 
 
 @MACHINE.restored()

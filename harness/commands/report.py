@@ -5,15 +5,13 @@ from __future__ import annotations
 import importlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError, say
 from ..files import write_text
 from ..results.folder import require_plain
 from ..runner.planning.experiment import PACKAGE
-from .options import Json, option
+from .options import command
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -25,19 +23,21 @@ DEFAULT = "report.html"
 DOCS = Path("build/site")
 """Where ``make docs`` writes the documentation."""
 
-Folder = Annotated[Path, typer.Argument(help="A results folder, or a folder of results folders, however deep.")]
-Out = Annotated[Path | None, option("--out", "PATH", f"The file to write. Default: {DEFAULT} in the folder.")]
-Site = Annotated[
-    Path | None,
-    option("--site", "DIR", "Write a site instead, for any static host: the page, a page for each experiment, docs."),
-]
-Docs = Annotated[
-    Path | None,
-    option("--docs", "DIR", "Write no page, but the claims and the drawn parts of Markdown files of a checkout anew."),
-]
 
+@command(
+    f"""
+    Write results as one HTML page to explore.
+    shadowbench report results/nvidia-h200 --out report.html
 
-def report(folder: Folder, out: Out = None, site: Site = None, docs: Docs = None, as_json: Json = False) -> int:
+    folder      A results folder, or a folder of results folders, however deep.
+    --out PATH  The file to write. Default: {DEFAULT} in the folder.
+    --site DIR  Write a site instead, for any static host: the page, a page for each experiment, docs.
+    --docs DIR  Write no page, but the claims and the drawn parts of Markdown files of a checkout anew.
+    """
+)
+def report(
+    folder: Path, out: Path | None = None, site: Path | None = None, docs: Path | None = None, as_json: bool = False
+) -> int:
     """Write one HTML file to explore results with: tables, curves, pictures, claims and records. It works offline.
 
     Nothing is measured. The page loads nothing from a network.

@@ -24,13 +24,75 @@ from ..scene.catalogue import folder as scene_folder
 from ..scene.catalogue import is_of_files
 from ..scene.chosen_view import ChosenView
 from ..scene.facts import few_hits
-from .options import checked_limit
-
-RESULTS = Path("results/local")
-"""The parent folder of results without ``--out``."""
+from .options import checked_limit, command, number_or_frames
+from .show import RESULTS
 
 MOST_ROUNDS = 10_000
 """The order of all rounds is made before the first."""
+
+
+@command(
+    """
+    Measure an experiment: every method on every scene.
+    shadowbench run table1 --scene cloth --method warp_bvh --method embree
+
+    experiment               Name of an experiment; see shadowbench list experiments.
+    --preset NAME            Name of a preset, such as quick or paper. Default: depends on the device.
+    --scene SCENE            Name of a scene, or a mesh file. Repeatable. Default: those of the preset.
+    --method NAME            Name of a method. Repeatable. Default: those of the preset.
+    --out PATH               Results folder; created if missing. A second run measures only missing points. Default:
+                             results/local/EXPERIMENT-PRESET.
+    --size WxH               Image size, such as 256x256. Default: that of the preset.
+    --frames N or A:B:STEP   Number of frames of an animated scene that are measured; 1: the middle frame. Default: the
+                             preset's. With colons: of an animated file the first frame, the last and the step, counted
+                             from 0.
+    --samples N              Minimum number of timing samples per frame and round. Default: the preset's.
+    --rounds N               Number of times that each point is measured, in interleaved order. Default: the preset's.
+    --budget SECONDS         Time limit for the timing samples of a point. Default: the preset's.
+    --timeout SECONDS        Time without a reply after which a point has the status timeout. Default: the preset's.
+    --seed N                 Seed of the random order of the points in each round.
+    --save-answers           Save the answers of every pixel as arrays.
+    --score/--no-score       Compare the answers with the exact reference.
+    --retry                  Measure points again that failed or timed out.
+    --with NAME              Untimed work that is not about the scene, such as hard-cases of the experiment accuracy.
+                             Repeatable.
+    --cluster local|ADDRESS  Measure on several GPUs: those of this machine, or the workers of a Dask scheduler. Needs the
+                             extra cluster; see docs/cluster.md.
+    --dry-run                Measure nothing: list the points to be measured and those already measured, with the expected
+                             time.
+    """
+)
+def run_(
+    experiment: str, preset: str | None = None, device: str | None = None, scene: list[str] | None = None,
+    method: list[str] | None = None, setting: list[str] | None = None, scene_dir: Path | None = None,
+    out: Path | None = None, size: str | None = None, frames: str | None = None, samples: int | None = None,
+    rounds: int | None = None, budget: float | None = None, timeout: float | None = None, seed: int = 0,
+    memory_limit: int | None = None, save_answers: bool = False, score: bool = True, retry: bool = False,
+    extras: list[str] | None = None, cluster: str | None = None, dry_run: bool = False, as_json: bool = False,
+    *, view: ChosenView,
+) -> int:  # fmt: skip
+    """Measure an experiment: every method on every scene. Compare the answers with the exact reference, then draw tables
+    and figures.
+
+    Points that have a record in the results folder are not measured again, so an interrupted run continues where it
+    stopped. Exit code 1 if a point failed, or could not be scored.
+    """
+    count, seen = number_or_frames(frames, view)
+    overrides = {"frames": count, "samples": samples, "rounds": rounds, "budget_s": budget, "timeout_s": timeout}
+
+    def planned(elsewhere: str | None = None) -> Options:
+        return plan_run(
+            experiment, preset, device, scene or (), method or (), setting or (), scene_dir, out, size, overrides, seen,
+            elsewhere, seed=seed, save_answers=save_answers, score=score, retry=retry, memory_limit=memory_limit,
+            extras=tuple(dict.fromkeys(extras or ())),
+        )  # fmt: skip
+
+    if cluster is not None:
+        if dry_run:
+            raise UserError("--dry-run --cluster: the points are known to the workers alone; leave out one of the two")
+        return run_on_cluster(cluster, experiment, device, planned, as_json)
+    options = planned()
+    return dry(options, as_json) if dry_run else run(options, as_json)
 
 
 def plan_run(
@@ -219,16 +281,6 @@ def warnings_of(records: list[Record]) -> list[str]:
         seen[record.scene["name"]] = max(seen.get(record.scene["name"], (0, 0)), (sum(frames), rays))
     texts = ((name, few_hits(hits, rays)) for name, (hits, rays) in seen.items())
     return [f"{name}: {text.removeprefix('warning: ')}" for name, text in texts if text]
-
-
-def newest(experiment: str) -> Path:
-    """The local results folder of an experiment that was written last. Raises :class:`UserError` if there is none."""
-    if not find_experiment(experiment).presets and RESULTS.is_dir():
-        return RESULTS  # it reads the results of the others
-    folders = [path.parent for path in RESULTS.glob(f"{experiment}-*/records")]
-    if not folders:
-        raise UserError(f"no results of {experiment} in {RESULTS}; run it first, or name a folder")
-    return max(folders, key=lambda path: (path / "records").stat().st_mtime)
 
 
 def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:

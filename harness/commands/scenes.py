@@ -6,9 +6,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from ..errors import UserError, did_you_mean, say, warn
 from ..files import write_text
@@ -19,7 +16,7 @@ from ..scene.from_packages import wheel
 from ..scene.offered import OFFERS, Offer
 from ..scene.readers.apart import load, load_sequence
 from ..texts import numbered
-from .options import SceneDir
+from .options import command
 
 ARCHIVES = "archives"
 """The folder, in the folder of scenes, that keeps the downloads and their checksums."""
@@ -27,11 +24,16 @@ ARCHIVES = "archives"
 ACTIONS = ("fetch", "list")
 
 
-def scenes(
-    action: Annotated[str, typer.Argument(help="fetch or list")],
-    names: Annotated[list[str] | None, typer.Argument(help="Names of scenes; see shadowbench scenes list.")] = None,
-    scene_dir: SceneDir = None,
-) -> int:
+@command(
+    """
+    Fetch the originals of scenes.
+    shadowbench scenes fetch sibenik buddha --scene-dir scenes
+
+    action  fetch or list
+    names   Names of scenes; see shadowbench scenes list.
+    """
+)
+def scenes(action: str, names: list[str] | None = None, scene_dir: Path | None = None) -> int:
     """Fetch real scenes into the folder of scenes, or list those that are offered.
 
     Their source and terms are written beside them. Originals replace the stand-ins of their names; the others are scenes

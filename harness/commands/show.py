@@ -1,14 +1,50 @@
 """``shadowbench show``: draw from records. Nothing is timed or scored."""
 
+import json
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
-from ..errors import UserError, one_line
+from ..errors import UserError, one_line, say
 from ..results.folder import require_plain
 from ..results.schema import each_record
 from ..runner.planning.experiment import find_experiment
+from .options import command
+
+RESULTS = Path("results/local")
+"""The parent folder of results without ``--out``."""
+
+
+@command(
+    """
+    Draw tables and figures of an experiment from its records.
+    shadowbench show table1 results/local/table1-quick
+
+    experiment  Name of an experiment.
+    folder      A results folder. Default: the newest folder of this experiment in results/local.
+    --out PATH  Folder to write to. Default: the results folder itself.
+    """
+)
+def show_(experiment: str, folder: Path | None = None, out: Path | None = None, as_json: bool = False) -> int:
+    """Draw the tables and figures of an experiment from its records. Nothing is measured."""
+    files = show(experiment, folder or newest(experiment), quiet=as_json, out=out)
+    if as_json:
+        print(json.dumps({"files": [str(file) for file in files]}))
+    else:
+        for file in files:
+            say(f"written: {file}")
+    return 0
+
+
+def newest(experiment: str) -> Path:
+    """The local results folder of an experiment that was written last. Raises :class:`UserError` if there is none."""
+    if not find_experiment(experiment).presets and RESULTS.is_dir():
+        return RESULTS  # it reads the results of the others
+    folders = [path.parent for path in RESULTS.glob(f"{experiment}-*/records")]
+    if not folders:
+        raise UserError(f"no results of {experiment} in {RESULTS}; run it first, or name a folder")
+    return max(folders, key=lambda path: (path / "records").stat().st_mtime)
 
 
 def show(experiment: str, folder: Path | str, quiet: bool = False, out: Path | None = None) -> list[Path]:

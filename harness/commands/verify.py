@@ -9,16 +9,13 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError, say, warn
 from ..runner.machine.lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
-from .explain import explain
-from .options import Device, Frame, Json, MemoryLimit, Methods, SceneDir, Settings, Size, checked_limit, takes_view
+from .options import checked_limit, command
 from .verify_tables import print_reports, print_scores
 
 if TYPE_CHECKING:
@@ -27,27 +24,20 @@ if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
 
 
-__all__ = ["answer", "explain", "score", "verify"]
+@command(
+    """
+    Compare every answer of every method with the reference.
+    shadowbench verify cloth bunny.ply --method warp_bvh --json
 
-
-@MACHINE.restored()
-@takes_view()
+    scene          Names of scenes, or mesh files.
+    --every-pixel  Decide every pixel exactly, not only those where two answers differ.
+    """
+)
 def verify(
-    scene: Annotated[list[str], typer.Argument(help="Names of scenes, or mesh files.")],
-    method: Methods = None,
-    setting: Settings = None,
-    device: Device = None,
-    size: Size = "256x256",
-    frame: Frame = 0,
-    everything: Annotated[
-        bool, typer.Option("--every-pixel", help="Decide every pixel exactly, not only those where two answers differ.")
-    ] = False,
-    memory_limit: MemoryLimit = None,
-    scene_dir: SceneDir = None,
-    as_json: Json = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: list[str], method: list[str] | None = None, setting: list[str] | None = None, device: str | None = None,
+    size: str = "256x256", frame: int = 0, everything: bool = False, memory_limit: int | None = None,
+    scene_dir: Path | None = None, as_json: bool = False, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
     Each frame is repeated up to 16 times, and a method whose answers change has failed.
@@ -153,13 +143,16 @@ def _verify_scene(
     }
 
 
-@MACHINE.restored()
-def score(
-    folder: Annotated[Path, typer.Argument(help="A results folder with saved answers.")],
-    again: Annotated[bool, typer.Option("--again", help="Also score answers that already have a score.")] = False,
-    scene_dir: SceneDir = None,
-    as_json: Json = False,
-) -> int:
+@command(
+    """
+    Score answers that a run saved without a score.
+    shadowbench score results/local/table1-quick
+
+    folder   A results folder with saved answers.
+    --again  Also score answers that already have a score.
+    """
+)
+def score(folder: Path, again: bool = False, scene_dir: Path | None = None, as_json: bool = False) -> int:
     """Score the answers that a run saved without a score, and write the scores into the records.
 
     Exit code 1 if answers cannot be scored, or if a method that does not declare itself inexact has true errors.

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import shlex
 import sys
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import UserError
 from ..runner.machine.lock import MACHINE
-from .options import Device, OneMethod, SceneDir, Settings, Size, takes_view
+from .options import ONE_METHOD, command
 
 if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
@@ -18,23 +17,23 @@ if TYPE_CHECKING:
 DEFAULT_SCENE = "cloth"
 
 
-@MACHINE.restored()
-@takes_view()
+@command(
+    f"""
+    Show a scene on an interactive page on this machine.
+    shadowbench view cloth --size 256x256
+
+    scene          Name of a scene, or a mesh file.
+    --method NAME  {ONE_METHOD}
+    --frame N      Frame to begin with, from 0. Default: the middle.
+    --port PORT    Port on 127.0.0.1. Default: a free one.
+    --open         Open the page in the browser.
+    """
+)
 def view(
-    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")] = DEFAULT_SCENE,
-    method: OneMethod = None,
-    setting: Settings = None,
-    size: Size = "256x256",
-    frame: Annotated[
-        int | None, typer.Option("--frame", metavar="N", help="Frame to begin with, from 0. Default: the middle.")
-    ] = None,
-    device: Device = None,
-    scene_dir: SceneDir = None,
-    port: Annotated[int, typer.Option("--port", metavar="PORT", help="Port on 127.0.0.1. Default: a free one.")] = 0,
-    browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: str = DEFAULT_SCENE, method: str | None = None, setting: list[str] | None = None, size: str = "256x256",
+    frame: int | None = None, device: str | None = None, scene_dir: Path | None = None, port: int = 0,
+    browser: bool = False, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Show a scene on a page on this machine: drag the light and the camera, walk, play the animation, compare two methods.
 
     The page shows what the method answers, the time of its passes, and on request its wrong pixels. Only this machine

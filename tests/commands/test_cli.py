@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 from shadowbench.harness import cli
-from shadowbench.harness.commands import program
-from shadowbench.harness.commands.program import spread_values
+from shadowbench.harness.cli import spread_values
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = "advise run show list render verify explain score report compare new-method view".split()
@@ -81,8 +80,8 @@ def test_a_wrong_call_is_one_line_and_exit_2(call, line):
 
 def test_debug_shows_where_it_came_from(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["shadowbench", "list", "nothing", "--debug"])
-    monkeypatch.setenv(program.DEBUG, "")
-    with pytest.raises(program.UserError, match="unknown kind"):
+    monkeypatch.setenv(cli.DEBUG, "")
+    with pytest.raises(cli.UserError, match="unknown kind"):
         cli.main()
 
 
@@ -94,7 +93,7 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
 
     monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", interrupted)
     code, out, err = call("run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out")
-    assert code == program.INTERRUPTED
+    assert code == cli.INTERRUPTED
     assert out == ""
     assert err == "shadowbench: interrupted; run the same command again to continue\n"
 

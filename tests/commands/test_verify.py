@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from helpers import rational_brute_force as cases
-from shadowbench.harness.commands.verify import explain, verify
+from shadowbench.harness.commands.explain import explain
+from shadowbench.harness.commands.verify import verify
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.judge.referee import Referee

@@ -4,13 +4,12 @@ import sys
 
 import pytest
 from shadowbench.harness import cli
-from shadowbench.harness.commands import program
 
 
 def exit_code(monkeypatch, *words) -> int:
     """The exit code of ``shadowbench WORDS``."""
     monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, words)])
-    monkeypatch.delenv(program.DEBUG, raising=False)
+    monkeypatch.delenv(cli.DEBUG, raising=False)
     with pytest.raises(SystemExit) as stopped:
         cli.main()
     return stopped.value.code or 0

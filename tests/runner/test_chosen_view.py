@@ -7,9 +7,10 @@ import pytest
 from helpers.experiment_records import record_of
 from helpers.table1_records import write_records
 from helpers.tiny_runs import options
+from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.commands.verify import explain, verify
+from shadowbench.harness.commands.verify import verify
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.runner.known_scenes import known_scene, learn_scene

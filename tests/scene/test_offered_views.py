@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers import mesh_files as files
 from helpers.mesh_files import written
-from shadowbench.harness.cli import list_
+from shadowbench.harness.commands.listing import list_
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue
