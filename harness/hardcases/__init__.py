@@ -12,9 +12,6 @@ from .case import CASES, Counts, HardCase, Trial
 
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
 
-FURTHER = ("variants", "extremes")
-"""The modules whose cases come last."""
-
 for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
 
@@ -25,10 +22,9 @@ def all_cases(large: bool = False) -> tuple[HardCase, ...]:
 
     Those that take long (:attr:`.case.HardCase.large`) only with ``large``.
     """
-    single = (case for module, cases in CASES.items() if module not in FURTHER for case in cases)
+    single = [case for module, cases in CASES.items() if module != "variants" for case in cases]
     ordered = sorted(single, key=lambda case: (case.name[0] == "P", case.name))
-    further = [case for module in FURTHER for case in CASES[module]]
-    return tuple(case for case in (*ordered, *further) if large or not case.large)
+    return tuple(case for case in (*ordered, *CASES["variants"]) if large or not case.large)
 
 
 def find_case(name: str) -> HardCase:

@@ -11,20 +11,27 @@ is geometric: the plane does not shadow its own points, and the occluder does no
 import inspect
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..arrays import F64, U8
+from ..arrays import F64
+from ..scene.light_paths import vector
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
-from ..scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
-from .shapes import Mesh
+from ..scene.scene import Camera, Geometry, Light, Scene, Spot, Vector
+from .shapes import Mesh, Point
 
 ORIGIN = (0.0, 0.0, 0.0)
+
+BESIDE = (0.3, 1.7, 3.1), (-0.1, -0.45, -1.0), 0.5
+"""Eye, direction and half height of the picture that shows :func:`.shapes.ball_on_floor`."""
+
+LAMPS = np.array([(1.0, 2.5, 0.5), (-0.4, 0.1, 0.7)])
+"""Lights above and beside it."""
 
 EXCUSABLE = 0.02
 """Largest share of the rays of a case whose answers may be excused because an edge is near. Many cases aim rays at edges.
@@ -103,22 +110,28 @@ def axes(ends: str = " yz") -> Rows:
 TURNED = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40))
 
 
+PLACE = ("turn", "scale", "offset")
+"""The parameters of :func:`view` that say where a case lies."""
+
+
 def hard(
     name: str, title: str, breaks: str, *tables: Rows, refused: bool = False, excusable: float = EXCUSABLE,
     large: bool = False, **given: Any,
 ) -> Callable[[Callable[..., Trial]], Callable[..., Trial]]:  # fmt: skip
     """Register what a builder makes as a :class:`HardCase`: one for each combination of the rows of ``tables``.
 
-    The texts name values in braces. The builder gets those of ``given`` and of the rows that are its parameters.
+    The texts name values in braces. The builder gets those of ``given`` and of the rows that are its parameters; if it has
+    ``**place``, those of :data:`PLACE`, too.
     """
 
     def register(build: Callable[..., Trial]) -> Callable[..., Trial]:
-        parameters = inspect.signature(build).parameters
+        taken = {*inspect.signature(build).parameters}
+        taken |= {*PLACE} if "place" in taken else set()
         own = CASES.setdefault(build.__module__.rpartition(".")[2], [])
         for parts in itertools.product(*tables):
             values = given | {key: value for part in parts for key, value in part.items()}
+            make = partial(build, **{key: value for key, value in values.items() if key in taken})
             called, what, provoked = (text.format(**values) for text in (name, title, breaks))
-            make = partial(build, **{key: value for key, value in values.items() if key in parameters})
             own.append(HardCase(called, what, provoked, make, refused, excusable, large))
         return build
 
@@ -127,72 +140,65 @@ def hard(
 
 def view(
     mesh: Mesh,
-    lights: Sequence[Vector | Light],
-    eye: Sequence[float],
-    towards: Sequence[float] | F64,
+    lights: Iterable[Point | Light],
+    eye: Point,
+    towards: Point,
     half: float = 1.0,
     size: tuple[int, int] = (16, 16),
-    up: Sequence[float] | F64 | None = None,
+    up: Point | None = None,
     turn: int = 0,
     scale: float = 1.0,
+    offset: Point | float = 0.0,
+    height: float | None = None,
     stated: Counts | None = None,
     same_lights: tuple[tuple[int, int], ...] = (),
     watertight: bool = False,
-    closed: bool = False,
-    offset: Sequence[float] | F64 = (0.0, 0.0, 0.0),
-    alpha: Callable[[Geometry], AlphaMask] | None = None,
-    mirror: Callable[[Geometry], U8] | None = None,
-    bounces: int = 0,
-    height: float | None = None,
+    **fields: Any,
 ) -> Trial:
     """A trial from plain numbers.
 
     towards  direction of the view (not a point);  half: half height of the image plane at distance 1
-    height   of an orthographic camera, what it shows from bottom to top; ``half`` is then not used
     turn     number of times that the coordinates are permuted (x, y, z -> z, x, y), which moves seams and poles
-    scale, offset  applied to mesh, eye and lights after the permutation, in float64
+    scale, offset  applied to mesh, eye and lights after the permutation, in float64; the offset is scaled, too
+    height   of an orthographic camera, what it shows from bottom to top; ``half`` is then not used
+    fields   further fields of the scene, such as ``closed``, ``alpha``, ``mirror``
     """
     towards = np.asarray(towards, dtype=np.float64)
     if up is None:
         up = (0.0, 1.0, 0.0) if abs(towards[1]) <= 0.9 * np.linalg.norm(towards) else (0.0, 0.0, 1.0)
 
+    def turned(places: Any) -> F64:
+        return np.roll(np.asarray(places, dtype=np.float64), turn, axis=-1)
+
     def placed(points: Any) -> F64:
-        rolled = np.roll(np.asarray(points, dtype=np.float64).reshape(-1, 3), turn, axis=1)
-        return rolled * scale + np.asarray(offset, dtype=np.float64)
+        return turned(points) * scale + np.multiply(offset, scale)
 
-    def turned(direction: Any) -> Vector:
-        x, y, z = np.roll(np.asarray(direction, dtype=np.float64), turn).tolist()
-        return (x, y, z)
-
-    def vector(point: Any) -> Vector:
-        x, y, z = placed(point)[0].tolist()
-        return (x, y, z)
-
-    def lamp(light: Vector | Light) -> Light:
+    def lamp(light: Point | Light) -> Light:
         if not isinstance(light, Light):
-            return Light(vector(light))
-        spot = light.spot
-        if spot is not None:
-            spot = replace(spot, direction=turned(spot.direction), up=turned(spot.up))
-        position = vector(light.position)
-        if light.directional:  # a direction has no place
-            x, y, z = turned(light.position)
-            position = (x * scale, y * scale, z * scale)
-        if light.shape:
-            light = replace(light.resized(scale), towards=light.towards and turned(light.towards))
-        return replace(light, position=position, spot=spot)
+            return Light(vector(placed(light)))
+        position, spot, facing = light.position, light.spot, light.towards
+        return replace(
+            light.resized(scale),
+            position=vector(turned(position) * scale if light.directional else placed(position)),
+            spot=spot and replace(spot, direction=vector(turned(spot.direction)), up=vector(turned(spot.up))),
+            towards=facing and vector(turned(facing)),
+        )
 
-    points, faces = placed(mesh[0]), np.asarray(mesh[1], dtype=np.int64).reshape(-1, 3)
-    aim = placed(np.asarray(eye, dtype=np.float64) + towards)[0]
-    camera = Camera(vector(eye), (aim[0], aim[1], aim[2]), turned(up), math.degrees(2 * math.atan(half)))
-    if height is not None:
-        camera = replace(camera, height=height * scale)
-    scene = Scene(
-        "case", "Case", lambda: Geometry.static(points, faces), camera, tuple(lamp(x) for x in lights),
-        closed=closed, alpha=alpha, mirror=mirror, bounces=bounces,
-    )  # fmt: skip
+    points, faces = placed(np.reshape(mesh[0], (-1, 3))), np.asarray(mesh[1], dtype=np.int64).reshape(-1, 3)
+    target = placed(np.asarray(eye, dtype=np.float64) + towards)
+    fov = math.degrees(2 * math.atan(half))
+    camera = Camera(vector(placed(eye)), vector(target), vector(turned(up)), fov, height and height * scale)
+    scene = Scene("case", "Case", lambda: Geometry.static(points, faces), camera, tuple(map(lamp, lights)), **fields)
     prepared = prepare(scene)
     return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights, watertight)
+
+
+def played(trial: Trial, frames: Sequence[F64], last: int) -> Trial:
+    """The trial whose mesh has the positions ``frames``, one after another; what is judged is frame ``last``."""
+    geometry = Geometry(trial.prepared.geometry.faces, lambda k: frames[k], len(frames))
+    prepared = prepare(replace(trial.prepared.scene, geometry=lambda: geometry))
+    *before, moment = (prepared.moment(k, trial.moment.width, trial.moment.height) for k in range(last + 1))
+    return replace(trial, prepared=prepared, moment=moment, before=tuple(before))
 
 
 def spot_light(position: Vector, direction: Vector, angle: float, rise: float | None, up: Vector) -> Light:

@@ -5,7 +5,7 @@ runs with the same bits).
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -21,10 +21,16 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Camera, Geometry, Light, Scene, Spot
 from .judge import same_bits
-from .shapes import ball, joined, quad
+from .shapes import ball_on_floor
 
 SIZE = (33, 26)
 FRAMES = 4
+
+LIGHTS = (Light((1.0, 2.5, 0.5)), Light((-0.7, 0.3, 0.9)))
+SPOTTED = (replace(LIGHTS[0], spot=Spot((-1.0, -2.0, -0.5), 40.0)), LIGHTS[1])
+ELSEWHERE, AWAY = Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), Camera((0.3, 1.7, 3.1), (0.3, 30.0, 3.2))
+
+Answers = dict[str, NDArray]
 
 
 @dataclass
@@ -39,9 +45,13 @@ class Check:
         return asdict(self)
 
 
+class ExemptError(Exception):
+    """A requirement does not apply, for a reason."""
+
+
 def moving_scene() -> Prepared:
     """A ball that falls onto a floor, is squashed, and flies away in the last frame; two lights."""
-    points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
+    points, faces = ball_on_floor()
 
     def positions(frame: int) -> F64:
         result = points.copy()
@@ -51,183 +61,168 @@ def moving_scene() -> Prepared:
             result[4:] *= 40.0  # buffers must grow
         return result
 
-    lights = (Light((1.0, 2.5, 0.5)), Light((-0.7, 0.3, 0.9)))
-    scene = Scene(
-        "moving", "Moving", lambda: Geometry(faces.astype(np.int32), positions, FRAMES),
-        Camera((0.3, 1.7, 3.1), (0.2, 1.25, 2.1)), lights,
-    )  # fmt: skip
-    return prepare(scene)
+    geometry = Geometry(faces.astype(np.int32), positions, FRAMES)
+    return prepare(Scene("moving", "Moving", lambda: geometry, Camera((0.3, 1.7, 3.1), (0.2, 1.25, 2.1)), LIGHTS))
 
 
 def moments(prepared: Prepared) -> list[Moment]:
     """Every frame of the mesh, then one in which camera and lights have also moved, then the first one again."""
-    width, height = SIZE
-    found = [prepared.moment(k, width, height) for k in range(FRAMES)]
-    elsewhere = prepared.moment(
-        1, width, height, Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), (Light((0, 40, 3)), Light((0.0, 0.05, 0.0)))
-    )
-    return [*found, elsewhere, found[0]]
+    found = [prepared.moment(k, *SIZE) for k in range(FRAMES)]
+    return [*found, prepared.moment(1, *SIZE, ELSEWHERE, (Light((0, 40, 3)), Light((0.0, 0.05, 0.0)))), found[0]]
+
+
+Turn = tuple[str, int, Camera | None, tuple[Light, ...]]
+"""What has changed since the moment before, and a moment: frame, camera, lights."""
+
+
+def turns() -> list[Turn]:
+    """Moments in which one input after the other changes."""
+    one = (LIGHTS[0].moved((0, 40, 3)), LIGHTS[1])
+    both = (one[0], LIGHTS[1].moved((0.0, 0.05, 0.0)))
+    return [
+        ("the camera moved", 0, ELSEWHERE, LIGHTS),
+        ("light 0 moved", 0, ELSEWHERE, one),
+        ("light 1 moved", 0, ELSEWHERE, both),
+        ("the mesh moved", 1, ELSEWHERE, one),
+        ("nothing moved", 1, ELSEWHERE, one),
+        ("everything moved", 0, None, LIGHTS),
+    ]
+
+
+def turns_away() -> list[Turn]:
+    """Spotlight and mesh move while the camera sees no receiver of the spotlight; then the camera looks back."""
+    moved = (SPOTTED[0].moved((0.8, 2.8, 0.7)), SPOTTED[1])
+    return [
+        ("the camera looked away", 0, AWAY, SPOTTED),
+        ("the spot moved unseen", 0, AWAY, moved),
+        ("the camera looked back", 0, None, moved),
+        ("the camera looked away again", 0, AWAY, moved),
+        ("the mesh moved unseen", 1, AWAY, moved),
+        ("the camera looked back again", 1, None, moved),
+    ]
 
 
 def conformance(make_method: Callable[[], Method], device: str) -> list[Check]:
-    prepared = moving_scene()
-    reason = make_method().applies(prepared.scene, device)
-    names = ("frames", "graph replays", "allocations", "shadows not asked for", "partial frames")
-    if reason:
-        return [Check(name, "exempt", reason) for name in names]
-    checks = []
-    for name, test in zip(names, (_frames, _replays, _allocations, _unasked, _partial), strict=True):
-        try:
-            checks.append(test(name, make_method, prepared, device))
-        except Exception as error:  # any exception is a finding of the check
-            checks.append(Check(name, "error", f"{type(error).__name__}: {error}"))
-    return checks
+    tried = Tried(make_method, device, moving_scene())
+    exempt = tried.make_method().applies(tried.prepared.scene, device)
+    requirements = {
+        "frames": tried.frames, "graph replays": tried.replays, "allocations": tried.allocations,
+        "shadows not asked for": tried.unasked, "partial frames": tried.partial,
+    }  # fmt: skip
+    return [Check(name, "exempt", exempt) if exempt else checked(name, test) for name, test in requirements.items()]
 
 
-def _session(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Session:
-    return Session(make_method(), prepared, *SIZE, device)
+def checked(name: str, test: Callable[[], str]) -> Check:
+    try:
+        wrong = test()
+    except ExemptError as reason:
+        return Check(name, "exempt", str(reason))
+    except Exception as error:  # any exception is a finding of the check
+        wrong = f"{type(error).__name__}: {error}"
+    return Check(name, "error", wrong) if wrong else Check(name)
 
 
-def _unlike(some: dict[str, NDArray], others: dict[str, NDArray]) -> list[str]:
-    return [name for name in some if not same_bits(some[name], others[name])]
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A method on a device and a moving scene. Each requirement gives what is wrong, or nothing."""
+
+    make_method: Callable[[], Method]
+    device: str
+    prepared: Prepared
+
+    def session(self, effects: Effects | None = None) -> Session:
+        return Session(self.make_method(), self.prepared, *SIZE, self.device, effects=effects)
+
+    def spotted(self) -> "Tried | None":
+        """With a spotlight and shadow rays only where surfaces face a light; None if the method has no receivers."""
+        scene = replace(self.prepared.scene, lights=SPOTTED, facing=True)
+        able = self.make_method().applies(scene, self.device) is None
+        return replace(self, prepared=prepare(scene)) if able else None
+
+    def given(self, session: Session) -> Answers:
+        """The answers of a frame that has just been run."""
+        wp.synchronize_device(self.device)
+        return session.frame.answers.to_host()
+
+    def frames(self) -> str:
+        """Frame k of a session has the same bits as the only frame of a new session: no buffer holds outdated data."""
+        session = self.session()
+        for k, moment in enumerate(moments(self.prepared)):
+            if unlike := differing(session.answers(moment), self.session().answers(moment)):
+                return f"frame {k} differs from a fresh session in {unlike}"
+        return ""
+
+    def partial(self) -> str:
+        """A frame made from the last one, by running only the passes whose inputs changed, has the bits of a complete
+        frame.
+
+        This tests that passes declare correctly what they read and write, and that no buffer is shared by mistake. It is
+        repeated with a spotlight that has no receivers in some frames: skipped work must be done later.
+        """
+        spotted = self.spotted()
+        return self.in_turns(turns()) or (spotted.in_turns(turns_away()) if spotted else "")
+
+    def in_turns(self, given: Iterable[Turn]) -> str:
+        """Compare partial frames in sequence with complete frames of new sessions."""
+        session = self.session()
+        session.answers(self.prepared.moment(0, *SIZE))
+        for label, frame, camera, lights in given:
+            moment = self.prepared.moment(frame, *SIZE, camera, lights)
+            session.advance(moment)
+            if unlike := differing(self.given(session), self.session().answers(moment)):
+                return f"after {label}: {unlike} differ from a complete frame"
+        return ""
+
+    def replays(self) -> str:
+        """A captured graph gives the bits of plain launches, also after points, camera and lights have moved.
+
+        This is repeated with a spotlight, whose passes the graph skips if it has no receivers.
+        """
+        spotted = self.spotted()
+        wrong = self.replayed(moments(self.prepared))
+        if wrong or not spotted:
+            return wrong
+        return spotted.replayed([spotted.prepared.moment(k, *SIZE, seen, lit) for _, k, seen, lit in turns_away()])
+
+    def replayed(self, shown: list[Moment]) -> str:
+        """Run each moment by plain launches, then all of them again by graph replays."""
+        session = self.session()
+        if not session.replays:
+            raise ExemptError("there are graphs on CUDA only" if session.method.capturable else "not capturable")
+        wanted = [(moment, session.answers(moment)) for moment in shown]
+        for k, (moment, eager) in enumerate(wanted):
+            session.load(moment)
+            session.replay_complete()
+            if unlike := differing(self.given(session), eager):
+                return f"frame {k} as a graph differs in {unlike}"
+        return ""
+
+    def allocations(self) -> str:
+        """A frame that runs again, as it is timed, allocates no memory through Warp, on any device.
+
+        On CUDA this is a replay of the graph: a scan or a sort that is launched eagerly allocates scratch memory each
+        time, while a graph owns the memory that it captured.
+        """
+        session = self.session()
+        if not session.method.capturable:
+            raise ExemptError("not capturable")
+        session.answers(moments(self.prepared)[0])
+        session.replay()
+        count, text = counted_allocations(session.replay)
+        return f"{count} allocations in a frame after the first: {text}" if count else ""
+
+    def unasked(self) -> str:
+        """Lights without shadows do not change the closest hits, and their shadow bits are 0."""
+        moment = moments(self.prepared)[0]
+        both = self.session().answers(moment)
+        both["shadowed"][0] = 0
+        unlike = differing(self.session(Effects(shadows=(False, True))).answers(moment), both)
+        return f"without light 0's shadows {unlike} differ" if unlike else ""
 
 
-def _frames(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """Frame k of a session has the same bits as the only frame of a new session: no buffer holds outdated data."""
-    session = _session(make_method, prepared, device)
-    for k, moment in enumerate(moments(prepared)):
-        unlike = _unlike(session.answers(moment), _session(make_method, prepared, device).answers(moment))
-        if unlike:
-            return Check(name, "error", f"frame {k} differs from a fresh session in {', '.join(unlike)}")
-    return Check(name)
-
-
-def _partial(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A frame made from the last one, by running only the passes whose inputs changed, has the bits of a complete frame.
-
-    This tests that passes declare correctly what they read and write, and that no buffer is shared by mistake. It is
-    repeated with a spotlight that has no receivers in some frames: skipped work must be done later.
-    """
-    found = _in_turns(name, make_method, prepared, device, _turns(prepared))
-    spotted = _spotted(make_method, prepared, device)
-    if found.status == "ok" and spotted is not None:
-        found = _in_turns(name, make_method, spotted, device, _turns_away())
-    return found
-
-
-Turn = tuple[str, tuple[int, Camera | None, tuple[Light, ...]]]
-
-SPOTTED = (Light((1.0, 2.5, 0.5), spot=Spot((-1.0, -2.0, -0.5), 40.0)), Light((-0.7, 0.3, 0.9)))
-
-
-def _spotted(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Prepared | None:
-    """The scene with a spotlight and shadow rays only where surfaces face a light; None if the method has no receivers."""
-    scene = replace(prepared.scene, lights=SPOTTED, facing=True)
-    return prepare(scene) if make_method().applies(scene, device) is None else None
-
-
-def _turns(prepared: Prepared) -> list[Turn]:
-    """Moments in which one input after the other changes: (frame, camera, lights)."""
-    view, lights = Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), prepared.scene.lights
-    moved = (lights[0].moved((0, 40, 3)), *lights[1:])
-    return [
-        ("the camera moved", (0, view, lights)),
-        ("light 0 moved", (0, view, moved)),
-        ("light 1 moved", (0, view, (moved[0], lights[1].moved((0.0, 0.05, 0.0))))),
-        ("the mesh moved", (1, view, moved)),
-        ("nothing moved", (1, view, moved)),
-        ("everything moved", (0, None, lights)),
-    ]
-
-
-def _turns_away() -> list[Turn]:
-    """Spotlight and mesh move while the camera sees no receiver of the spotlight; then the camera looks back."""
-    away = Camera((0.3, 1.7, 3.1), (0.3, 30.0, 3.2))
-    moved = (SPOTTED[0].moved((0.8, 2.8, 0.7)), SPOTTED[1])
-    return [
-        ("the camera looked away", (0, away, SPOTTED)),
-        ("the spot moved unseen", (0, away, moved)),
-        ("the camera looked back", (0, None, moved)),
-        ("the camera looked away again", (0, away, moved)),
-        ("the mesh moved unseen", (1, away, moved)),
-        ("the camera looked back again", (1, None, moved)),
-    ]
-
-
-def _in_turns(
-    name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, turns: list[Turn]
-) -> Check:
-    """Compare partial frames in sequence with complete frames of new sessions."""
-    session = _session(make_method, prepared, device)
-    width, height = SIZE
-    session.answers(prepared.moment(0, width, height))
-    for label, (frame, camera, placed) in turns:
-        moment = prepared.moment(frame, width, height, camera, placed)
-        session.advance(moment)
-        wp.synchronize_device(device)
-        unlike = _unlike(session.frame.answers.to_host(), _session(make_method, prepared, device).answers(moment))
-        if unlike:
-            return Check(name, "error", f"after {label}: {', '.join(unlike)} differ from a complete frame")
-    return Check(name)
-
-
-def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A captured graph gives the bits of plain launches, also after points, camera and lights have moved.
-
-    This is repeated with a spotlight, whose passes the graph skips if it has no receivers.
-    """
-    found = _replayed(name, make_method, prepared, device, moments(prepared))
-    spotted = _spotted(make_method, prepared, device)
-    if found.status == "ok" and spotted is not None:
-        unseen = [spotted.moment(frame, *SIZE, camera, lights) for _, (frame, camera, lights) in _turns_away()]
-        found = _replayed(name, make_method, spotted, device, unseen)
-    return found
-
-
-def _replayed(
-    name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, shown: list[Moment]
-) -> Check:
-    """Run each moment by plain launches, then all of them again by graph replays."""
-    session = _session(make_method, prepared, device)
-    if not session.replays:
-        captures = session.method.capturable
-        return Check(name, "exempt", "there are graphs on CUDA only" if captures else "not capturable")
-    wanted = [(moment, session.answers(moment)) for moment in shown]
-    for k, (moment, eager) in enumerate(wanted):
-        session.load(moment)
-        session.replay_complete()
-        wp.synchronize_device(device)
-        unlike = _unlike(session.frame.answers.to_host(), eager)
-        if unlike:
-            return Check(name, "error", f"frame {k} as a graph differs in {', '.join(unlike)}")
-    return Check(name)
-
-
-def _allocations(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A frame that runs again, as it is timed, allocates no memory through Warp, on any device.
-
-    On CUDA this is a replay of the graph: a scan or a sort that is launched eagerly allocates scratch memory each time,
-    while a graph owns the memory that it captured.
-    """
-    session = _session(make_method, prepared, device)
-    if not session.method.capturable:
-        return Check(name, "exempt", "not capturable")
-    session.answers(moments(prepared)[0])
-    session.replay()
-    count, text = counted_allocations(session.replay)
-    if count:
-        return Check(name, "error", f"{count} allocations in a frame after the first: {text}")
-    return Check(name)
-
-
-def _unasked(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """Lights without shadows do not change the closest hits, and their shadow bits are 0."""
-    moment = moments(prepared)[0]
-    both = _session(make_method, prepared, device).answers(moment)
-    one = Session(make_method(), prepared, *SIZE, device, effects=Effects(shadows=(False, True))).answers(moment)
-    both["shadowed"][0] = 0
-    unlike = _unlike(one, both)
-    return Check(name, "error", f"without light 0's shadows {', '.join(unlike)} differ") if unlike else Check(name)
+def differing(some: Answers, others: Answers) -> str:
+    """The names of the answers whose bits differ."""
+    return ", ".join(name for name in some if not same_bits(some[name], others[name]))
 
 
 def counted_allocations(work: Callable[[], None]) -> tuple[int, str]:

@@ -1,24 +1,26 @@
-"""P01-P03, P07, P09-P10, P17-P18 and more: eyes inside, on, near to and far from surfaces, and unusual image sizes."""
+"""P01-P03, P07, P09-P10, P17-P22, P51-P52: eyes inside, on, near to and far from surfaces, and unusual image sizes."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from .case import ORIGIN, Counts, Trial, axes, hard, rows, view
-from .shapes import Mesh, ball, box, joined, pixel_centres, plane, quad, sheet, soup, triangles
+from ..scene.light_paths import vector
+from .case import BESIDE, ORIGIN, Counts, Trial, axes, hard, rows, view
+from .shapes import ball, ball_on_floor, box, fan, joined, lattice, pixel_centres, plane, quad, sheet, soup, triangles
 
 ABOVE = (0.3, 3.0, 0.25)
 
 ONE_CELL = "grid traversal visits only one of the neighbouring cells"
+PARTIAL = "partial tiles, thread guards"
 
 
 @hard("P01{axis}", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division", axes())
-def across_the_eye(turn: int = 0) -> Trial:
+def across_the_eye(**place: Any) -> Trial:
     """A triangle from 5 in front of the eye to 0.5 behind it, over the eye's head."""
     return view(
-        triangles((-1, -1, -5), (1, -1, -5), (0, 1, 0.5)), [(0, 3, -3), (0, -3, -3)], ORIGIN, (0, 0, -1), 1.0,
-        turn=turn,
-    )  # fmt: skip
+        triangles((-1, -1, -5), (1, -1, -5), (0, 1, 0.5)), [(0, 3, -3), (0, -3, -3)], ORIGIN, (0, 0, -1), **place
+    )
 
 
 @hard("P01s", "two hundred triangles around the eye", "the same, with every shape")
@@ -28,16 +30,14 @@ def many_across() -> Trial:
 
 @hard("P02", "triangle behind the eye", "a mirror image after the perspective division")
 def behind_the_eye() -> Trial:
-    return view(triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)), [ABOVE], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0, (0,)))
+    return view(triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)), [ABOVE], ORIGIN, (0, 0, -1), stated=Counts(0, (0,)))
 
 
 @hard("P03", "eye inside a closed box", "back-face culling gives a black image")
 def inside_a_box() -> Trial:
-    """An eye inside a closed box: every pixel hits a back face; rays meet its edges and a corner."""
-    return view(
-        box(-1, 1), [(0.5, 0.5, 0.5), (0, 0, 9)], ORIGIN, (0, 0, -1), 2.0, (17, 17), watertight=True, stated=Counts(289),
-        closed=True,
-    )  # fmt: skip
+    """Every pixel hits a back face; rays meet the box's edges and a corner."""
+    lights, stated = [(0.5, 0.5, 0.5), (0, 0, 9)], Counts(289)
+    return view(box(-1, 1), lights, ORIGIN, (0, 0, -1), 2.0, (17, 17), watertight=True, stated=stated, closed=True)
 
 
 @hard("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner")
@@ -46,29 +46,20 @@ def into_a_corner() -> Trial:
     return view(box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), watertight=True, stated=Counts(289, (0,)))
 
 
-def layers() -> Mesh:
-    """Three squares in front of the origin, one behind the other, of 64 cells each."""
-    x = np.arange(-4, 5) / 4
-    return joined(*[sheet(x / depth, x / depth, depth) for depth in (1.0, 2.0, 3.0)])
-
-
 @hard("P07", "rays with components 0", "division by 0; 0 times infinity")
-def zero_components() -> Trial:
-    """Rays whose x or y component is 0 from the corners of cells, onto layers of squares."""
-    return view(
-        layers(), [(0, 0, -1.5), (0.25, 0.25, 4)], ORIGIN, (0, 0, -1), 1.0, (17, 17),
-        watertight=True, stated=Counts(289),
-    )  # fmt: skip
+def onto_layers(**place: Any) -> Trial:
+    """Rays whose x or y component is 0 from the corners of cells, onto three squares of 64 cells, one behind the other."""
+    x = np.arange(-4, 5) / 4
+    layers = joined(*[sheet(x / depth, x / depth, depth) for depth in (1.0, 2.0, 3.0)])
+    lights, stated = [(0, 0, -1.5), (0.25, 0.25, 4)], Counts(289)
+    return view(layers, lights, ORIGIN, (0, 0, -1), 1.0, (17, 17), watertight=True, stated=stated, **place)
 
 
 @hard("P07n{axis}", "rays with components -0", "division by -0; the sign of a step along -0", axes())
 def minus_zero(turn: int) -> Trial:
     """The same with components -0: the view is along (-0, -0, -1) with up at (-0, -1, -0), so sums of -0 stay -0."""
-    trial = view(
-        layers(), [(0, 0, -1.5), (0.25, 0.25, 4)], ORIGIN, (0, 0, -1), 1.0, (17, 17), turn=turn,
-        watertight=True, stated=Counts(289),
-    )  # fmt: skip
-    target, up = (tuple(np.roll(way, turn).tolist()) for way in ((-0.0, -0.0, -1.0), (-0.0, -1.0, -0.0)))
+    trial = onto_layers(turn=turn)
+    target, up = (vector(np.roll(way, turn)) for way in ((-0.0, -0.0, -1.0), (-0.0, -1.0, -0.0)))
     camera = replace(trial.prepared.scene.camera, target=target, up=up)
     return replace(trial, moment=trial.prepared.moment(0, 17, 17, camera=camera))
 
@@ -76,19 +67,46 @@ def minus_zero(turn: int) -> Trial:
 @hard("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle")
 def in_the_plane() -> Trial:
     """An eye in the plane of a lattice, looking along it: coplanar rays hit nothing."""
-    x = pixel_centres(8)
-    points, faces = sheet(x, x, 1.0)
-    flat = points + np.array([0, 0, 1.0])
-    return view((flat, faces), [(0, 0, 2)], (3, 0, 0), (-1, 0, 0), 0.25, (9, 9), up=(0, 0, 1), stated=Counts(0, (0,)))
+    flat, stated = lattice(pixel_centres(8), 0.0), Counts(0, (0,))
+    return view(flat, [(0, 0, 2)], (3, 0, 0), (-1, 0, 0), 0.25, (9, 9), up=(0, 0, 1), stated=stated)
 
 
 @hard("P10", "diagonal through corners of cells", ONE_CELL, start=0.0)
 @hard("P10b", "the same from afar", ONE_CELL, start=-64.0)
 def diagonal_cells(start: float) -> Trial:
     """The central ray goes along x = y = z, through the corners of cells; each diagonal cell has triangles across it."""
-    cells = np.arange(1.0, 5.0)
-    corners = [p for k in cells for p in ((k + 1, k, k), (k, k + 1, k), (k, k, k + 1))]
+    corners = [p for k in np.arange(1.0, 5.0) for p in ((k + 1, k, k), (k, k + 1, k), (k, k, k + 1))]
     return view(triangles(*corners), [(-1, -1, -1), (8, 8, 8), (3, 3, 0)], (start,) * 3, (1, 1, 1), 0.25, (9, 9))
+
+
+@hard(
+    "P17 {width}x{height}", "image of {width}x{height}", PARTIAL,
+    rows("width height", (1, 1), (33, 25), (3, 257), (257, 3), (8, 9)),
+)  # fmt: skip
+def odd_image(width: int, height: int) -> Trial:
+    """A ball on a floor in an image whose sides are not multiples of a tile or block size."""
+    eye, towards, half = BESIDE
+    return view(ball_on_floor(), [(1, 2.5, 0.5)], eye, towards, half * min(1.0, height / width * 4), (width, height))
+
+
+@hard("P17 {width}x{height}", "image of {width}x{height}", PARTIAL, rows("width height", (1023, 769), (7, 5000)))
+def large_image(width: int, height: int) -> Trial:
+    """Small triangles at the corners, along the sides and in the middle of a large image, without a background.
+
+    Most pixels miss, which makes judging fast; pixels in partial tiles and the last pixel hit a triangle.
+    """
+    reach = width / height
+    steps, size = (-1, -0.5, 0, 0.5, 1), 12.0 / max(width, height) * max(1.0, reach)
+    places = [(x * reach, y) for x in steps for y in steps if x or y]
+    tips = ((-1.1, -1.0), (1.2, -0.9), (0.1, 1.3))
+    corners = np.array([(x + size * a, y + size * b, -1.0) for x, y in places for a, b in tips])
+    mesh = joined(triangles(corners), triangles(corners * 0.5))
+    return view(mesh, [ORIGIN, (0, 0, -0.75)], ORIGIN, (0, 0, -1), 1.0, (width, height))
+
+
+@hard("P18", "up along the view", "camera axes of NaN", refused=True)
+def up_along_the_view() -> Trial:
+    return view(plane(2, 0, 1), [ABOVE], (0, 0, 4), (0, 0, -1), up=(0, 0, 1))
 
 
 @hard("P19", "eye on a wall", "t = 0 taken for a hit")
@@ -101,28 +119,20 @@ def on_a_wall() -> Trial:
 def on_a_vertex() -> Trial:
     """An eye exactly on a vertex that six triangles share, and another surface ahead."""
     around = [(np.cos(a), np.sin(a), 0.25) for a in np.arange(6) * np.pi / 3]
-    fan = triangles(*[c for i in range(6) for c in (ORIGIN, around[i], around[(i + 1) % 6])])
-    return view(joined(fan, plane(2, -2, 8)), [(0, 0, 4)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(256, None))
+    mesh = joined(fan(ORIGIN, around), plane(2, -2, 8))
+    return view(mesh, [(0, 0, 4)], ORIGIN, (0, 0, -1), stated=Counts(256, None))
 
 
 @hard("P21", "eye one step from a wall", "a near plane, an absolute epsilon")
 def touching() -> Trial:
     """An eye one float32 step in front of a wall: t = 2^-23 and smaller."""
-    wall = float(np.float32(1) - np.float32(2.0**-24))
-    return view(
-        joined(plane(2, wall, 1), plane(2, 0, 4)), [(0, 0, 3), (0, 0, -1)], (0, 0, 1), (0, 0, -1), 1.0,
-        stated=Counts(256, (0, 256)),
-    )  # fmt: skip
+    mesh = joined(plane(2, 1.0 - 2.0**-24, 1), plane(2, 0, 4))
+    return view(mesh, [(0, 0, 3), (0, 0, -1)], (0, 0, 1), (0, 0, -1), stated=Counts(256, (0, 256)))
 
 
 @hard("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step")
 def far_away() -> Trial:
-    return view(joined(box(-1, 1), ball(1.2, ORIGIN)), [(2, 3, 4)], (1e5, 1e5, 1e5), (-1, -1, -1), 1e-5, (16, 16))
-
-
-@hard("P18", "up along the view", "camera axes of NaN", refused=True)
-def up_along_the_view() -> Trial:
-    return view(plane(2, 0, 1), [ABOVE], (0, 0, 4), (0, 0, -1), up=(0, 0, 1))
+    return view(joined(box(-1, 1), ball(1.2, ORIGIN)), [(2, 3, 4)], (1e5, 1e5, 1e5), (-1, -1, -1), 1e-5)
 
 
 @hard(
@@ -137,17 +147,15 @@ def along_a_floor(height: float) -> Trial:
     2^-50 of its way over that sine: from one strip to another where the sine is small, unless it is computed with care. The
     floor is tilted, so that float64 rounds.
     """
-    y, z = (float(np.float32(x)) for x in (0.8, 0.6))
+    y, z = float(np.float32(0.8)), float(np.float32(0.6))
     floor = triangles((-9, -3 * y, -3 * z), (9, -3 * y, -3 * z), (0.3, 6 * y, 6 * z))
-    x = 0.5 + 2.0 * np.arange(400) / 400
     strips = [
         quad(*((p, 0.5 * z + q * y, -0.5 * y + q * z) for p, q in ((a, -1), (a + 0.0025, -1), (a + 0.0025, 1), (a, 1))))
-        for a in x.tolist()
+        for a in (0.5 + 2.0 * np.arange(400) / 400).tolist()
     ]
-    return view(
-        joined(floor, *strips), [(1.3, 4 * z, -4 * y), (1.0, z - y, -y - z)], (0.0, height * z, -height * y),
-        (1.0, -height * z, height * y), 0.5 * height, (4, 64), up=(0.0, z, -y),
-    )  # fmt: skip
+    lights = [(1.3, 4 * z, -4 * y), (1.0, z - y, -y - z)]
+    eye, towards, up = (0.0, height * z, -height * y), (1.0, -height * z, height * y), (0.0, z, -y)
+    return view(joined(floor, *strips), lights, eye, towards, 0.5 * height, (4, 64), up=up)
 
 
 @hard(
@@ -160,7 +168,7 @@ def needles(seed: int) -> Trial:
     A tip's coordinate along a row is rounded in proportion to its distance, so that its column is off by a pixel or more.
     """
     random = np.random.default_rng(seed)
-    eye = random.normal(size=3).astype(np.float32).astype(np.float64)
+    eye = random.normal(size=3).astype(np.float32)
     ahead, up = random.normal(size=(2, 3))
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, up)
@@ -170,8 +178,7 @@ def needles(seed: int) -> Trial:
     reach = 10.0 ** random.uniform(3.6, 3.95, 120)
     corners = [
         eye + ahead + x * right + y * above
-        for a, far in zip(at.tolist(), reach.tolist(), strict=True)
+        for a, far in zip(at, reach, strict=True)
         for x, y in ((a, far), (a, -far), (a + 0.004, 0.0))
     ]
-    x, y, z = (eye + random.normal(size=3)).tolist()
-    return view(triangles(*corners), [(x, y, z)], eye.tolist(), ahead, 0.57735 * 8 / 2048, (2048, 8), up=up.tolist())
+    return view(triangles(*corners), [eye + random.normal(size=3)], eye, ahead, 0.57735 * 8 / 2048, (2048, 8), up=up)

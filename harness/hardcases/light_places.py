@@ -1,64 +1,61 @@
-"""S06-S16 and more: lights inside, on, near to and far from surfaces."""
+"""S06-S16, S21, S22, S34: lights inside, on, near to and far from surfaces."""
+
+from typing import Any
 
 import numpy as np
 
+from ..arrays import F64
 from ..scene.scene import Light
-from .case import ORIGIN, Counts, Trial, axes, hard, rows, view
-from .shapes import ball, box, joined, pixel_centres, plane, quad, sheet, triangles
+from .case import BESIDE, ORIGIN, Counts, Trial, axes, hard, rows, view
+from .shapes import ball_on_floor, box, fan, joined, lattice, pixel_centres, plane, quad, triangles
 
 ON_PLANE = "t = 0 taken for a hit; an origin on the wrong side"
 
 TOUCHING, UNPADDED = "triangles that touch the outermost shadow rays", "light-grid bounds without padding"
 
+SLAB = box((-1, -1, -1e-6), (1, 1, 1e-6))
+
 
 @hard("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder")
 def light_in_triangle() -> Trial:
     """A light exactly in the plane of a triangle, which does not shadow it, and one just below, which it shadows."""
-    floor = triangles((4, 0, 0), (-4, 4, 0), (-4, -4, 0))
-    lights = [ORIGIN, (0, 0, 0.5), (0, 0, -0.25)]
+    mesh = joined(triangles((4, 0, 0), (-4, 4, 0), (-4, -4, 0)), plane(2, 2, 4))
     return view(
-        joined(floor, plane(2, 2, 4)), lights, (0, 0, 6), (0, 0, -1), 0.125, (8, 8), stated=Counts(64, (0, 0, 64))
+        mesh, [ORIGIN, (0, 0, 0.5), (0, 0, -0.25)], (0, 0, 6), (0, 0, -1), 0.125, (8, 8), stated=Counts(64, (0, 0, 64))
     )
 
 
 @hard("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)")
 def light_on_vertex() -> Trial:
     """A light on the tip that four triangles share, and one on their edge: a surface at the light does not count."""
-    tip, base = (0, 0, 0), [(1, 1, -1), (-1, 1, -1), (-1, -1, -1), (1, -1, -1)]
-    roof = triangles(*[corner for i in range(4) for corner in (tip, base[i], base[(i + 1) % 4])])
-    lights = [ORIGIN, (0.5, 0.5, -0.5)]
-    return view(joined(roof, plane(2, -3, 8)), lights, (0, 0, -7), (0, 0, 1), 0.25, stated=Counts(256, (0, None)))
+    mesh = joined(fan(ORIGIN, [(1, 1, -1), (-1, 1, -1), (-1, -1, -1), (1, -1, -1)]), plane(2, -3, 8))
+    return view(mesh, [ORIGIN, (0.5, 0.5, -0.5)], (0, 0, -7), (0, 0, 1), 0.25, stated=Counts(256, (0, None)))
 
 
 @hard("S08", "closed box from within", "culling from the light drops every wall")
 def box_from_within() -> Trial:
     """Eye and one light inside a closed box, another light above its lid."""
-    return view(
-        box(-1, 1), [ORIGIN, (0, 0, 5)], (0.25, 0.125, 0.5), (0, 0, -1), 1.0, stated=Counts(256, (0, 256)), closed=True
-    )
+    lights, stated = [ORIGIN, (0, 0, 5)], Counts(256, (0, 256))
+    return view(box(-1, 1), lights, (0.25, 0.125, 0.5), (0, 0, -1), stated=stated, closed=True)
 
 
 @hard("S08b", "closed box from without", "a light frustum that must be the full sphere")
 def box_from_without() -> Trial:
     """A light inside a closed box: everything outside is dark."""
-    return view(
-        joined(box(-1, 1), plane(2, -2, 8)), [ORIGIN, (0.875, -0.875, 0.5)], (0, 0, -6), (0, 0, 1), 1.0,
-        watertight=True, stated=Counts(256, (256, 256)),
-    )  # fmt: skip
+    mesh, lights, stated = joined(box(-1, 1), plane(2, -2, 8)), [ORIGIN, (0.875, -0.875, 0.5)], Counts(256, (256, 256))
+    return view(mesh, lights, (0, 0, -6), (0, 0, 1), watertight=True, stated=stated)
 
 
 @hard("S09", "slab 2e-6 thick around the light", "light leaks if the ray offset exceeds the thickness")
 def thin_slab() -> Trial:
     """A light inside a slab 2e-6 thick; receivers beyond it."""
-    slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
-    return view(joined(slab, plane(2, 1, 4)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.5, stated=Counts(256, (256,)))
+    return view(joined(SLAB, plane(2, 1, 4)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.5, stated=Counts(256, (256,)))
 
 
 @hard("S09b", "onto the thin slab", "a near plane beyond its faces")
 def onto_thin_slab() -> Trial:
     """The slab itself as receiver: its upper face is lit by a light inside, 1e-6 away, and shadowed from one below."""
-    slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
-    return view(slab, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True)
+    return view(SLAB, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True)
 
 
 @hard(
@@ -67,41 +64,35 @@ def onto_thin_slab() -> Trial:
 )  # fmt: skip
 def far_light(distance: float) -> Trial:
     """A square at z = 1 shadows the plane z = 0 from a light at (0, 0, distance)."""
-    wall = plane(2, 1, 1)
-    return view(joined(wall, plane(2, 0, 4)), [(0, 0, distance)], (0, 0, -4), (0, 0, 1), 0.5, stated=Counts(256, (64,)))
+    mesh = joined(plane(2, 1, 1), plane(2, 0, 4))
+    return view(mesh, [(0, 0, distance)], (0, 0, -4), (0, 0, 1), 0.5, stated=Counts(256, (64,)))
 
 
 @hard(
-    "S10b {distance:g}",
-    "light at {distance:g}, from the side",
-    "the same off the axes",
-    rows("distance", 1e3, 1e5, 1e7),
-)
+    "S10b {distance:g}", "light at {distance:g}, from the side", "the same off the axes", rows("distance", 1e3, 1e5, 1e7),
+)  # fmt: skip
 def oblique_far_light(distance: float) -> Trial:
     """A ball on a floor under a far light from the side."""
-    direction = np.array([0.48, 0.64, 0.6])
-    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
-    x, y, z = (direction * distance).tolist()
-    return view(joined(floor, ball(0.5, (0, 0.6, 0))), [(x, y, z)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
+    return view(ball_on_floor(), [np.array([0.48, 0.64, 0.6]) * distance], *BESIDE)
 
 
 @hard("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon")
 def tiny_occluder() -> Trial:
     """A square 2e-5 wide, 1e-4 from the light; receivers at distance 1."""
-    half = 1e-5
-    speck = quad((-half, -half, 1e-4), (half, -half, 1e-4), (half, half, 1e-4), (-half, half, 1e-4))
-    return view(joined(speck, plane(2, 1, 2)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.0625, stated=Counts(256, (36,)))
+    mesh = joined(plane(2, 1e-4, 1e-5), plane(2, 1, 2))
+    return view(mesh, [ORIGIN], (0, 0, 5), (0, 0, -1), 0.0625, stated=Counts(256, (36,)))
 
 
 @hard("S12", "grazing light on a tilted floor", "a fixed epsilon: acne")
 def grazing_floor() -> Trial:
     """A tilted floor of many triangles under a grazing light; nothing shadows it."""
+
+    def height(x: F64 | float, y: F64 | float) -> F64 | float:
+        return 0.37 * x - 0.21 * y - 3.1
+
     x = pixel_centres(12, 2.0)
-    points, faces = sheet(x, x, 1.0)
-    points = points.copy()
-    points[:, 2] = 0.37 * points[:, 0] - 0.21 * points[:, 1] - 3.1
-    light = np.array([40.0, 30.0, 0.37 * 40 - 0.21 * 30 - 3.1 + 0.05])
-    return view((points, faces), [tuple(light.tolist())], ORIGIN, (0, 0, -1), 0.4, (24, 24))
+    floor = lattice(x, height(*np.meshgrid(x, x)))
+    return view(floor, [(40.0, 30.0, height(40, 30) + 0.05)], ORIGIN, (0, 0, -1), 0.4, (24, 24))
 
 
 @hard(
@@ -114,31 +105,26 @@ def two_sheets(above: bool, steps: int) -> Trial:
 
     At one step a wrong bit is excused, because rounding explains it. 64 steps are twice the bound of excused errors.
     """
-    low, high = 1.0, 1.0 + steps * 2.0**-23
     eye, towards = ((0, 0, 3), (0, 0, -1)) if above else ((0, 0, -1), (0, 0, 1))
-    lights = [(0.3, 0.2, 2.5), (0.3, 0.2, -0.5)]
-    stated = Counts(64, (0, 64)) if above else Counts(64, (64, 0))
-    return view(joined(plane(2, low, 2), plane(2, high, 2)), lights, eye, towards, 0.25, (8, 8), stated=stated)
+    mesh = joined(plane(2, 1.0, 2), plane(2, 1.0 + steps * 2.0**-23, 2))
+    stated = Counts(64, (0, 64) if above else (64, 0))
+    return view(mesh, [(0.3, 0.2, 2.5), (0.3, 0.2, -0.5)], eye, towards, 0.25, (8, 8), stated=stated)
 
 
 @hard("S12b{axis}", "receivers exactly on their plane", ON_PLANE, axes(), steps=0)
 @hard("S12c{axis}", "receivers half a step off their plane", ON_PLANE, axes(), steps=1)
 @hard("S12d{axis}", "receivers beside their plane", ON_PLANE, axes(), steps=3)
-def on_their_plane(steps: int, turn: int) -> Trial:
+def on_their_plane(steps: int, **place: Any) -> Trial:
     """Receivers exactly on their plane (0 steps), or rounded to above or below it (1, 3).
 
     A sheet that rises by ``steps`` float32 steps from end to end, under grazing lights from both sides; some rays meet
     its vertices. Its triangles do not shadow each other.
     """
     x = pixel_centres(9, 2.0)
-    points, faces = sheet(x, x, 1.0)
-    points = points.copy()
-    points[:, 2] = 1.0 + np.round((points[:, 0] + 2) / 4 * steps) * 2.0**-23
+    mesh = lattice(x, 1.0 + np.round((x + 2) / 4 * steps) * 2.0**-23)
     lights = [(30.0, 20.0, 1.0 + 2.0**-10), (-30.0, 20.0, 1.0 - 2.0**-10), (0.3, 0.2, 4), (0.3, 0.2, -2)]
-    return view(
-        (points, faces), lights, (0, 0, 2), (0, 0, -1), 1.0, turn=turn,
-        stated=Counts(256, (0,) * 4) if not steps else None,
-    )  # fmt: skip
+    stated = Counts(256, (0,) * 4) if not steps else None
+    return view(mesh, lights, (0, 0, 2), (0, 0, -1), stated=stated, **place)
 
 
 @hard("S14", "receiver at the light", "a ray of length 0: NaN tile")
@@ -159,12 +145,8 @@ def wall_on_floor() -> Trial:
 @hard("S15", "two lights at one place", "a light grid shared or overwritten by another light")
 def same_place() -> Trial:
     """Three lights, two of them at one place: their rows of bits are the same."""
-    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
-    lights: list[Light | tuple[float, float, float]] = [(1, 3, 1), (-2, 1, 0.5), Light((1, 3, 1), intensity=0.5)]
-    return view(
-        joined(floor, ball(0.5, (0, 0.6, 0))), lights, (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24),
-        same_lights=((0, 2),),
-    )  # fmt: skip
+    lights = [(1, 3, 1), (-2, 1, 0.5), Light((1, 3, 1), intensity=0.5)]
+    return view(ball_on_floor(), lights, *BESIDE, (24, 24), same_lights=((0, 2),))
 
 
 @hard("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles")
@@ -178,10 +160,8 @@ def one_tile() -> Trial:
     edge = 510 / 512 / 128 / 16  # between the last two columns
     screen = quad((-1, -8, 4), (edge, -8, 4), (edge, 8, 4), (-1, 8, 4))
     wall = quad((-1, -1, 2), (1, -1, 2), (1, above / 2, 2), (-1, above / 2, 2))
-    return view(
-        joined(screen, wall, plane(2, -1 / 64, 8)), [ORIGIN], (0, above, 4 + 1 / 16), (0, 0, -1), 2.0**-8,
-        (512, 256), stated=Counts(512 * 256, (511 * 128,)),
-    )  # fmt: skip
+    mesh, stated = joined(screen, wall, plane(2, -1 / 64, 8)), Counts(512 * 256, (511 * 128,))
+    return view(mesh, [ORIGIN], (0, above, 4 + 1 / 16), (0, 0, -1), 2.0**-8, (512, 256), stated=stated)
 
 
 @hard("S34", TOUCHING, UNPADDED, light=(1.796875, -1.8671875, -0.71484375))
@@ -194,24 +174,18 @@ def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
     vertex is rounded outwards, a grid without a pad omits the triangle.
     """
     x = 4 * pixel_centres(16)
-    across, along = (places.ravel() for places in np.meshgrid(x, x))
-    receivers = np.stack([across, along, np.full(256, -4.0)], axis=1)
+    receivers = lattice(x, -4.0)[0]
     outwards = np.sign(receivers) * (np.abs(receivers) == x[-1])
     rim = outwards.any(axis=1)
     receivers, outwards = receivers[rim], outwards[rim]
     aside = outwards[:, [1, 0, 2]] * (-1, 1, 0) / 64
     touching = (np.array(light) + receivers) / 2
     further = touching + outwards / 16
-    return view(
-        joined(triangles(np.stack([touching, further + aside, further - aside], axis=1)), plane(2, -4, 8)), [light],
-        (0, 0, -8), (0, 0, 1), 1.0, stated=Counts(256, (60,)),
-    )  # fmt: skip
+    mesh = joined(triangles(np.stack([touching, further + aside, further - aside], axis=1)), plane(2, -4, 8))
+    return view(mesh, [light], (0, 0, -8), (0, 0, 1), stated=Counts(256, (60,)))
 
 
 @hard("S22", "light at the eye", "acne at silhouettes")
 def light_at_eye() -> Trial:
     """A light at the eye: every closest hit is also the surface closest to the light, so none is shadowed."""
-    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
-    return view(
-        joined(floor, ball(0.5, (0, 0.6, 0))), [(0.3, 1.7, 3.1)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24)
-    )
+    return view(ball_on_floor(), [BESIDE[0]], *BESIDE, (24, 24))

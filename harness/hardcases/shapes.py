@@ -8,6 +8,9 @@ from ..arrays import F64, I64
 
 Mesh = tuple[F64, I64]
 
+Point = Any
+"""Three numbers: a tuple or an array."""
+
 
 def pixel_centres(count: int, half: float = 1.0) -> F64:
     """The pixel centres on the image plane at distance 1, from -half to half: odd multiples of half / count."""
@@ -30,13 +33,10 @@ def quad(a: Any, b: Any, c: Any, d: Any) -> Mesh:
     return np.asarray([a, b, c, d], dtype=np.float64), np.array([(0, 1, 2), (0, 2, 3)])
 
 
-def plane(axis: int, at: float, half: float, middle: tuple[float, float] = (0.0, 0.0)) -> Mesh:
-    """A square perpendicular to ``axis``; ``middle`` gives its centre along the next two axes."""
-    corners = np.zeros((4, 3))
-    corners[:, axis] = at
-    corners[:, (axis + 1) % 3] = middle[0] + half * np.array([-1, 1, 1, -1])
-    corners[:, (axis + 2) % 3] = middle[1] + half * np.array([-1, -1, 1, 1])
-    return quad(*corners)
+def plane(axis: int, at: float, half: float) -> Mesh:
+    """A square perpendicular to ``axis`` about its point ``at``."""
+    sides = half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    return quad(*np.roll(np.insert(sides, 0, at, axis=1), axis, axis=1))
 
 
 def joined(*meshes: Mesh) -> Mesh:
@@ -74,6 +74,13 @@ def sheet(x: Any, y: Any, depth: Any) -> Mesh:
     return points, faces
 
 
+def lattice(x: Any, z: Any) -> Mesh:
+    """A welded grid of triangles over ``x`` [n] by ``x``, at heights ``z``: a number, or [n, n]."""
+    points, faces = sheet(x, x, 1.0)
+    points[:, 2] = np.broadcast_to(z, (len(x), len(x))).ravel()
+    return points, faces
+
+
 def closed_behind(mesh: Mesh, tip: Any) -> Mesh:
     """A mesh whose border is closed by a cone to ``tip``; an eye between mesh and tip sees the surface all around."""
     points, faces = mesh
@@ -86,34 +93,46 @@ def closed_behind(mesh: Mesh, tip: Any) -> Mesh:
 
 def split(mesh: Mesh) -> Mesh:
     """The same triangles without shared vertices, as from a file that does not share them."""
-    points, faces = mesh
-    return points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+    return triangles(mesh[0][mesh[1]])
+
+
+def welded(points: F64, faces: I64) -> Mesh:
+    """The same triangles with shared vertices."""
+    found, of = np.unique(points, axis=0, return_inverse=True)
+    return found, of.reshape(-1)[faces]
 
 
 def moved(mesh: Mesh, by: Any, scale: float = 1.0) -> Mesh:
     return mesh[0] * scale + np.asarray(by, dtype=np.float64), mesh[1]
 
 
+def fan(tip: Any, ring: Any) -> Mesh:
+    """Triangles from a tip to each side of a closed ring of points, without shared vertices."""
+    ring = np.asarray(ring, dtype=np.float64)
+    return triangles(np.stack([np.broadcast_to(tip, ring.shape), ring, np.roll(ring, -1, axis=0)], axis=1))
+
+
 def ball(radius: float, centre: Any, rings: int = 6, sectors: int = 9) -> Mesh:
-    across = np.pi * np.arange(1, rings) / rings
-    around = 2 * np.pi * np.arange(sectors) / sectors
-    belt = np.stack(
-        [
-            np.outer(np.sin(across), np.cos(around)),
-            np.repeat(np.cos(across)[:, None], sectors, axis=1),
-            np.outer(np.sin(across), np.sin(around)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    across, around = np.pi * np.arange(1, rings) / rings, 2 * np.pi * np.arange(sectors) / sectors
+    level = np.repeat(np.cos(across)[:, None], sectors, axis=1)
+    circles = [np.outer(np.sin(across), np.cos(around)), level, np.outer(np.sin(across), np.sin(around))]
+    belt = np.stack(circles, axis=-1).reshape(-1, 3)
     points = np.concatenate([[(0.0, 1.0, 0.0)], belt, [(0.0, -1.0, 0.0)]]) * radius + np.asarray(centre)
     last, top = len(points) - 1, 1 + (rings - 2) * sectors
-    faces = [(0, 1 + (j + 1) % sectors, 1 + j) for j in range(sectors)]
-    for i in range(rings - 2):
-        for j in range(sectors):
-            p, q = 1 + i * sectors + j, 1 + i * sectors + (j + 1) % sectors
+    sides = [(j, (j + 1) % sectors) for j in range(sectors)]
+    faces = [(0, 1 + k, 1 + j) for j, k in sides]
+    for first in range(1, top, sectors):
+        for p, q in ((first + j, first + k) for j, k in sides):
             faces += [(p, q, p + sectors), (q, q + sectors, p + sectors)]
-    faces += [(last, top + j, top + (j + 1) % sectors) for j in range(sectors)]
+    faces += [(last, top + j, top + k) for j, k in sides]
     return points, np.array(faces)
+
+
+FLOOR = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+
+
+def ball_on_floor() -> Mesh:
+    return joined(FLOOR, ball(0.5, (0, 0.6, 0)))
 
 
 def icosphere(times: int) -> Mesh:
@@ -144,4 +163,4 @@ def soup(seed: int, count: int, size: float = 0.4, spread: float = 1.0) -> Mesh:
     random = np.random.default_rng(seed)
     centre = random.uniform(-spread, spread, (count, 1, 3))
     arms = random.normal(size=(count, 3, 3)) * size * np.exp(random.uniform(-3, 0.7, (count, 1, 1)))
-    return (centre + arms).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+    return triangles(centre + arms)

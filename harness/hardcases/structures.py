@@ -1,23 +1,21 @@
-"""P38-P47, S39: meshes that trees and grids find hard: one centroid, halving sizes, everything in one cell, odd counts.
+"""P38-P44, S39-S40: meshes that trees and grids find hard: one centroid, halving sizes, everything in one cell, odd counts.
 
 Structures sort triangles by centroids and boxes. Where these do not distinguish triangles, a tree becomes deep or the
 list of a cell long. Where the number of triangles reaches the end of a block or a warp, the last of them may be skipped.
 """
 
-from dataclasses import replace
+import itertools
+from typing import Any
 
 import numpy as np
 
 from ..arrays import F64
-from ..scene.prepared import prepare
-from ..scene.scene import Geometry, Light
-from .case import ORIGIN, TURNED, Counts, Trial, axes, hard, rows, view
-from .shapes import Mesh, ball, box, joined, plane, quad, sheet, soup, triangles
+from ..scene.scene import Light
+from .case import BESIDE, LAMPS, ORIGIN, TURNED, Counts, Trial, axes, hard, played, rows, view
+from .shapes import Mesh, ball_on_floor, box, float32_of, joined, plane, quad, sheet, soup, triangles
 
 FLOAT32_HALVINGS = 148
 """How often 1 can be halved in float32, to 2^-148: twice the smallest positive number, which a corner still halves."""
-
-EDGES_OF_BLOCKS = (31, 32, 33, 127, 128, 129, 255, 256, 257, 1023, 1024, 1025)
 
 AT_INFINITY = 10 / 192
 """Rays along the outer walls of boxes: a light at infinity is placed 2^56 radii away, so that in exact arithmetic the
@@ -29,6 +27,7 @@ STACK = "the deepest tree: stacks that overflow"
 LAST = "the last triangle of a block or a warp"
 LISTS = "long lists; a ray that tests everything"
 SIZES = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 1e-9), (" z large", 2, 1e9))
+EDGES_MOVED = rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0))
 
 
 @hard(
@@ -38,7 +37,7 @@ SIZES = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 1e-9), (" z large",
     count=500,
 )  # fmt: skip
 @hard("P38 {count}", "{count:,} triangles with one centroid", DEPTH, rows("count", 10_000, 100_000), large=True)
-def one_centroid(count: int, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
+def one_centroid(count: int, **place: Any) -> Trial:
     """Triangles of sizes from 1 to 2^-12; the mean of the vertices and the middle of the box of each lie at the origin.
 
     Along each axis the three coordinates are v, -v and 0 in some order, so both middles are exact in float32. With an
@@ -46,20 +45,16 @@ def one_centroid(count: int, turn: int = 0, scale: float = 1.0, offset: float = 
     """
     random = np.random.default_rng(count)
     size = 2.0 ** random.uniform(-12, 0, (count, 1))
-    value = (random.uniform(0.25, 1, (count, 3)) * size).astype(np.float32).astype(np.float64)
+    value = float32_of(random.uniform(0.25, 1, (count, 3)) * size)
     corners = np.stack([value, -value, np.zeros_like(value)], axis=1)
     order = random.permuted(np.broadcast_to(np.arange(3)[:, None], corners.shape), axis=1)
-    corners = np.take_along_axis(corners, order, axis=1)
-    return view(
-        joined(triangles(corners), plane(2, -2, 4)), [(2.5, 1.5, 3.0), (0.1, 0.2, -1.5)], (0.3, 0.2, 4), (0, 0, -1), 0.375,
-        turn=turn, scale=scale, offset=(offset * scale,) * 3,
-    )  # fmt: skip
+    mesh = joined(triangles(np.take_along_axis(corners, order, axis=1)), plane(2, -2, 4))
+    return view(mesh, [(2.5, 1.5, 3.0), (0.1, 0.2, -1.5)], (0.3, 0.2, 4), (0, 0, -1), 0.375, **place)
 
 
 def chain(levels: F64) -> Mesh:
     """A triangle for each level s, across the diagonal of the cell from (s, s, s) to (2s, 2s, 2s)."""
-    unit = np.array([(2, 1, 1), (1, 2, 1), (1, 1, 2)])
-    return triangles(levels[:, None, None] * unit)
+    return triangles(levels[:, None, None] * np.array([(2, 1, 1), (1, 2, 1), (1, 1, 2)]))
 
 
 @hard("P39 {axis}", "sizes halved 148 times", STACK, axes("xyz"), first=-FLOAT32_HALVINGS, last=0, eye=-4.0)
@@ -68,97 +63,68 @@ def chain(levels: F64) -> Mesh:
     rows("where first last eye", ("near", -FLOAT32_HALVINGS, 0, 4.0), ("within", -FLOAT32_HALVINGS, 0, -(2.0**-40)),
          ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0)),
 )  # fmt: skip
-def halving(first: int, last: int, eye: float, turn: int = 0) -> Trial:
+def halving(first: int, last: int, eye: float, **place: Any) -> Trial:
     """Sizes 2^first to 2^last along a diagonal: the deepest tree. The eye is on it at ``eye`` (negative: beyond the
     smallest).
 
     The ray in the middle meets every triangle, the others meet those that are large as seen from the eye. A tree's nodes
     lie one within the other, and a ray from the small end puts one on its stack at each level.
     """
-    levels = np.ldexp(1.0, np.arange(first, last + 1))
-    towards = (-eye,) * 3
-    light = -2.0 * eye
-    return view(
-        chain(levels), [(light, 1.5 * light, light), (eye, 2 * eye, 1.5 * eye)], (eye,) * 3, towards, 0.25, (9, 9),
-        up=(0, 0, 1), turn=turn,
-    )  # fmt: skip
+    mesh, light = chain(np.ldexp(1.0, np.arange(first, last + 1))), -2.0 * eye
+    lights = [(light, 1.5 * light, light), (eye, 2 * eye, 1.5 * eye)]
+    return view(mesh, lights, (eye,) * 3, (-eye,) * 3, 0.25, (9, 9), up=(0, 0, 1), **place)
 
 
 @hard(
     "P39 {what}", "96 chains of halved sizes", STACK,
     rows("what turn scale", ("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)),
 )  # fmt: skip
-def many_chains(turn: int, scale: float) -> Trial:
+def many_chains(**place: Any) -> Trial:
     """Chains towards several points in all eight directions: deep trees of some thousand triangles."""
-    random = np.random.default_rng(17)
-    levels = 2.0 ** np.arange(-20.0, 1.0)
-    parts = []
-    for middle in random.integers(-64, 65, (12, 3)) / 16.0:
-        for signs in np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]):
-            points, faces = chain(levels)
-            parts.append((points * signs + middle, faces))
-    return view(
-        joined(*parts, plane(2, -8, 16)), [(1.0, 2.0, 12.0), (0.5, 0.25, 0.125)], (0.3, 0.4, 12), (0, 0, -1), 0.5,
-        turn=turn, scale=scale,
-    )  # fmt: skip
+    points, faces = chain(2.0 ** np.arange(-20.0, 1.0))
+    middles = np.random.default_rng(17).integers(-64, 65, (12, 3)) / 16.0
+    parts = [(points * signs + middle, faces) for middle in middles for signs in itertools.product((-1, 1), repeat=3)]
+    mesh, lights = joined(*parts, plane(2, -8, 16)), [(1.0, 2.0, 12.0), (0.5, 0.25, 0.125)]
+    return view(mesh, lights, (0.3, 0.4, 12), (0, 0, -1), 0.5, **place)
 
 
 def towers() -> Mesh:
     """Boxes with integer corners side by side and on one another: walls, edges and corners on the grid of integers."""
     heights = np.random.default_rng(3).integers(0, 5, (8, 8))
-    boxes = [
-        box((2 * i - 8, 2 * j - 8, 1), (2 * i - 6, 2 * j - 6, 1 + heights[i, j]))
-        for i in range(8)
-        for j in range(8)
-        if heights[i, j]
-    ]
-    return joined(*boxes)
+    sites = np.argwhere(heights)
+    return joined(*(box((2 * i - 8, 2 * j - 8, 1), (2 * i - 6, 2 * j - 6, 1 + heights[i, j])) for i, j in sites))
 
 
 @hard(
     "S39 {kind} {axis}", "shadow rays along an axis, {kind}", "division by 0; rays in walls and through corners",
     rows("kind", "faces", "edges", "point"), axes("xyz"), excusable=AT_INFINITY,
 )  # fmt: skip
-@hard(
-    "S39 edges {what}", "the same, {what}", "the same",
-    rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)), kind="edges",
-    excusable=AT_INFINITY,
-)  # fmt: skip
-def along_an_axis(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
+@hard("S39 edges {what}", "the same, {what}", "the same", EDGES_MOVED, kind="edges", excusable=AT_INFINITY)
+def along_an_axis(kind: str, **place: Any) -> Trial:
     """Shadow rays along an axis among boxes with integer corners, through their edges, corners and in their walls.
 
     The hit points are the odd integers (x, y) of the plane z = 0, seen from below, or with "edges" the even ones. The light
     is directional, or far away on the axis above the middle for "point".
     """
-    middle = (1.0, 1.0) if kind == "edges" else (0.0, 0.0)
+    mesh, middle = joined(towers(), plane(2, 0, 32)), 1.0 if kind == "edges" else 0.0
     light = Light((0.0, 0.0, 1.0), directional=True) if kind != "point" else Light((0.0, 0.0, 2.0**40))
-    back = Light((0.0, 0.0, -1.0), directional=True)
-    return view(
-        joined(towers(), plane(2, 0, 32)), [light, back], (*middle, -8.0), (0, 0, 1), 1.0, (8, 8), up=(0, 1, 0),
-        turn=turn, scale=scale, offset=(offset * scale,) * 3, stated=Counts(64, (None, 0)),
-    )  # fmt: skip
+    lights, stated = [light, Light((0.0, 0.0, -1.0), directional=True)], Counts(64, (None, 0))
+    return view(mesh, lights, (middle, middle, -8.0), (0, 0, 1), 1.0, (8, 8), up=(0, 1, 0), stated=stated, **place)
 
 
 @hard(
     "P40 {kind} {axis}", "all corners on one line, {kind}", "boxes of a diagonal; no area",
-    rows("kind", "only", "wall", "rounded"), axes("xyz"),
+    rows("kind stated", ("only", Counts(0, (0, 0))), ("wall", Counts(256, (0, 0))), ("rounded", None)), axes("xyz"),
 )  # fmt: skip
-def on_one_line(kind: str, turn: int = 0) -> Trial:
+def on_one_line(kind: str, stated: Counts | None, **place: Any) -> Trial:
     """Triangles whose corners are all on one line: exactly ("only", or "wall" before a wall), or as float32 rounds them."""
     random = np.random.default_rng(23)
     if kind == "rounded":
-        along = np.array([0.36, 0.48, 0.8]) / 3
-        corners = random.uniform(-8, 8, (300, 3, 1)) * along
+        mesh = triangles(random.uniform(-8, 8, (300, 3, 1)) * (np.array([0.36, 0.48, 0.8]) / 3))
     else:
-        corners = random.integers(-64, 65, (300, 3, 1)) / 32 * np.array([1.0, 2.0, 3.0])
-    mesh = triangles(corners)
-    if kind != "only":
-        mesh = joined(mesh, plane(2, -8, 32))
-    nothing = kind == "only"
-    return view(
-        mesh, [(3.0, -1.0, 9.0), (0.5, 1.0, 1.5)], (2.0, -1.0, 8.0), (0, 0, -1), 1.0, turn=turn,
-        stated=Counts(0, (0, 0)) if nothing else Counts(256, (0, 0)) if kind == "wall" else None,
-    )  # fmt: skip
+        mesh = triangles(random.integers(-64, 65, (300, 3, 1)) / 32 * np.array([1.0, 2.0, 3.0]))
+    mesh = mesh if kind == "only" else joined(mesh, plane(2, -8, 32))
+    return view(mesh, [(3.0, -1.0, 9.0), (0.5, 1.0, 1.5)], (2.0, -1.0, 8.0), (0, 0, -1), stated=stated, **place)
 
 
 @hard(
@@ -168,15 +134,9 @@ def on_one_line(kind: str, turn: int = 0) -> Trial:
 def after_nothing(order: str) -> Trial:
     """A valid frame after one whose coordinates are all NaN; that is the first frame of a session, or lies between two
     valid ones."""
-    points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
-    whole = view((points, faces), [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
-    frames = [{"n": np.full_like(points, np.nan), "i": np.full_like(points, np.inf), "w": points}[c] for c in order]
-    scene = replace(
-        whole.prepared.scene, geometry=lambda: Geometry(faces.astype(np.int32), lambda k: frames[k], len(frames))
-    )
-    prepared = prepare(scene)
-    moments = [prepared.moment(k, 16, 16) for k in range(len(frames))]
-    return replace(whole, prepared=prepared, moment=moments[-1], before=tuple(moments[:-1]))
+    points, faces = ball_on_floor()
+    frames = {"n": np.full_like(points, np.nan), "i": np.full_like(points, np.inf), "w": points}
+    return played(view((points, faces), LAMPS, *BESIDE), [frames[one] for one in order], len(order) - 1)
 
 
 @hard("P42 {count}", "{count} triangles", LAST, rows("count turn", (33, 0), (128, 2), (257, 2)))
@@ -184,81 +144,64 @@ def after_nothing(order: str) -> Trial:
     "P42 {count}", "{count} triangles", LAST,
     rows("count turn", *((n, n % 3) for n in (31, 32, 127, 129, 255, 256, 1023, 1024, 1025))), large=True,
 )  # fmt: skip
-def so_many(count: int, turn: int = 0) -> Trial:
+def so_many(count: int, **place: Any) -> Trial:
     """A number of triangles at the end of a block or of a warp; the last ones are large and in front of the others."""
-    points, faces = soup(count, count - 2, 0.2)
     front = triangles(
-        ((-0.5, -0.6, 1.5), (0.4, -0.3, 1.6), (0.1, 0.5, 1.7)), ((0.5, 0.1, 1.4), (0.9, 0.2, 1.4), (0.6, 0.8, 1.5))
+        (-0.5, -0.6, 1.5), (0.4, -0.3, 1.6), (0.1, 0.5, 1.7), (0.5, 0.1, 1.4), (0.9, 0.2, 1.4), (0.6, 0.8, 1.5)
     )
-    return view(
-        joined((points, faces), front), [(0.3, 0.4, 5), (0.1, -0.2, 0.3)], (0.3, 0.2, 3), (0, 0, -1), 0.5, turn=turn
-    )  # fmt: skip
+    mesh, lights = joined(soup(count, count - 2, 0.2), front), [(0.3, 0.4, 5), (0.1, -0.2, 0.3)]
+    return view(mesh, lights, (0.3, 0.2, 3), (0, 0, -1), 0.5, **place)
 
 
 @hard("P43{end}", "64 triangles that fill the picture", LISTS, SIZES, count=64, same=False)
 @hard("P43 plane{end}", "64 triangles that fill the picture", LISTS, SIZES, count=64, same=True)
-@hard("P43 {count}", "{count:,} triangles that fill the picture", LISTS, rows("count", 4000), same=False, large=True)
-@hard(
-    "P43 plane {count}", "{count:,} triangles that fill the picture", LISTS, rows("count", 1000), same=True, large=True
-)
-def full_screen(count: int, same: bool, turn: int = 0, scale: float = 1.0) -> Trial:
+@hard("P43 {count}", "{count:,} triangles that fill the picture", LISTS, count=4000, same=False, large=True)
+@hard("P43 plane {count}", "{count:,} triangles that fill the picture", LISTS, count=1000, same=True, large=True)
+def full_screen(count: int, same: bool, **place: Any) -> Trial:
     """Triangles that each fill the whole picture, in random order of depth, or all in one plane (``same``)."""
     random = np.random.default_rng(29)
     depth = np.full(count, 2.0) if same else 2 + random.permutation(count) / 1024
     angle = random.uniform(0, 2 * np.pi, (count, 1)) + 2 * np.pi / 3 * np.arange(3)
     radius = 64 * random.uniform(1, 4, (count, 1))
-    corners = np.stack(
-        [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(-depth[:, None], angle.shape)], axis=2
-    )
-    last = 0 if same else None
-    return view(
-        joined(triangles(corners), plane(2, -16, 4)), [ORIGIN, (0.5, 0.25, -12.0)], ORIGIN, (0, 0, -1), 1.0,
-        turn=turn, scale=scale, stated=Counts(256, (last if same else 0, 0 if same else None)),
-    )  # fmt: skip
+    level = np.broadcast_to(-depth[:, None], angle.shape)
+    corners = np.stack([radius * np.cos(angle), radius * np.sin(angle), level], axis=2)
+    mesh, lights = joined(triangles(corners), plane(2, -16, 4)), [ORIGIN, (0.5, 0.25, -12.0)]
+    stated = Counts(256, (0, 0 if same else None))
+    return view(mesh, lights, ORIGIN, (0, 0, -1), stated=stated, **place)
 
 
 @hard(
     "S40 {axis}{end}", "68,644 rays and a few in one cell", "counters of 16 bits; one long list", axes("xyz"),
-    rows("end directional", ("", False), (" sun", True)), large=True,
+    rows("end light", ("", Light((0.0, 0.0, 8.0))), (" sun", Light((0.0, 0.0, 1.0), directional=True))), large=True,
 )  # fmt: skip
-def one_light_cell(directional: bool, turn: int) -> Trial:
+def one_light_cell(light: Light, **place: Any) -> Trial:
     """All of 68,644 hit points but a column lie in one cell of a grid around the light, and within 2^-10 of one point.
 
     A second plane far outside, which one column of pixels sees, widens the extent of the grid.
     """
     half = 2.0**-10
-    small = quad((-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0))
     across = triangles((-half, -half / 3, 0.25), (half, -half / 2, 0.25), (half / 3, half, 0.25))
     outside = quad((1, -2048, 1024), (4096, -2048, 1024), (4096, 2048, 1024), (1, 2048, 1024))
-    light = Light((0.0, 0.0, 1.0), directional=True) if directional else Light((0.0, 0.0, 8.0))
-    return view(
-        joined(small, across, outside), [light], (0, 0, -0.5), (0, 0, 1), 2 * half * 264 / 262, (264, 264),
-        up=(0, 1, 0), turn=turn,
-    )  # fmt: skip
+    mesh, wide = joined(plane(2, 0, half), across, outside), 2 * half * 264 / 262
+    return view(mesh, [light], (0, 0, -0.5), (0, 0, 1), wide, (264, 264), up=(0, 1, 0), **place)
 
 
 @hard("P44{end}", "T-junctions", "rays lost at a vertex on another's edge", TURNED, exact=True, excusable=0.0)
 @hard("P44 rounded{end}", "T-junctions", "rays lost at a vertex on another's edge", TURNED, exact=False)
-def t_junctions(exact: bool, turn: int = 0, scale: float = 1.0) -> Trial:
+def t_junctions(exact: bool, **place: Any) -> Trial:
     """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones.
 
     ``exact``: on dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise rounding
     moves the vertices off the edges, and rays may pass between.
     """
-    fine = np.arange(-8, 9) / 8
-    coarse = np.array([-1.0, 0.0, 1.0])
-    parts = []
-    for k in range(-4, 4):
-        x = np.array([k, k + 1]) / 4
-        parts.append(sheet(x, fine if k % 2 else coarse, 2.0))
-    mesh = joined(*parts)
+    fine, coarse = np.arange(-8, 9) / 8, np.array([-1.0, 0.0, 1.0])
+    points, faces = joined(*(sheet(np.array([k, k + 1]) / 4, fine if k % 2 else coarse, 2.0) for k in range(-4, 4)))
     if not exact:
         c, s = np.cos(0.3), np.sin(0.3)
         around = np.array([(c, -s, 0), (s, c, 0), (0, 0, 1)])
         tilt = np.array([(1, 0, 0), (0, 0.8, -0.6), (0, 0.6, 0.8)])
         middle = np.array([0, 0, -2.0])
-        mesh = (mesh[0] - middle) @ (tilt @ around).T + middle, mesh[1]
-    return view(
-        joined(mesh, plane(2, -6, 16)), [(0, 0, 2), (0.25, -0.125, -4)], ORIGIN, (0, 0, -1), 1.0,
-        (17, 17) if exact else (48, 48), turn=turn, scale=scale, stated=Counts(289, None) if exact else None,
-    )  # fmt: skip
+        points = (points - middle) @ (tilt @ around).T + middle
+    mesh, lights = joined((points, faces), plane(2, -6, 16)), [(0, 0, 2), (0.25, -0.125, -4)]
+    size, stated = ((17, 17), Counts(289)) if exact else ((48, 48), None)
+    return view(mesh, lights, ORIGIN, (0, 0, -1), 1.0, size, stated=stated, **place)
