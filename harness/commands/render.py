@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import U8
-from ..errors import CapacityRejected, UserError, say, warn
+from ..errors import CapacityRejected, UserError, say, warn, writing
 from ..frame.devices import find_device, placed_method
 from ..frame.session import Session
 from ..runner.machine.lock import MACHINE
@@ -17,7 +17,7 @@ from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
-from .default_method import default_method, settings_by_method
+from .answering import default_method, require_frame, settings_by_method
 from .options import ONE_METHOD, command, number_or_frames
 
 SECONDS, MOST_SECONDS = 4.0, 3600.0
@@ -130,7 +130,7 @@ def render_(
 
     The picture of a stand-in scene has a caption that says so.
     """
-    settings = settings_by_method(setting or [])
+    settings = settings_by_method(setting)
     count, seen = number_or_frames(frames, view)
     if (out is None) == (animation is None):
         raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
@@ -168,12 +168,9 @@ def render(
     out = out.absolute()  # a method may go to another folder
     described = view.resolved(scene, scene_dir)
     made = opened(scene, described, method, parse_size(size), device, settings)
-    if not 0 <= frame < made.prepared.frame_count:
-        raise UserError(f"--frame {frame}: {scene} has frames 0 to {made.prepared.frame_count - 1}")
-    try:
+    require_frame(made.prepared, frame, scene)
+    with writing(out, "choose another --out"):
         return save_png(made.picture(frame), out)
-    except OSError as error:
-        raise UserError(f"{out}: cannot write ({error.strerror}); choose another --out") from error
 
 
 @MACHINE.restored()
@@ -216,10 +213,8 @@ def animate(
         beside([one.picture(frame) for one, frame in zip(shown, places, strict=True)])
         for places in zip(*(spread(one.prepared.frame_count, count) for one in shown), strict=True)
     ]
-    try:
+    with writing(out, "choose another --animate"):
         return save_webp(pictures, out, seconds or playing_time(shown[0].prepared))
-    except OSError as error:
-        raise UserError(f"{out}: cannot write ({error.strerror}); choose another --animate") from error
 
 
 def playing_time(prepared: Prepared) -> float:

@@ -18,7 +18,7 @@ import websocket
 from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
 from PIL import Image
-from shadowbench.harness.commands.default_method import default_method
+from shadowbench.harness.commands.answering import default_method
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.commands.render import opened
 from shadowbench.harness.commands.view import view
