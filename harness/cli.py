@@ -22,7 +22,7 @@ DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
 
 COMMANDS = {
-    "run": "run.run_", "show": "show.show_", "list": "listing.list_", "render": "render.render_",
+    "run": "run.run_", "show": "show.show_", "list": "listing.list_", "render": "render.render",
     "advise": "advise.advise", "check": "check.check", "plan": "plan.plan", "verify": "verify.verify",
     "explain": "explain.explain", "score": "verify.score", "report": "report.report", "compare": "compare.compare",
     "view": "view.view", "scenes": "scenes.scenes", "new-method": "new_method.new_method", "cache": "cache.cache",

@@ -1,10 +1,11 @@
 """Errors that are shown to the user, warnings, and suggestions for misspelt names."""
 
+import contextlib
 import difflib
 import functools
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from .texts import visible
@@ -41,6 +42,15 @@ def one_line(error: BaseException) -> str:
         text = ""
     text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
     return text.encode(errors="replace").decode() or type(error).__name__
+
+
+@contextlib.contextmanager
+def writing(place: Path | str, remedy: str) -> Iterator[None]:
+    """Turn a failure to write into one line: where, why, and what to do."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{place}: cannot write ({error.strerror or one_line(error)}); {remedy}") from error
 
 
 @functools.cache

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import UserError
+from ..frame.devices import device_for, find_device
+from ..frame.registry import make_method, method_class
+from ..hardcases import all_cases, find_case
+from ..hardcases.conformance import Check, conformance
+from ..hardcases.judge import ERROR_NAMES, SHADOWS, Finding, judge_method, outside_of
 from ..judge.verdict import Verdict
+from ..report.terminal import plain_console
 from ..runner.machine.lock import MACHINE
+from ..scene.facts import few_hits
 from .options import command
-from .tables import make_console, make_table, print_legend, print_lines
-
-if TYPE_CHECKING:
-    from ..hardcases.conformance import Check
-    from ..hardcases.judge import Finding
+from .tables import make_table, print_legend, print_lines, tell
 
 
 @command(
@@ -39,13 +41,6 @@ def check(
     method declares what it does not support in its attribute ``outside``: a case in {case: reason} is listed and not
     run; with {"shadows": reason}, wrong shadow bits are counted but do not fail the check.
     """
-    from ..frame.devices import device_for, find_device
-    from ..frame.registry import make_method, method_class
-    from ..hardcases import all_cases, find_case
-    from ..hardcases.conformance import conformance
-    from ..hardcases.judge import SHADOWS, judge_method, outside_of
-    from ..scene.facts import few_hits
-
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))
     cases = [find_case(name) for name in case] if case else list(all_cases(large=True))
@@ -72,15 +67,8 @@ def check(
         "rays": sum(finding.rays for finding in findings),
         "warning": warning.rpartition(";")[0],
     }
-    if as_json:
-        report = {
-            **facts,
-            "cases": [finding.as_json() for finding in findings],
-            "conformance": [one.as_json() for one in checks],
-        }
-        print(json.dumps(report, indent=1))
-    else:
-        _print(facts, findings, checks)
+    report = {**facts, "cases": [one.as_json() for one in findings], "conformance": [one.as_json() for one in checks]}
+    tell(report, as_json, lambda facts: _print(facts, findings, checks))
     return 0 if passed else 1
 
 
@@ -103,7 +91,7 @@ CLASS_NAMES = {
 
 
 def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) -> None:
-    console, table = make_console(), make_table("case", "what", "expected", "got", "excused", "result")
+    table = make_table("case", "what", "expected", "got", "excused", "result")
     notes = []
     for finding in findings:
         excused = f"{finding.excused} of {finding.rays}" if finding.excused else ""
@@ -117,23 +105,23 @@ def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) 
         table.add_row("", one.name, "", "", "", {"error": "ERROR"}.get(one.status, one.status))
         if one.status == "error":
             notes.append(f"{one.name}: {one.reason}")
-    console.print(table)
-    print_lines(console, *notes)
+    plain_console().print(table)
+    print_lines(*notes)
     method, count = facts["method"], Counter(finding.status for finding in findings)
     if facts["known_inexact"] and (count["error"] or count["excused"]):
-        print_lines(console, f"{method} declares itself inexact: {facts['known_inexact']}")
+        print_lines(f"{method} declares itself inexact: {facts['known_inexact']}")
     bits = sum(finding.bits_outside for finding in findings)
     if bits:
         reason = facts["outside"]["shadows"]
-        print_lines(console, f"{bits} wrong shadow bits are outside what {method} can do: {reason}")
+        print_lines(f"{bits} wrong shadow bits are outside what {method} can do: {reason}")
     summary = f"{method} on {facts['device']}: {len(findings)} cases, {count['error']} with true errors"
     summary += f", {count['excused']} with too many excused" if count["excused"] else ""
     summary += f", {count['outside']} outside" if count["outside"] else ""
-    print_lines(console, f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")
-    print_lines(console, *filter(None, [facts["warning"]]))
+    print_lines(f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")
+    print_lines(*filter(None, [facts["warning"]]))
     named = {name for finding in findings for name in finding.classes}
     outside = ["outside: the method declares that it cannot do this"] if bits or count["outside"] else []
-    print_legend(console, (kind for kind in Verdict if kind.key in named), *outside)
+    print_legend((kind for kind in Verdict if kind.key in named), *outside)
 
 
 def _result(finding: Finding) -> str:
@@ -152,8 +140,6 @@ def _result(finding: Finding) -> str:
 
 
 def _listed(finding: Finding, wrong: bool) -> list[str]:
-    from ..hardcases.judge import ERROR_NAMES
-
     named = ((name, count) for name, count in finding.classes.items() if (name in ERROR_NAMES) == wrong)
     return [f"{count} {CLASS_NAMES[name]}" for name, count in named]
 

@@ -1,7 +1,6 @@
 """``shadowbench compare``: what is faster and what is slower in run B than in run A, with its uncertainty."""
 
 import dataclasses
-import json
 import math
 import re
 import sys
@@ -12,11 +11,12 @@ from typing import Any
 from ..errors import UserError
 from ..files import plain
 from ..report import numbers, two_runs
+from ..report.terminal import plain_console
 from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
 from ..texts import numbered
 from .compared_runs import Run, cores, refuse
 from .options import command
-from .tables import make_console, make_table, print_lines
+from .tables import make_table, print_lines, tell
 
 ALLOWED = ("machine", "driver", "scene", "versions", "missing", "wrong")
 """What may differ where ``--allow`` says so; ``versions``: several versions of one method within a run; ``missing`` and
@@ -76,10 +76,9 @@ def compare(
     most = None if everything else FIRST
     notes = list(notes_of(runs, found, allow or (), most))
     fails = failures(found, fail_on or (), allow or (), most)
-    if as_json:
-        print(json.dumps({**as_data(folders, found, notes, margin), "fails": fails}, indent=1))
-    else:
-        print_comparison(found, [*notes, *(f"fails: {text}" for text in fails)], margin, most)
+    facts = {**as_data(folders, found, notes, margin), "fails": fails}
+    lines = [*notes, *(f"fails: {text}" for text in fails)]
+    tell(facts, as_json, lambda _: print_comparison(found, lines, margin, most))
     return 1 if fails else 0
 
 
@@ -120,7 +119,6 @@ def notes_of(
 
 def print_comparison(found: Comparison, notes: Iterable[str], margin: float, most: int | None = None) -> None:
     """The verdicts as a table, geometric means last; then what was left out. ``most``: as in :func:`notes_of`."""
-    console = make_console()
     table = make_table("scene", "method", "verdict", numbers=("A, ms", "B, ms", "gap", "95 %", "own", "wrong"))
     for row in (*found.rows, *found.means):
         table.add_row(
@@ -128,7 +126,7 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float, mos
             percent(row.gap), interval(row), percent(row.spread, sign=False), wrong(row),
             style={"slower": "red", "faster": "green", WRONG: "red", OPEN: "dim"}.get(row.verdict, ""),
         )  # fmt: skip
-    console.print(table)
+    plain_console().print(table)
     counts = ", ".join(f"{count} {verdict}" for verdict in VERDICTS if (count := found.count(verdict)))
     lines = [f"{counts}.", f"gap: B over A less one; own: the machine's own spread; margin {margin:.0%}; "
              "wrong: answers of A and B; *: another version of the method"]  # fmt: skip
@@ -140,7 +138,7 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float, mos
         f"can't tell: {reason} ({some([point for one in alike for point in reasons[one]], most)})"
         for reason, alike in kinds(reasons).items()
     ]
-    print_lines(console, *lines, *why, *notes)
+    print_lines(*lines, *why, *notes)
     sys.stdout.flush()
 
 

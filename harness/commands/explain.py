@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..frame.devices import find_device
+from ..judge.arithmetic import edge_bound
+from ..judge.context import Judge
+from ..judge.distances import edge_distance
+from ..judge.receivers import not_receivers
+from ..judge.score import Judgement, judge_frame, judge_rays
 from ..judge.verdict import ERRORS, Verdict
+from ..report.terminal import plain_console
 from ..runner.machine.lock import MACHINE
+from ..runner.planning.experiment import parse_size
+from ..scene.chosen_view import ChosenView
+from ..scene.prepared import prepare
+from .answering import answer, entries_of, require_frame
 from .options import command
-from .tables import make_console, make_table, print_legend, print_lines
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ..judge.score import Judgement
-    from ..scene.chosen_view import ChosenView
+from .tables import make_table, print_legend, print_lines, tell
 
 
 @command(
@@ -41,28 +48,17 @@ def explain(
     float32 triangle test: below 1, a wrong answer is excused. Exit code 1 if an answer is wrong and not excused, and
     the method does not declare itself inexact.
     """
-    from ..frame.devices import find_device
-    from ..frame.registry import method_names
-    from ..judge.context import Judge
-    from ..judge.score import judge_frame, judge_rays
-    from ..runner.planning.experiment import Entry, parse_size
-    from ..runner.planning.planned_point import parse_settings
-    from ..scene.prepared import prepare
-    from .answering import answer
-
     width, height = parse_size(size)
     match = re.fullmatch(r"\s*(\d+)\s*,\s*(\d+)\s*", pixel)
     if not match or int(match[1]) >= width or int(match[2]) >= height:
         raise UserError(f"--pixel {pixel!r}: write it as X,Y with 0 <= X < {width} and 0 <= Y < {height}")
     x, y = int(match[1]), int(match[2])
     place = find_device(device)
-    names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
-    entries = parse_settings(setting or [], names)
+    entries = entries_of(method, setting)
     described = view.resolved(scene, scene_dir)
     MACHINE.share_beside(place)
     prepared = prepare(described)
-    if not 0 <= frame < prepared.frame_count:
-        raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
+    require_frame(prepared, frame, scene)
     moment = prepared.moment(frame, width, height)
     # A frame of only that pixel: it has the same ray and is judged like any other frame.
     alone = replace(moment, column=moment.column[[x]], row=moment.row[[y]])
@@ -79,12 +75,7 @@ def explain(
     }
     for entry in entries:
         outcome = answer(entry.method, dict(entry.settings), prepared, moment, place)
-        row: dict[str, Any] = {
-            "method": entry.method,
-            "status": outcome.status,
-            "reason": outcome.reason,
-            "known_inexact": outcome.known_inexact,
-        }
+        row = outcome.facts("method", "status", "reason", "known_inexact")
         if outcome.answers is None:
             facts["answers"].append({**row, "wrong": outcome.status == "failed"})
             continue
@@ -93,10 +84,7 @@ def explain(
         for shown, found in zip(facts["bounces"], mirrored, strict=True):
             if outcome.answers["bounce_active"][shown["bounce"] - 1][y * width + x] == 1 or _row(found)["wrong"]:
                 shown["answers"].append({**row, **_row(found), "exact": exact_facts(found)})
-    if as_json:
-        print(json.dumps(facts, indent=1))
-    else:
-        _print(facts)
+    tell(facts, as_json, _print)
     rows = facts["answers"][1:] + [row for shown in facts["bounces"] for row in shown["answers"]]
     return 1 if any(row["wrong"] and not row["known_inexact"] for row in rows) else 0
 
@@ -112,12 +100,6 @@ def answers_at(answers: dict[str, NDArray], index: int) -> dict[str, NDArray]:
 def exact_facts(found: Judgement) -> dict[str, Any]:
     """The exact answer at a judged pixel: set of tied triangles, t, distance to the nearest edge in units of the error
     bound, and each shadow bit."""
-    import numpy as np
-
-    from ..judge.arithmetic import edge_bound
-    from ..judge.distances import edge_distance
-    from ..judge.receivers import not_receivers
-
     judge, hits = found.judge, found.exact.hits
     referee, ratio = judge.referee, hits.ratio[0]
     if ratio is None:
@@ -150,7 +132,6 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
 
 def _row(found: Judgement) -> dict[str, Any]:
     """The answer at a judged pixel, and the class of each of its parts as the score counts them."""
-
     answers, classes = found.checked.answers, found.classes
     primary = Verdict(int(classes.primary[0]))
     shadow = [None if kind < 0 else Verdict(kind) for kind in classes.shadow[:, 0].tolist()]
@@ -170,7 +151,6 @@ def _number(value: Any) -> float | str:
 
 
 def _print(facts: dict[str, Any]) -> None:
-    console = make_console()
     exact = facts["exact"]
     x, y = facts["pixel"]
     stand_in = " (stand-in)" if facts["stand_in"] else ""
@@ -190,33 +170,31 @@ def _print(facts: dict[str, Any]) -> None:
                 lines.append(f"{lead}lit")
             else:
                 lines.append(f"{lead}no shadow ray: outside the spotlight, or facing away")
-    print_lines(console, *lines)
-    _print_rows(console, facts["answers"])
+    print_lines(*lines)
+    _print_rows(facts["answers"])
     for shown in facts["bounces"]:
         if shown["answers"]:
-            print_lines(console, f"bounce {shown['bounce']}, each method's own ray:")
-            _print_rows(console, shown["answers"])
+            print_lines(f"bounce {shown['bounce']}, each method's own ray:")
+            _print_rows(shown["answers"])
     rows = facts["answers"] + [row for shown in facts["bounces"] for row in shown["answers"]]
     named = {kind for row in rows for kind in (row.get("class"), *row.get("shadow_classes", ()))}
     legend = "class: of triangle, t, u and v; shadows: each light's bit and its class"
-    print_legend(console, (kind for kind in Verdict if kind.key in named), legend)
+    print_legend((kind for kind in Verdict if kind.key in named), legend)
 
 
-def _print_rows(console: Any, rows: list[dict[str, Any]]) -> None:
+def _print_rows(rows: list[dict[str, Any]]) -> None:
     """The answers, one row per method, then the reason of each method without an answer. Where each method has a ray
     of its own, the row also holds the exact triangle for that ray."""
     bounced = any("exact" in row for row in rows)
-    table = make_table(*("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ())))
-    for row in rows:
-        if "class" not in row:
-            continue
+    table = make_table("method", "triangle", "t", "u", "v", "class", "shadows", *["exact"] * bounced)
+    for row in (one for one in rows if "class" in one):
         shadows = [
             f"{bit} {kind or ''}".strip() for bit, kind in zip(row["shadows"], row["shadow_classes"], strict=True)
         ]
         numbers = [f"{row[part]:.9g}" if isinstance(row[part], float) else row[part] for part in ("t", "u", "v")]
-        cells = [row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows)]
-        table.add_row(*cells, *((str(row["exact"]["triangle"]),) if bounced else ()))
-    console.print(table)
+        exact = [str(row["exact"]["triangle"])] if bounced else []
+        table.add_row(row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows), *exact)
+    plain_console().print(table)
     for row in rows:
         if "class" not in row:
-            print_lines(console, f"{row['method']}: {row['status']}: {row['reason']}")
+            print_lines(f"{row['method']}: {row['status']}: {row['reason']}")

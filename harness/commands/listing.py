@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 from ..errors import UserError, did_you_mean
 from ..files import plain
 from ..frame import registry
+from ..report.terminal import plain_console
 from ..texts import numbered, visible
 from .options import command, view_of
+from .tables import tell
 
 if TYPE_CHECKING:  # each kind imports what it needs
     from ..runner.planning.experiment import Preset
@@ -40,10 +41,7 @@ def list_(
     """List the methods, scenes or experiments; of a method its parameters; of an experiment its presets; of a file its
     triangles and frames, its cameras and its lights."""
     rows = rows_of(kind, name or [], lambda: view_of(rate=rate, allow_missing=allow_missing), scene_dir, not as_json)
-    if as_json:
-        print(json.dumps(rows, indent=1))
-    else:
-        show(rows)
+    tell(rows, as_json, show)
     return 0
 
 
@@ -197,9 +195,7 @@ def show(rows: list[Row]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from .tables import make_console
-
-    console = make_console()
+    console = plain_console()
     width = max((len(row["name"]) for row in rows), default=0)
     for row in rows:
         devices = f" [{', '.join(row['devices'])}]" if row.get("devices") else ""

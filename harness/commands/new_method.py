@@ -10,7 +10,7 @@ import tempfile
 from importlib import resources
 from pathlib import Path
 
-from ..errors import UserError, install, say
+from ..errors import UserError, install, say, writing
 from .options import command
 
 TEMPLATE = "template"
@@ -67,7 +67,7 @@ def create(name: str, folder: Path) -> Path:
     """Write the package into a folder that does not exist yet. The folder appears only when it is complete."""
     if os.path.lexists(folder):
         raise UserError(f"{folder}: exists; nothing is overwritten, choose another --out")
-    try:
+    with writing(folder, "choose another --out"):
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as place:
             made = Path(place) / "package"
@@ -76,8 +76,6 @@ def create(name: str, folder: Path) -> Path:
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_text(text, encoding="utf-8")
             shutil.move(made, folder)
-    except OSError as error:
-        raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --out") from error
     return folder
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import CapacityRejected, UserError, one_line
 from ..frame.devices import find_device, placed_method
-from ..frame.registry import make_method, method_names
+from ..frame.registry import make_method
 from ..frame.room import fewer_that_fit
 from ..frame.schedule.needed import Step, steps, wanted_of
 from ..frame.schedule.passes import Pass
@@ -17,16 +16,16 @@ from ..frame.session import Session
 from ..runner.measuring.measured_point import frame_bytes
 from ..runner.measuring.memory import Memory
 from ..runner.planning.experiment import Entry, parse_size
-from ..runner.planning.planned_point import parse_settings
 from ..scene.chosen_view import AS_IT_IS, ChosenView
 from ..scene.effects import Effects
 from ..scene.facts import light_facts, triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from ..scene.targets import numbers_of
+from .answering import entries_of, require_frame
 from .listing import area_text, place_text
 from .options import command
-from .tables import table_blocks
+from .tables import table_blocks, tell
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -51,10 +50,7 @@ def plan(
     one light, only the geometry or nothing has changed.
     """
     found = frame_plan(scene, method or [], size, device, scene_dir, setting or [], view, frame)
-    if as_json:
-        print(json.dumps(found, indent=1))
-    else:
-        show(found)
+    tell(found, as_json, show)
     return 0
 
 
@@ -71,11 +67,10 @@ def frame_plan(
     """What the command prints, as JSON types. Raises :class:`UserError` for an unknown name, or no such ``frame``."""
     width, height = parse_size(size)
     place = find_device(device)
-    entries = parse_settings(list(settings), tuple(Entry(name) for name in methods or method_names()))
+    entries = entries_of(methods, settings)
     described = view.resolved(scene, scene_dir)
     prepared = prepare(described)
-    if not 0 <= frame < prepared.frame_count:
-        raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
+    require_frame(prepared, frame, scene)
     effects = Effects.of(described)
     return {
         "scene": described.name,

@@ -1,23 +1,25 @@
 """``shadowbench render``: pictures of a scene, shaded from the hits and shadow bits of one method."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..arrays import U8
-from ..errors import CapacityRejected, UserError, say, warn
+from ..errors import CapacityRejected, UserError, say, warn, writing
 from ..frame.devices import find_device, placed_method
 from ..frame.session import Session
+from ..report.animation import beside, check_animation, save_webp
+from ..report.picture import captioned, save_png, shade
 from ..runner.machine.lock import MACHINE
 from ..runner.planning.experiment import parse_size
-from ..scene.chosen_view import AS_IT_IS, ChosenView
+from ..scene.chosen_view import ChosenView
 from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
-from .default_method import default_method, settings_by_method
+from .answering import default_method, require_frame, settings_by_method
 from .options import ONE_METHOD, command, number_or_frames
 
 SECONDS, MOST_SECONDS = 4.0, 3600.0
@@ -39,8 +41,6 @@ class Renderer:
 
     def picture(self, frame: int) -> U8:
         """The picture of a frame, uint8 [height, width, 3]; a stand-in gets a caption that names it as one."""
-        from ..report.picture import captioned, shade
-
         moment = self.prepared.moment(frame, *self.size)
         try:
             answers = self.session.answers(moment)
@@ -121,7 +121,7 @@ def with_turning_light(described: Scene, places: int) -> Prepared:
     --seconds SECONDS       Length of the animation. Default: as the file says, else 4.
     """
 )
-def render_(
+def render(
     scene: list[str], method: str | None = None, out: Path | None = None, animation: Path | None = None,
     size: str = "512x512", frame: int = 0, frames: str | None = None, seconds: float | None = None,
     setting: list[str] | None = None, device: str | None = None, scene_dir: Path | None = None, *, view: ChosenView,
@@ -130,73 +130,45 @@ def render_(
 
     The picture of a stand-in scene has a caption that says so.
     """
-    settings = settings_by_method(setting or [])
+    settings = settings_by_method(setting)
     count, seen = number_or_frames(frames, view)
+
+    def renderer(name: str, turning: int = 0) -> Renderer:
+        described = seen.resolved(name, scene_dir)
+        return opened(name, described, method, parse_size(size), device, settings, turning)
+
     if (out is None) == (animation is None):
         raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
     if animation is not None:
-        picture = animate(scene, method, animation, size, count, seconds, device, scene_dir, settings, seen)
+        picture = animated(scene, renderer, animation, parse_size(size), count, seconds)
     else:
         assert out is not None
         if len(scene) > 1:
             raise UserError(f"render {' '.join(scene)}: --out shows one scene; --animate shows several")
-        picture = render(scene[0], method, out, size, frame, device, scene_dir, settings, seen)
+        if out.suffix.lower() != ".png":
+            raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
+        out = out.absolute()  # a method may go to another folder
+        shown = renderer(scene[0])
+        require_frame(shown.prepared, frame, scene[0])
+        with writing(out, "choose another --out"):
+            picture = save_png(shown.picture(frame), out)
     say(f"written: {picture}")
     return 0
 
 
-@MACHINE.restored()
-def render(
-    scene: str,
-    method: str | None,
-    out: Path,
-    size: str = "512x512",
-    frame: int = 0,
-    device: str | None = None,
-    scene_dir: Path | None = None,
-    settings: Mapping[str, dict[str, str]] | None = None,
-    view: ChosenView = AS_IT_IS,
-) -> Path:
-    """Draw one frame into a PNG file, with a caption if the scene is a stand-in.
-
-    Raises :class:`UserError` for wrong arguments, and if the method cannot trace the scene.
-    """
-    from ..report.picture import save_png
-
-    if out.suffix.lower() != ".png":
-        raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
-    out = out.absolute()  # a method may go to another folder
-    described = view.resolved(scene, scene_dir)
-    made = opened(scene, described, method, parse_size(size), device, settings)
-    if not 0 <= frame < made.prepared.frame_count:
-        raise UserError(f"--frame {frame}: {scene} has frames 0 to {made.prepared.frame_count - 1}")
-    try:
-        return save_png(made.picture(frame), out)
-    except OSError as error:
-        raise UserError(f"{out}: cannot write ({error.strerror}); choose another --out") from error
-
-
-@MACHINE.restored()
-def animate(
+def animated(
     scenes: list[str],
-    method: str | None,
+    renderer: Callable[[str, int], Renderer],
     out: Path,
-    size: str = "512x512",
-    frames: int | None = None,
-    seconds: float | None = None,
-    device: str | None = None,
-    scene_dir: Path | None = None,
-    settings: Mapping[str, dict[str, str]] | None = None,
-    view: ChosenView = AS_IT_IS,
+    size: tuple[int, int],
+    frames: int | None,
+    seconds: float | None,
 ) -> Path:
     """Draw the frames of scenes into one looping WebP file; several scenes stand side by side.
 
     Of a scene that does not move, the lights turn once about its middle. ``frames``: so many, evenly spread over an
-    animation; default: every frame of the longest, or :data:`PLACES` where nothing moves. Raises :class:`UserError`
-    as :func:`render` does.
+    animation; default: every frame of the longest, or :data:`PLACES` where nothing moves.
     """
-    from ..report.animation import beside, check_animation, save_webp
-
     if out.suffix.lower() != ".webp":
         raise UserError(f"--animate {out}: animations are WebP files; give a name ending in .webp")
     if frames is not None and frames < 2:
@@ -204,22 +176,17 @@ def animate(
     if seconds is not None and not 0.0 < seconds < MOST_SECONDS:
         raise UserError(f"--seconds {seconds:g}: give a number between 0 and 3600")
     out = out.absolute()
-    width, height = parse_size(size)
+    width, height = size
     check_animation(width * len(scenes), height, frames or 2)
-    shown: list[Renderer] = []
-    for name in scenes:
-        described = view.resolved(name, scene_dir)
-        shown.append(opened(name, described, method, (width, height), device, settings, frames or PLACES))
+    shown = [renderer(name, frames or PLACES) for name in scenes]
     count = frames or max(one.prepared.frame_count for one in shown)
     check_animation(width * len(shown), height, count)
     pictures = [
         beside([one.picture(frame) for one, frame in zip(shown, places, strict=True)])
         for places in zip(*(spread(one.prepared.frame_count, count) for one in shown), strict=True)
     ]
-    try:
+    with writing(out, "choose another --animate"):
         return save_webp(pictures, out, seconds or playing_time(shown[0].prepared))
-    except OSError as error:
-        raise UserError(f"{out}: cannot write ({error.strerror}); choose another --animate") from error
 
 
 def playing_time(prepared: Prepared) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import UserError, did_you_mean, say, warn
+from ..errors import UserError, did_you_mean, say, warn, writing
 from ..files import write_text
 from ..scene import catalogue
 from ..scene.archives import unpack
@@ -16,6 +16,7 @@ from ..scene.from_packages import wheel
 from ..scene.offered import OFFERS, Offer
 from ..scene.readers.apart import load, load_sequence
 from ..texts import numbered
+from .listing import show
 from .options import command
 
 ARCHIVES = "archives"
@@ -50,10 +51,8 @@ def scenes(action: str, names: list[str] | None = None, scene_dir: Path | None =
     if not names:
         raise UserError("scenes fetch: give names of scenes; shadowbench scenes list has them")
     if scene_dir is not None:
-        try:
+        with writing(f"--scene-dir {scene_dir}", "choose another"):
             scene_dir.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"--scene-dir {scene_dir}: cannot write ({error.strerror}); choose another") from error
     folder = catalogue.folder(scene_dir)
     if folder is None:
         raise UserError(f"scenes fetch: give --scene-dir FOLDER, or set {catalogue.FOLDER_VARIABLE}")
@@ -63,8 +62,6 @@ def scenes(action: str, names: list[str] | None = None, scene_dir: Path | None =
 
 def listed(names: list[str], folder: Path | None) -> int:
     """Print each scene: whether it is in the folder, where it comes from, its terms, and whether its checksum is pinned."""
-    from .listing import show
-
     rows = []
     for name in names:
         offer = OFFERS[name]
@@ -96,27 +93,22 @@ def fetched(name: str, folder: Path) -> bool:
         )
         return False
     say(f"{name}: {offer.where} ({offer.terms})")
-    try:
-        with archive_of(offer, folder / ARCHIVES) as archive, _place(folder, name) as place:
-            files = in_order(unpack(archive, offer.files, place))
-            if offer.make is not None:
-                files = [offer.make(files, place)]
-            _ = load(files[0]) if len(files) == 1 else load_sequence(files)  # nothing unreadable is put in place
-            write_text(folder / f"{name}.source.txt", f"{name}\nfrom: {source_of(offer)}\nterms: {offer.terms}\n")
-            for number, file in enumerate(files, 1):
-                ending = "" if len(files) == 1 else f"_{number:03}"
-                file.replace(folder / f"{name}{ending}{file.suffix.lower()}")
-    except OSError as error:
-        raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --scene-dir") from error
+    with (
+        writing(folder, "choose another --scene-dir"),
+        archive_of(offer, folder / ARCHIVES) as archive,
+        tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as made,
+    ):
+        place = Path(made)
+        files = in_order(unpack(archive, offer.files, place))
+        if offer.make is not None:
+            files = [offer.make(files, place)]
+        _ = load(files[0]) if len(files) == 1 else load_sequence(files)  # nothing unreadable is put in place
+        write_text(folder / f"{name}.source.txt", f"{name}\nfrom: {source_of(offer)}\nterms: {offer.terms}\n")
+        for number, file in enumerate(files, 1):
+            ending = "" if len(files) == 1 else f"_{number:03}"
+            file.replace(folder / f"{name}{ending}{file.suffix.lower()}")
     say(f"{name}: {numbered(len(files), 'file')} in {folder}")
     return True
-
-
-@contextmanager
-def _place(folder: Path, name: str) -> Iterator[Path]:
-    """A folder to unpack in, removed afterwards."""
-    with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}.") as place:
-        yield Path(place)
 
 
 @contextmanager

@@ -1,37 +1,41 @@
-"""The console and the tables of the commands. Width: the terminal or the variable COLUMNS, else 80 columns."""
+"""What commands print: JSON, or tables on a console as wide as the terminal or the variable COLUMNS, else 80 columns."""
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from ..judge.verdict import MEANINGS, Verdict
 from ..report.terminal import GAP, column_blocks, plain_console
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.table import Table
 
 KEY = 16
 """Width that the first column of a table in blocks has where its texts are as long as that."""
 
 
-def make_console() -> Console:
-    """The console that commands print on."""
-    return plain_console()
+def tell(facts: Any, as_json: bool, show: Callable[[Any], None]) -> None:
+    """Print facts as JSON, or show them to a person."""
+    if as_json:
+        print(json.dumps(facts, indent=1))
+    else:
+        show(facts)
 
 
-def print_lines(console: Console, *lines: str) -> None:
+def print_lines(*lines: str) -> None:
     """Print lines of text: wrapped at words in a terminal or if COLUMNS is set, not wrapped in a file or a pipe."""
+    console = plain_console()
     wrapped = console.is_terminal or "COLUMNS" in os.environ
     for line in lines:
         console.print(line, soft_wrap=not wrapped)
 
 
-def print_legend(console: Console, kinds: Iterable[Verdict], *more: str) -> None:
+def print_legend(kinds: Iterable[Verdict], *more: str) -> None:
     """Print the meaning of each class on its own line."""
-    shown = set(kinds)
+    console, shown = plain_console(), set(kinds)
     for line in (*(f"{kind.label}: {MEANINGS[kind]}" for kind in MEANINGS if kind in shown), *more):
         console.print(line, style="dim")
 

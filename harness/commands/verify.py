@@ -1,27 +1,47 @@
-"""``shadowbench verify`` and ``score``: compare every answer with Embree and the exact referee.
-
-The functions declare their own command-line options and return an exit code. They import what they need when called,
-so that ``--help`` is fast.
-"""
+"""``shadowbench verify`` and ``score``: compare every answer with Embree and the exact referee, in tables of 80 columns."""
 
 from __future__ import annotations
 
-import json
 import sys
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import UserError, say, warn
+from ..files import write_atomic
+from ..frame.devices import find_device
+from ..frame.registry import make_method
+from ..frame.warp_init import start_warp
+from ..judge.answer_files import read_facts, score_raw
+from ..judge.context import Judge
+from ..judge.counts import ReferenceErrors, Score, total
+from ..judge.score import score_answers
+from ..judge.shared_errors import share_errors
+from ..judge.verdict import EXCUSED_LIMIT, Verdict
+from ..report.terminal import plain_console
+from ..results.disputes import charge_folder, write_disputes
+from ..results.folder import require_plain
+from ..results.record import Record
+from ..results.schema import read_record
 from ..runner.machine.lock import MACHINE
+from ..runner.measuring.memory import NOT_STOPPED, stops_allocations
+from ..runner.planning.experiment import Entry, parse_size
+from ..scene.chosen_view import ChosenView
+from ..scene.facts import few_hits, never_hit, triangles
+from ..scene.prepared import prepare
 from ..typed_json import to_json
-from .answering import answer
+from .answering import answer, entries_of, require_frame
 from .options import checked_limit, command
-from .verify_tables import print_reports, print_scores
+from .tables import make_table, print_legend, print_lines, tell
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+COLUMNS = ("differ", "tie", "near\ntie", "edge", "true", "acne", "leak", "t error", "exc.\n%", "check")
 
-    from ..scene.chosen_view import ChosenView
+SHOWN = (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.ACNE, Verdict.LEAK)
+LEGEND = (
+    "differ: hits and shadow bits that differ from the reference; t error: the largest relative error of t",
+    f"check: ok if there is no true error, acne or leak, and at most {EXCUSED_LIMIT:.1%} of the pixels are excused (exc. %)",
+)
 
 
 @command(
@@ -44,16 +64,9 @@ def verify(
     Exit code 1 if a method has a true error, fails, or has more than 0.1 % of its pixels excused. A method that
     declares itself inexact is reported and does not change the exit code.
     """
-    from ..frame.devices import find_device
-    from ..frame.registry import method_names
-    from ..runner.measuring.memory import NOT_STOPPED, stops_allocations
-    from ..runner.planning.experiment import Entry, parse_size
-    from ..runner.planning.planned_point import parse_settings
-
     place = find_device(device)
     width, height = parse_size(size)
-    names = list(dict.fromkeys(method or method_names()))
-    entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
+    entries = entries_of(method, setting)
     scenes = [view.resolved(name, scene_dir) for name in scene]
     limit = checked_limit(memory_limit)
     if limit is not None and not stops_allocations():
@@ -61,84 +74,59 @@ def verify(
     MACHINE.share_beside(place)
     reports = []
     for name, described in zip(scene, scenes, strict=True):
-        reports.append(
-            _verify_scene(
-                name, described, entries, place, width, height, frame, everything, as_json, limit, view.text()
-            )
-        )
+        prepared = prepare(described)
+        require_frame(prepared, frame, name)
+        judge = Judge.of(prepared, prepared.moment(frame, width, height), device=place)
+        if everything:
+            judge = judge.with_random_pixels(judge.pixel_count)
+        shown = f"{name}: {{}} ..." if not as_json and sys.stderr.isatty() else ""
+        reports.append(_report(name, view, judge, _verified(judge, entries, place, limit, shown)))
     passed = all(not row["counts_against"] for report in reports for row in report["methods"])
-    if as_json:
-        facts = {"size": [width, height], "frame": frame, "device": place, "passed": passed}
-        print(json.dumps(to_json({**facts, "scenes": reports}), indent=1))
-    else:
-        print_reports(reports)
+    facts = {"size": [width, height], "frame": frame, "device": place, "passed": passed, "scenes": reports}
+    tell(to_json(facts) if as_json else reports, as_json, print_reports)
     return 0 if passed else 1
 
 
-def _verify_scene(
-    name: str,
-    described: Any,
-    entries: Sequence[Any],
-    device: str,
-    width: int,
-    height: int,
-    frame: int,
-    everything: bool,
-    quiet: bool,
-    memory_limit: int | None,
-    view: str,
-) -> dict[str, Any]:
-    from ..judge.context import Judge
-    from ..judge.score import Scored, score_answers
-    from ..judge.shared_errors import share_errors
-    from ..scene.facts import few_hits, never_hit
-    from ..scene.prepared import prepare
-
-    prepared = prepare(described)
-    if not 0 <= frame < prepared.frame_count:
-        raise UserError(f"--frame {frame}: {name} has frames 0 to {prepared.frame_count - 1}")
-    moment = prepared.moment(frame, width, height)
-    judge = Judge.of(prepared, moment, device=device)
-    if everything:
-        judge = judge.with_random_pixels(judge.pixel_count)
+def _verified(
+    judge: Judge, entries: Sequence[Entry], device: str, memory_limit: int | None, progress: str
+) -> list[dict[str, Any]]:
+    """A row for each method: its outcome and its score, with the errors that it shares with the reference."""
     rows: list[dict[str, Any]] = []
-    scored: list[Scored] = []
+    scored = []
     for entry in entries:
-        if not quiet and sys.stderr.isatty():
-            say(f"{name}: {entry.method} ...")
-        outcome = answer(entry.method, dict(entry.settings), prepared, moment, device, memory_limit)
-        row: dict[str, Any] = {
-            "method": entry.method,
-            "settings": dict(entry.settings),
-            "device": outcome.device,
-            "status": outcome.status,
-            "reason": outcome.reason,
-            "known_inexact": outcome.known_inexact,
-            "score": None,
-        }
+        if progress:
+            say(progress.format(entry.method))
+        outcome = answer(entry.method, dict(entry.settings), judge.prepared, judge.moment, device, memory_limit)
+        row = outcome.facts("method", "settings", "device", "status", "reason", "known_inexact")
+        rows.append({**row, "score": None})
         if outcome.answers is not None:
-            scored.append(score_answers(judge, outcome.answers))
-            row["score"] = scored[-1].score
-        rows.append(row)
-    shared = iter(share_errors([(one.score, one.disputes) for one in scored]))
+            scored.append((rows[-1], score_answers(judge, outcome.answers)))
+    shared = share_errors([(one.score, one.disputes) for _, one in scored])
+    for (row, _), score in zip(scored, shared, strict=True):
+        row["score"] = score
     for row in rows:
-        row["score"] = next(shared) if row["score"] else None
         wrong = row["score"] is not None and not row["score"].passed
         row["counts_against"] = row["status"] == "failed" or (wrong and not row["known_inexact"])
+    return rows
+
+
+def _report(name: str, view: ChosenView, judge: Judge, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """The facts of a scene and its methods."""
+    prepared, moment = judge.prepared, judge.moment
     hits = int((judge.checked_reference.answers["triangle"] >= 0).sum())
     valid = int(moment.valid.sum())
     # Without a triangle that can be hit there is nothing else to say.
     warnings = [never_hit(prepared.triangle_count, valid), few_hits(hits, judge.pixel_count) if valid else ""]
     return {
         "scene": name,
-        "title": described.title,
-        "stand_in": described.stand_in,
+        "title": prepared.scene.title,
+        "stand_in": prepared.scene.stand_in,
         "triangles": prepared.triangle_count,
         "valid_triangles": valid,
         "hits": hits,
-        "view": view,
+        "view": view.text(),
         "warning": "; ".join(filter(None, warnings)),
-        "sha256": prepared.sha256(frame),
+        "sha256": prepared.sha256(moment.index),
         "methods": rows,
     }
 
@@ -157,10 +145,6 @@ def score(folder: Path, again: bool = False, scene_dir: Path | None = None, as_j
 
     Exit code 1 if answers cannot be scored, or if a method that does not declare itself inexact has true errors.
     """
-    from ..files import write_atomic
-    from ..frame.warp_init import start_warp
-    from ..results.folder import require_plain
-
     start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
     files = [path for path in files if not path.name.startswith(("mesh-", "."))]
@@ -169,94 +153,126 @@ def score(folder: Path, again: bool = False, scene_dir: Path | None = None, as_j
             f"{folder}: no saved answers in it; name a folder with files answers/*.npz, as `run --save-answers` writes them"
         )
     MACHINE.share_beside("cpu")
-    for place in {path.parent.parent for path in files}:
+    places = [path.parent.parent for path in files]
+    for place in set(places):
         require_plain(place)
-    rows = []
-    for path in files:
-        row = _score_file(path, folder, again, scene_dir)
-        if row.pop("changed"):
-            write_atomic(row["record_path"], row["record"].to_json())
-        rows.append(row)
-    _share_errors(rows, {path.parent.parent for path in files})
-    for row in rows:
-        inexact = _known_inexact(row)
-        row["counts_against"] = row["score"] is None or not (row["score"].passed or inexact)
-        row["record_path"] = str(row["record_path"] or "")
-        row.pop("record")
+    found = [_score_file(path, folder, again, scene_dir) for path in files]
+    for place in sorted(set(places)):
+        changed = charge_folder(place)
+        for (row, record), own in zip(found, places, strict=True):
+            if own == place and record is not None and record.key in changed:
+                frames = changed[record.key].frames
+                row["score"] = next((one.score for one in frames if one.frame == row["frame"]), row["score"])
+    for row, record in found:
+        row["counts_against"] = row["score"] is None or not (row["score"].passed or _known_inexact(record))
+    rows = [row for row, _ in found]
     passed = all(not row["counts_against"] for row in rows)
-    if as_json:
-        print(json.dumps(to_json({"passed": passed, "answers": rows}), indent=1))
-    else:
-        print_scores(rows)
+    tell(to_json({"passed": passed, "answers": rows}) if as_json else rows, as_json, print_scores)
     return 0 if passed else 1
 
 
-def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
-    """Score one file of saved answers, and write the score into its record, if there is one."""
-    from ..judge.answer_files import read_facts, score_raw
-    from ..results.disputes import write_disputes
-    from ..results.record import Frame as RecordFrame
-    from ..results.schema import read_record
-
+def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> tuple[dict[str, Any], Record | None]:
+    """Score one file of saved answers, and write the score into its record, if there is one: a row, and the record."""
     row: dict[str, Any] = {
-        "answers": str(path),
-        "scene": "",
-        "method": "",
-        "frame": None,
-        "status": "scored",
-        "reason": "",
-        "score": None,
-        "changed": False,
-        "record": None,
-        "record_path": None,
-    }
+        "answers": str(path), "scene": "", "method": "", "frame": None, "status": "scored", "reason": "", "score": None,
+        "record_path": "",
+    }  # fmt: skip
+    record = frame = None
     try:
         facts = read_facts(path)
-        row["scene"], row["frame"] = facts["scene"], facts["frame"]
+        row |= {"scene": facts["scene"], "frame": facts["frame"]}
         record_path = path.parent.parent / "records" / f"{facts['extra'].get('key', '')}.json"
-        frame: RecordFrame | None = None
         if record_path.is_file():
-            record = read_record(record_path)
-            if record.key != facts["extra"]["key"]:  # a file of answers may name any
+            known = read_record(record_path)
+            if known.key != facts["extra"]["key"]:  # a file of answers may name any
                 raise UserError(f"{record_path}: the record of other answers; remove them, or it")
-            row["record"], row["record_path"] = record, record_path
-            row["method"] = record.method["name"]
-            frame = next((f for f in record.frames if f.frame == facts["frame"]), None)
+            record = known
+            row |= {"record_path": str(record_path), "method": record.method["name"]}
+            frame = next((one for one in record.frames if one.frame == facts["frame"]), None)
         if frame and frame.score and not again:
-            row["status"], row["score"] = "had a score", frame.score
-        else:
-            scored = score_raw(path, scene_dir, folder / "truth")
-            row["score"] = scored.score
-            if frame:
-                frame.score, frame.unscored, row["changed"] = scored.score, None, True
-                write_disputes(path.parent.parent, record.key, frame.frame, scored.disputes)
+            return {**row, "status": "had a score", "score": frame.score}, record
+        scored = score_raw(path, scene_dir, folder / "truth")
+        row["score"] = scored.score
+        if record and frame:
+            frame.score, frame.unscored = scored.score, None
+            write_disputes(path.parent.parent, record.key, frame.frame, scored.disputes)
+            write_atomic(record_path, record.to_json())
     except UserError as error:
-        row["status"], row["reason"] = "not scored", str(error)
-    return row
+        row |= {"status": "not scored", "reason": str(error)}
+    return row, record
 
 
-def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
-    """Add the errors that an answer shares with the reference to the scores of each folder and of these rows."""
-    from ..results.disputes import charge_folder
-
-    for folder in sorted(folders):
-        changed = charge_folder(folder)
-        for row in rows:
-            if row["record"] is not None and row["record_path"].parent.parent == folder:
-                own = changed.get(row["record"].key)
-                frames = own.frames if own else ()
-                charged = (f.score for f in frames if f.frame == row["frame"])
-                row["score"] = next(charged, row["score"])
-
-
-def _known_inexact(row: dict[str, Any]) -> str | None:
+def _known_inexact(record: Record | None) -> str | None:
     """Why the method of a record declares itself inexact under its settings; None if it does not."""
-    from ..frame.registry import make_method
-
-    if row["record"] is None:
+    if record is None:
         return None
     try:
-        method = make_method(row["method"], row["record"].method.get("settings"))
+        method = make_method(record.method["name"], record.method.get("settings"))
     except (UserError, ImportError):
         return None  # the method is not installed here; its answers are judged like any others
     return getattr(method, "known_inexact", None)
+
+
+def print_reports(reports: list[dict[str, Any]]) -> None:
+    """Print the result of ``verify``, one table per scene."""
+    notes: list[str] = []
+    for report in reports:
+        scene = Path(report["scene"]).name + (" (stand-in)" if report["stand_in"] else "")
+        table = make_table("method", numbers=COLUMNS)
+        for row in report["methods"]:
+            table.add_row(row["method"], *_cells(row["score"], row["status"], row["known_inexact"]))
+            if row["score"] is None:
+                notes.append(f"{row['method']} on {scene}: {row['status']}: {row['reason']}")
+            elif row["known_inexact"] and not row["score"].passed:
+                notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
+        if report["warning"]:
+            notes.append(f"{scene}: {report['warning']}")
+        most = max(
+            (row["score"] for row in report["methods"] if row["score"]),
+            key=lambda score: score.primary.judged,
+            default=None,
+        )
+        if most is not None and most.reference_errors:
+            table.add_row("reference", "", *_counts(most.reference_errors), "", "", "")
+            notes.append(
+                f"reference on {scene}: wrong answers of Embree among {most.primary.judged:,} pixels decided exactly"
+            )
+        facts = [scene, triangles(report["triangles"]), *filter(None, [report["view"]])]
+        print_lines(", ".join(facts))
+        plain_console().print(table)
+    print_lines(*dict.fromkeys(notes))
+    print_legend(SHOWN, *LEGEND)
+
+
+def print_scores(rows: list[dict[str, Any]]) -> None:
+    """Print the result of ``score``: one table per scene, one row per file of answers."""
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        table = make_table("method", numbers=COLUMNS)
+        for row in (one for one in rows if one["scene"] == scene):
+            label = row["method"] if row["frame"] is None else f"{row['method']} frame {row['frame']}"
+            table.add_row(label.strip(), *_cells(row["score"], row["status"]))
+        print_lines(scene)
+        plain_console().print(table)
+    statuses = Counter(row["status"] for row in rows)
+    counted = ", ".join(f"{count} {status}" for status, count in statuses.items())
+    print_lines(counted, *(row["reason"] for row in rows if row["reason"]))
+    print_legend(SHOWN, *LEGEND)
+
+
+def _cells(score: Score | None, status: str, known_inexact: str | None = None) -> list[str]:
+    """The columns of a score; without a score, only the status."""
+    if score is None:
+        return [""] * (len(COLUMNS) - 1) + [status]
+    primary = score.primary
+    disputed = primary.disputed + sum(light.disputed for light in score.shadow)
+    check = score.check + ("*" if known_inexact and not score.passed else "")
+    share = f"{100 * score.excused_share:.3f}"
+    counts = _counts(score, primary.unjudged)
+    return [str(disputed), *counts, f"{primary.t_max_relative_error:.1e}", share, check]
+
+
+def _counts(found: Score | ReferenceErrors, unjudged: int = 0) -> list[str]:
+    """The columns from "tie" to "leak"."""
+    excused = [total(found, kind) for kind in (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE)]
+    wrong = total(found, Verdict.TRUE) + total(found, Verdict.INVALID) + unjudged
+    return [str(count) for count in (*excused, wrong, total(found, Verdict.ACNE), total(found, Verdict.LEAK))]

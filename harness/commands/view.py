@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import shlex
 import sys
+import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import UserError
+from ..frame.devices import find_device
+from ..frame.registry import about, method_names
 from ..runner.machine.lock import MACHINE
+from ..runner.planning.experiment import parse_size
+from ..scene.chosen_view import ChosenView
+from ..scene.prepared import prepare
+from .answering import default_method, require_frame, settings_by_method
 from .options import ONE_METHOD, command
-
-if TYPE_CHECKING:
-    from ..scene.chosen_view import ChosenView
+from .viewer.frames import LARGEST, Frames, Wish
+from .viewer.server import Server, listen
 
 DEFAULT_SCENE = "cloth"
 
@@ -39,26 +44,17 @@ def view(
     The page shows what the method answers, the time of its passes, and on request its wrong pixels. Only this machine
     reaches it, with the token in the address. The command ends when the page is closed.
     """
-    from ..frame.devices import find_device
-    from ..frame.registry import about, method_names
-    from ..runner.planning.experiment import parse_size
-    from ..scene.prepared import prepare
-    from .default_method import default_method, settings_by_method
-    from .viewer.frames import LARGEST, Frames, Wish
-    from .viewer.server import Server, listen
-
     width, height = parse_size(size)
     if width * height > LARGEST:
         raise UserError(f"--size {size}: more than {LARGEST:,} pixels; choose fewer for a page")
-    place, settings = find_device(device), settings_by_method(setting or [])
+    place, settings = find_device(device), settings_by_method(setting)
     with listen(port) as listening:
         described = view.resolved(scene, scene_dir)
         chosen = method or default_method(described, place)
         MACHINE.share_beside(place)
         prepared = prepare(described)
         start = prepared.frame_count // 2 if frame is None else frame
-        if not 0 <= start < prepared.frame_count:
-            raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
+        require_frame(prepared, start, scene)
         shown = Frames(prepared, place, settings)
         shown.session(Wish(chosen, (width, height)))
         MACHINE.release()
@@ -73,8 +69,6 @@ def view(
         print(server.address, flush=True)
         print("open this address in a browser; closing the page ends the command", file=sys.stderr, flush=True)
         if browser:
-            import webbrowser
-
             webbrowser.open(server.address)
         server.run()
     return 0

@@ -22,10 +22,10 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import AlphaMask, Camera, Geometry, Scene
 from .context import Judge
+from .reference import ANSWERS
 from .score import Scored, score_answers
 
 SCHEMA = 1
-ARRAYS = ("triangle", "t", "u", "v", "shadowed")
 BOUNCES = tuple(f"bounce_{name}" for name in BOUNCED)
 FORMER = {"shadowed": "visibility", "bounce_shadowed": "bounce_visibility"}  # names of version 0.1
 TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
@@ -66,7 +66,7 @@ def save_raw(
     if not mesh.exists():
         inputs: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
         write_arrays(mesh, {**inputs, **arrays_of(prepared.alpha)})
-    arrays = {name: answers[name] for name in ARRAYS}
+    arrays = {name: answers[name] for name in ANSWERS}
     if facts["bounces"]:
         arrays |= {name: answers[name] for name in BOUNCES} | {"mirror": prepared.mirror}
     arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
@@ -90,7 +90,7 @@ def read_raw(
     try:
         with opened_arrays(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
-            named = {name: name if name in stored else FORMER.get(name, name) for name in (*ARRAYS, *mirrored)}
+            named = {name: name if name in stored else FORMER.get(name, name) for name in (*ANSWERS, *mirrored)}
             answers = {name: stored[at] for name, at in named.items()}
             # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
@@ -104,7 +104,7 @@ def read_raw(
     if mirrored:
         prepared = replace(prepared, mirror=answers.pop("mirror"))
     pixels = moment.width * moment.height
-    if any(answers[name].shape[-1] != pixels for name in ARRAYS):
+    if any(answers[name].shape[-1] != pixels for name in ANSWERS):
         raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")
     hashes = input_hashes(prepared, moment)
     names = {**facts["hashes"], **hashes}

@@ -5,7 +5,6 @@ distance t and every tie is exact. Conventions: closed two-sided triangles, t > 
 does not see it), a coplanar ray is no hit, shadows are judged on the open segment.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,19 +39,9 @@ def edge_bound(*points: Floats) -> F64:
 # --- integers -----------------------------------------------------------------------------------------------
 
 
-def scale_of(values: F32) -> int:
-    """The smallest k for which every value times 2^k is an integer (conservative: 24 bits each)."""
-    _, exponents = np.frexp(values[values != 0])
-    return 24 - int(exponents.min()) if len(exponents) else 0
-
-
-def integers(values: F32, scale: int) -> list[int]:
-    """Every value times 2^scale, exactly."""
-    return [int(math.ldexp(x, scale)) for x in values.ravel().tolist()]
-
-
 def whole_rows(values: F32) -> tuple[list[int], list[list[int]]]:
-    """:func:`scale_of` and :func:`integers` of each row [n, k] of finite values."""
+    """Of each row [n, k] of finite values the smallest s for which every value times 2^s is an integer (conservative: 24
+    bits each), and these integers."""
     none = 1 << 16
     exponents = np.where(values != 0, np.frexp(values)[1], none).min(axis=1, initial=none)
     scales = np.where(exponents < none, 24 - exponents, 0)
@@ -60,7 +49,13 @@ def whole_rows(values: F32) -> tuple[list[int], list[list[int]]]:
     return scales.tolist(), [[int(x) for x in row] for row in scaled.tolist()]
 
 
-def _sub(p: Sequence[int], q: Sequence[int]) -> Integers:
+def integers(*parts: F32) -> tuple[int, list[int]]:
+    """:func:`whole_rows` of all values of some arrays: their scale, and a flat list."""
+    scales, rows = whole_rows(np.concatenate([part.ravel() for part in parts])[None])
+    return scales[0], rows[0]
+
+
+def _sub(p: Whole, q: Whole) -> Integers:
     return p[0] - q[0], p[1] - q[1], p[2] - q[2]
 
 
@@ -68,33 +63,33 @@ def _cross(p: Integers, q: Integers) -> Integers:
     return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
 
 
-def dot(p: Sequence[int], q: Sequence[int]) -> int:
+def dot(p: Whole, q: Whole) -> int:
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 
 
-def weights(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> Integers:
+def weights(d: Whole, a: Integers, b: Integers, c: Integers) -> Integers:
     """Numbers in the ratio of the weights of a, b and c at the point where the line through the origin along ``d`` meets
     their plane."""
     return dot(d, _cross(c, b)), dot(d, _cross(a, c)), dot(d, _cross(b, a))
 
 
-def _seen_from(o: Sequence[int], triangle: Sequence[int]) -> tuple[Integers, Integers, Integers]:
+def _seen_from(o: Whole, triangle: Whole) -> tuple[Integers, Integers, Integers]:
     """The corners of a triangle of nine integers, seen from a point."""
     return _sub(triangle[0:3], o), _sub(triangle[3:6], o), _sub(triangle[6:9], o)
 
 
-def hit_weights(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> Integers:
+def hit_weights(o: Whole, d: Whole, triangle: Whole) -> Integers:
     """:func:`weights` of a ray from ``o`` and a triangle of nine integers in one scale."""
     return weights(d, *_seen_from(o, triangle))
 
 
-def crosses(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> bool:
+def crosses(d: Whole, a: Integers, b: Integers, c: Integers) -> bool:
     """Whether the line through the origin along ``d`` meets the closed triangle (coplanar lines may say yes)."""
     u, v, w = weights(d, a, b, c)
     return not ((u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0))
 
 
-def hit(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[int, int] | None:
+def hit(o: Whole, d: Whole, triangle: Whole) -> tuple[int, int] | None:
     """The exact t of ray o + t d with a triangle (nine integers) as (numerator, denominator) > 0, or None.
 
     ``o`` and the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two.
@@ -102,7 +97,7 @@ def hit(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[in
     return on_plane(o, d, triangle) if crosses(d, *_seen_from(o, triangle)) else None
 
 
-def on_plane(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[int, int] | None:
+def on_plane(o: Whole, d: Whole, triangle: Whole) -> tuple[int, int] | None:
     """As :func:`hit`, on the plane of the triangle, inside it or not."""
     normal, over = plane_of(o, triangle)
     under = dot(normal, d)
@@ -111,24 +106,22 @@ def on_plane(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tup
     return (over, under) if under > 0 and over > 0 else None
 
 
-def plane_of(o: Sequence[int], triangle: Sequence[int]) -> tuple[Integers, int]:
+def plane_of(o: Whole, triangle: Whole) -> tuple[Integers, int]:
     """The normal of a triangle of nine integers, not of unit length, and the height of its plane over ``o`` times that."""
     a, b, c = _seen_from(o, triangle)
     normal = _cross(_sub(b, a), _sub(c, a))
     return normal, dot(normal, a)
 
 
-def in_plane(point: Sequence[int], triangle: Sequence[int]) -> bool:
+def in_plane(point: Whole, triangle: Whole) -> bool:
     """Whether a point lies in the plane of a triangle of nine integers in one scale."""
     return plane_of(point, triangle)[1] == 0
 
 
-def between(p: Integers, light: Integers, triangle: Sequence[Integers]) -> bool:
+def between(p: Whole, light: Whole, triangle: Whole) -> bool:
     """Whether the open segment from ``p`` to ``light`` meets the closed triangle: integers of one scale."""
-    a, b, c = (_sub(v, p) for v in triangle)
-    d = _sub(light, p)
-    normal = _cross(_sub(b, a), _sub(c, a))
-    near, far = dot(normal, a), dot(normal, _sub(light, triangle[0]))
+    normal, near = plane_of(p, triangle)
+    far = dot(normal, _sub(light, triangle))
     if near == 0 or far == 0 or (near > 0) != (far > 0):
         return False
-    return crosses(d, a, b, c)
+    return crosses(_sub(light, p), *_seen_from(p, triangle))

@@ -14,6 +14,7 @@ from ..arrays import F32, F64, Bools, Ints
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .context import Judge
+from .reference import ANSWERS
 
 FINE = 2.0**-48
 """Bound on the float64 rounding when a ray is made, 32 units: devices may fuse a multiplication with an addition."""
@@ -62,10 +63,9 @@ def bounce_judge(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Judg
 
 def bounce_answers(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArray]:
     """A method's answers to a bounce, in the form of answers to primary rays; of bounce 0 those themselves."""
-    names = ("triangle", "t", "u", "v", "shadowed")
     if not bounce:
-        return {name: answers[name] for name in names}
-    result = {name: answers[f"bounce_{name}"][bounce - 1] for name in names}
+        return {name: answers[name] for name in ANSWERS}
+    result = {name: answers[f"bounce_{name}"][bounce - 1] for name in ANSWERS}
     idle = (answers["bounce_active"][bounce - 1] != 1) & (result["triangle"] != -1)
     return {**result, "triangle": np.where(idle, NO_RAY, result["triangle"])}
 

@@ -15,7 +15,7 @@ from ..frame.alpha import device_alpha
 from ..frame.geometry import filled
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
-from .arithmetic import in_plane, integers, scale_of
+from .arithmetic import in_plane, integers
 from .filter_kernels import LEAF, Tree
 from .lists import Lists, Segments, parts_of
 
@@ -70,9 +70,8 @@ def in_planes(corners: F32, points: F32) -> Bools:
         doubtful = np.nonzero(np.abs(value) <= 2.0**-48 * size)[0]
     result = np.zeros(len(corners), dtype=bool)
     for k in doubtful:
-        values = np.concatenate([points[k], corners[k].ravel()])
-        if np.isfinite(values).all():
-            ints = integers(values, scale_of(values))
+        if np.isfinite(points[k]).all() and np.isfinite(corners[k]).all():
+            _, ints = integers(points[k], corners[k])
             result[k] = in_plane(ints[0:3], ints[3:12])
     return result
 

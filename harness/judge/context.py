@@ -15,7 +15,7 @@ from ..scene.prepared import Prepared
 from .consistency import Checked, check_consistency
 from .receivers import not_receivers
 from .referee import Referee
-from .reference import Reference, reference_for
+from .reference import Reference, reference_for, shadow_flags
 
 JUDGE_LIMIT = 100_000
 """Largest number of disputed pixels that are judged. Of more, a seeded sample is judged; the others count as errors."""
@@ -76,10 +76,7 @@ class Judge:
     @cached_property
     def wanted(self) -> Bools:
         """Which lights have shadow rays. bool [lights]"""
-        flags = np.zeros(len(self.moment.lights), dtype=bool)
-        known = self.effects.shadows[: len(flags)]
-        flags[: len(known)] = known
-        return flags
+        return np.array(shadow_flags(self.moment, self.effects), dtype=bool)
 
     @cached_property
     def checked_reference(self) -> Checked:

@@ -10,13 +10,6 @@ from .lists import Lists
 Ratio = tuple[int, int]
 
 
-def integers_of(o: F32, d: F32, *more: F32) -> tuple[int, list[int]]:
-    """A common scale, and the values as a flat list of integers."""
-    values = np.concatenate([o.ravel(), d.ravel(), *(m.ravel() for m in more)])
-    scale = exact.scale_of(values)
-    return scale, exact.integers(values, scale)
-
-
 class Decisions:
     """Exact decisions on one mesh at one moment. ``points`` float32 [v, 3], ``faces`` int32 [n, 3]."""
 
@@ -41,13 +34,13 @@ class Decisions:
 
     def through(self, o: F32, d: F32, triangle: int) -> list[float]:
         """The t at which a ray exactly meets a triangle, through a hole of it or not; empty where it does not."""
-        _, ints = integers_of(o, d, self.points[self.faces[triangle]])
+        _, ints = exact.integers(o, d, self.points[self.faces[triangle]])
         ratio = exact.hit(ints[0:3], ints[3:6], ints[6:15])
         return [] if ratio is None else [ratio[0] / ratio[1]]
 
     def on_plane(self, o: F32, d: F32, triangle: int) -> float:
         """The t > 0 at which a ray meets the plane of a triangle; 0 where it does not."""
-        _, ints = integers_of(o, d, self.points[self.faces[triangle]])
+        _, ints = exact.integers(o, d, self.points[self.faces[triangle]])
         ratio = exact.on_plane(ints[0:3], ints[3:6], ints[6:15])
         return 0.0 if ratio is None else ratio[0] / ratio[1]
 
@@ -58,17 +51,16 @@ class Decisions:
         """
         if ratio is None or not len(triangles):
             return []
-        _, ints = integers_of(o, d, light, self.points[self.faces[triangles]])
+        _, ints = exact.integers(o, d, light, self.points[self.faces[triangles]])
         over, under = ratio
-        p = (ints[0] * under + ints[3] * over, ints[1] * under + ints[4] * over, ints[2] * under + ints[5] * over)
+        p = [ints[i] * under + ints[3 + i] * over for i in range(3)]
         rest = [x * under for x in ints[6:]]
-        place = (rest[0], rest[1], rest[2])
+        place = rest[:3]
         way = [x - y for x, y in zip(place, p, strict=True)]
         met = []
         for j, k in enumerate(triangles.tolist()):
-            flat = rest[3 + 9 * j : 12 + 9 * j]
-            corners = [(flat[0], flat[1], flat[2]), (flat[3], flat[4], flat[5]), (flat[6], flat[7], flat[8])]
-            if exact.between(p, place, corners) and (not holes or self._seen(k, p, way, flat)):
+            corners = rest[3 + 9 * j : 12 + 9 * j]
+            if exact.between(p, place, corners) and (not holes or self._seen(k, p, way, corners)):
                 met.append(k)
         return met
 

@@ -44,8 +44,7 @@ def _exactly(corners: F64, o: F64, d: F64) -> tuple[float, float, float, float]:
     values = np.concatenate([o, d, corners.ravel()]).astype(np.float32)
     if not np.isfinite(values).all():
         return math.nan, math.nan, math.nan, math.nan
-    scale = exact.scale_of(values)
-    ints = exact.integers(values, scale)
+    scale, ints = exact.integers(values)
     origin, way, triangle = ints[0:3], ints[3:6], ints[6:15]
     weights = exact.hit_weights(origin, way, triangle)
     normal, height = exact.plane_of(origin, triangle)

@@ -15,7 +15,7 @@ from ..arrays import F64, Bools, Floats, Ints
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Spot
-from ..scene.spotlight import CONE, DOUBT, NO_SPOT, SPOT, spot_row
+from ..scene.spotlight import CONE, DOUBT, NO_SPOT, spot_row
 from .arithmetic import edge_bound
 from .planes import plane_numbers
 
@@ -24,8 +24,12 @@ def receivers(moment: Moment, points: Floats, light: int) -> Bools:
     """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have shadow bit 0."""
     if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
         return np.ones(len(points), dtype=bool)
-    row = moment.spots[light]
-    v = np.asarray(points, dtype=np.float64) - moment.lights[light].astype(np.float64)
+    away = np.asarray(points, dtype=np.float64) - moment.lights[light].astype(np.float64)
+    return in_spot(moment.spots[light], away)
+
+
+def in_spot(row: F64, v: Floats) -> Bools:
+    """Which ways [n, 3] from a light lead into its spot."""
     f = v @ row[1:4]
     if row[0] == CONE:
         square = row[10] * row[10] * np.einsum("ij,ij->i", v, v)
@@ -80,14 +84,9 @@ def strength(spot: Spot | None, away: Floats) -> F64:
     if spot is None:
         return np.ones(len(away))
     row = spot_row(spot)
-    none = np.zeros((0, 3), np.float32)
-    moment = Moment(
-        0, none, np.zeros(0, np.uint8), np.zeros(3, np.float32), np.eye(3, dtype=np.float32),
-        np.ones(2, np.float32), none, none, np.zeros((1, 3), np.float32), row.reshape(1, SPOT),
-    )  # fmt: skip
     with np.errstate(invalid="ignore", divide="ignore"):
         cosine = np.nan_to_num(away @ row[1:4] / np.linalg.norm(away, axis=1))
-    return receivers(moment, away, 0) * np.maximum(cosine, 0.0) ** spot.falloff
+    return in_spot(row, away) * np.maximum(cosine, 0.0) ** spot.falloff
 
 
 def not_receivers(prepared: Prepared, moment: Moment, triangle: Ints) -> tuple[Bools, Bools]:

@@ -47,6 +47,10 @@ DECIDED = 1 << 14
 NO_FILTER = "triangles have holes, and Embree's Python binding has no filter functions to skip a hit in one"
 
 
+ANSWERS = ("triangle", "t", "u", "v", "shadowed")
+"""The answers to a set of rays, by their names in :class:`.frame.frame.Answers`."""
+
+
 @dataclass(eq=False)
 class Reference:
     """Embree's answers to one moment, in the form of a method's answers.
@@ -71,7 +75,11 @@ class Reference:
 
     def answers(self) -> dict[str, NDArray]:
         """The answers in the form of a method's answers."""
-        return {name: getattr(self, name) for name in ("triangle", "t", "u", "v", "shadowed")}
+        return {name: getattr(self, name) for name in ANSWERS}
+
+
+Answered = tuple[dict[str, Any], Exact | None]
+"""Answers by name, and the referee's that they were made from."""
 
 
 def embree_reference(
@@ -81,9 +89,17 @@ def embree_reference(
 
     Lights without shadows (by ``effects``, default the scene's) get rows of zeros.
     """
-    shadows = _shadow_flags(prepared, moment, effects)
-    provenance = _provenance(prepared, moment, shadows)
-    return _stored(folder, provenance, lambda: _trace(prepared, moment, shadows, provenance))
+    shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
+    facts = {
+        "reference": "Embree",
+        "embreex": importlib.metadata.version("embreex"),
+        "robust": ROBUST,
+        "offset_units": OFFSET_UNITS,
+        "shadows": shadows,
+        "processor": processor(),
+        **input_hashes(prepared, moment),
+    }
+    return _stored(folder, facts, lambda: _trace(prepared, moment, shadows))
 
 
 def exact_reference(
@@ -97,31 +113,26 @@ def exact_reference(
 
     For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip.
     """
-    shadows = _shadow_flags(prepared, moment, effects)
-    provenance: dict[str, Any] = {"reference": EXACT, "shadows": list(shadows), **input_hashes(prepared, moment)}
+    shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
+    facts = {"reference": EXACT, "shadows": shadows, **input_hashes(prepared, moment)}
     if referee.holes.mask is not None:
-        provenance["why"] = NO_FILTER
-    provenance["key"] = hashlib.sha256(json.dumps(provenance, sort_keys=True).encode()).hexdigest()
-    return _stored(folder, provenance, lambda: _decide(prepared, moment, referee, shadows, provenance))
+        facts["why"] = NO_FILTER
+    return _stored(folder, facts, lambda: _decide(prepared, moment, referee, shadows))
 
 
-def _decide(
-    prepared: Prepared, moment: Moment, referee: Referee, shadows: Sequence[bool], provenance: dict[str, Any]
-) -> Reference:
+def _decide(prepared: Prepared, moment: Moment, referee: Referee, shadows: Sequence[bool]) -> Answered:
     pixels = np.arange(moment.width * moment.height)
-    directions = moment.directions(pixels)
-    origins = moment.origins(pixels)
+    origins, directions = moment.origins(pixels), moment.directions(pixels)
     decided = referee.answers(origins, directions, moment.lights, shadows)
     hits = decided.hits
-    u, v = np.zeros(len(pixels), dtype=np.float32), np.zeros(len(pixels), dtype=np.float32)
+    answers = _misses(moment)
+    answers |= {"triangle": hits.triangle, "t": hits.t.astype(np.float32)}
+    answers["shadowed"] = (decided.occluders >= 0).astype(np.uint8)
     rows = np.nonzero(hits.triangle >= 0)[0]
     corners = moment.points[prepared.faces[hits.triangle[rows]]].astype(np.float64)
-    _, u[rows], v[rows], _ = plane_numbers(
-        corners, origins[rows].astype(np.float64), directions[rows].astype(np.float64)
-    )
-    shadowed = (decided.occluders >= 0).astype(np.uint8)
-    exact = decided if len(pixels) <= DECIDED else None
-    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, shadowed, provenance, exact)
+    o, d = origins[rows].astype(np.float64), directions[rows].astype(np.float64)
+    _, answers["u"][rows], answers["v"][rows], _ = plane_numbers(corners, o, d)
+    return answers, decided if len(pixels) <= DECIDED else None
 
 
 def reference_for(
@@ -183,24 +194,33 @@ def shadow_origins(corners: F32, eye: F32, directions: F32, lights: F32) -> Iter
         yield (p + (side * step)[:, None] * normal).astype(np.float32)
 
 
-def _shadow_flags(prepared: Prepared, moment: Moment, effects: Effects | None) -> tuple[bool, ...]:
-    flags = (effects or Effects.of(prepared.scene)).shadows
+def shadow_flags(moment: Moment, effects: Effects) -> list[bool]:
+    """Which lights of a moment have shadow rays."""
     count = len(moment.lights)
-    return tuple(flags[i] if i < len(flags) else False for i in range(count))
+    return [*effects.shadows, *[False] * count][:count]
 
 
-def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool], provenance: dict[str, Any]) -> Reference:
+def _misses(moment: Moment) -> dict[str, Any]:
+    """Answers that say that nothing is hit."""
     pixels = moment.width * moment.height
-    triangle = np.full(pixels, -1, dtype=np.int32)
-    t = np.full(pixels, np.inf, dtype=np.float32)
-    u, v = np.zeros(pixels, dtype=np.float32), np.zeros(pixels, dtype=np.float32)
-    shadowed = np.zeros((len(shadows), pixels), dtype=np.uint8)
+    return {
+        "triangle": np.full(pixels, -1, dtype=np.int32),
+        "t": np.full(pixels, np.inf, dtype=np.float32),
+        "u": np.zeros(pixels, dtype=np.float32),
+        "v": np.zeros(pixels, dtype=np.float32),
+        "shadowed": np.zeros((len(moment.lights), pixels), dtype=np.uint8),
+    }
+
+
+def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> Answered:
+    answers = _misses(moment)
+    triangle, t, u, v, shadowed = answers.values()
+    pixels = len(triangle)
     scene = make_scene(moment.points, prepared.faces, moment.valid)
     if scene is not None:
         # The first query commits the scene: alone, before the threads.
         scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")
-        directions = moment.directions(np.arange(pixels))
-        origins = moment.origins(np.arange(pixels))
+        directions, origins = moment.directions(np.arange(pixels)), moment.origins(np.arange(pixels))
 
         def primary(block: slice) -> None:
             result = scene.run(np.ascontiguousarray(origins[block]), directions[block], output=1)
@@ -224,7 +244,7 @@ def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool], provenan
                 shadowed[i, some] = scene.run(starts, light - starts, dists=lengths, query="OCCLUDED") == 0
 
         in_blocks(len(hits), secondary)
-    return Reference(triangle, t, u, v, shadowed, provenance)
+    return answers, None
 
 
 # --- provenance and the folder ------------------------------------------------------------------------------
@@ -240,40 +260,24 @@ def processor() -> dict[str, str]:
     return {"model": cpu_model() or "unknown", "isa": " ".join(known) or "unknown"}
 
 
-def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> dict[str, Any]:
-    facts: dict[str, Any] = {
-        "reference": "Embree",
-        "embreex": importlib.metadata.version("embreex"),
-        "robust": ROBUST,
-        "offset_units": OFFSET_UNITS,
-        "shadows": list(shadows),
-        "processor": processor(),
-        **input_hashes(prepared, moment),
-    }
-    facts["key"] = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-    return facts
-
-
-def _stored(folder: Path | str | None, provenance: dict[str, Any], make: Callable[[], Reference]) -> Reference:
+def _stored(folder: Path | str | None, facts: dict[str, Any], make: Callable[[], Answered]) -> Reference:
     """The reference stored in ``folder`` for these inputs, else a new one, which is then stored. None: not stored."""
-    if folder is None:
-        return make()
-    path = Path(folder) / f"truth-{provenance['key'][:24]}.npz"
-    reference = _read(path, provenance) if path.exists() else None
-    if reference is None:
-        reference = make()
-        facts = np.array(json.dumps(reference.provenance, sort_keys=True))
-        write_arrays(path, {**reference.answers(), "provenance": facts})
-    return reference
+    facts["key"] = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+    path = None if folder is None else Path(folder) / f"truth-{facts['key'][:24]}.npz"
+    answers = _read(path, facts) if path is not None and path.exists() else None
+    if answers is not None:
+        return Reference(**answers, provenance=facts)
+    answers, decided = make()
+    if path is not None:
+        write_arrays(path, {**answers, "provenance": np.array(json.dumps(facts, sort_keys=True))})
+    return Reference(**answers, provenance=facts, decided=decided)
 
 
-def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:
+def _read(path: Path, facts: dict[str, Any]) -> dict[str, Any] | None:
     """The stored answers, or None where the file is damaged or of other inputs (it is then made again)."""
     try:
         with opened_arrays(path) as stored:
-            if json.loads(str(stored["provenance"])) != provenance:
-                return None
-            names = ("triangle", "t", "u", "v", "shadowed")
-            return Reference(**{name: stored[name] for name in names}, provenance=provenance)
+            known = json.loads(str(stored["provenance"])) == facts
+            return {name: stored[name] for name in ANSWERS} if known else None
     except DAMAGED:
         return None

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..arrays import I8
 from .bounces import bounce_answers, bounce_judge, wrong_rays
-from .classify import Judgement, classify, decide
+from .classify import EXAMPLES, Judgement, classify, decide, examples_of
 from .consistency import check_consistency
 from .context import Judge
 from .counts import (
@@ -33,7 +33,6 @@ from .counts import (
     ShadowCounts,
     check_of,
 )
-from .examples import EXAMPLES, examples_of
 from .selection import compare, select
 from .shared_errors import Disputes, find_disputes
 from .verdict import ERRORS, PRIMARY, RIGHT, SHADOW, Verdict

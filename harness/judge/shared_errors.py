@@ -19,9 +19,8 @@ import numpy as np
 
 from ..arrays import I8, I64, U8, Bools
 from ..files import array_hash
-from .classify import Judgement
+from .classify import EXAMPLES, Judgement
 from .counts import Score, Shared, check_of
-from .examples import EXAMPLES
 from .verdict import ERRORS, EXCUSED, RIGHT, Verdict
 
 AGREES, TIES, DECIDED = 0, 1, 2

@@ -45,24 +45,20 @@ class Prepared(TypedDict):
     method: _Planned
 
 
-class _Submitted(TypedDict, total=False):
+class _Sampled(TypedDict, total=False):
+    """What a round found of a frame: the fields of :class:`.record.Frame`."""
+
+    frame: Required[Count]
+    started: Required[float]
+    total_ms: Required[list[Ms]]
+    wall_ms: Required[list[Ms]]
+    passes: Required[list[PassTimes]]
+    stopped_by: Required[str]
+    regrown: Required[Count]
+    memory_bytes: Required[Bytes]
+    memory_source: Required[str]
     submitted_ms: list[Ms]
     row_ms: list[Ms]
-
-
-class _Sampled(_Submitted):
-    frame: Count
-    started: float
-    total_ms: list[Ms]
-    wall_ms: list[Ms]
-    passes: list[PassTimes]
-    stopped_by: str
-    regrown: Count
-    memory_bytes: Bytes
-    memory_source: str
-
-
-class _Costed(_Sampled, total=False):
     costs: Costs
 
 
@@ -76,7 +72,7 @@ class Sampled(TypedDict):
     started: float
     spent_s: Seconds
     method: _Built
-    frames: list[_Costed]
+    frames: list[_Sampled]
     peak_rss_bytes: Bytes
 
 

@@ -199,7 +199,7 @@ def test_a_case_may_allow_more() -> None:
 
 def test_the_command_fails_on_too_much_excused_and_shows_how_much(monkeypatch, capsys) -> None:
     monkeypatch.setattr(registry, "_entry_points", lambda: {"behind": Point(Behind)})
-    monkeypatch.setattr("shadowbench.harness.hardcases.find_case", lambda name: two_sheets().case)
+    monkeypatch.setattr("shadowbench.harness.commands.check.find_case", lambda name: two_sheets().case)
     assert check("behind", "cpu", None, ["X"], False) == 1
     shown = capsys.readouterr().out
     assert "256 of 512" in shown

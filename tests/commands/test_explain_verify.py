@@ -103,7 +103,7 @@ def test_explain_prints_the_class_that_verify_scored(
     for pixel in pixels:
         x, y = pixel % WIDTH, pixel // WIDTH
         with monkeypatch.context() as patched:
-            patched.setattr(answering, "answer", lambda *arguments: outcome)
+            patched.setattr("shadowbench.harness.commands.explain.answer", lambda *arguments: outcome)
             code = explain(str(path), f"{x},{y}", ["uniform_grid"], "cpu", f"{WIDTH}x{HEIGHT}", as_json=True)
         facts = json.loads(capsys.readouterr().out)
         reference, row = facts["answers"]

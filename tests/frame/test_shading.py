@@ -206,7 +206,8 @@ def test_render_shows_mirrors_where_a_scene_declares_them(tmp_path, monkeypatch)
     pictures = []
     for bounces in (0, 2):
         monkeypatch.setattr(chosen_view, "resolve", lambda *_, bounces=bounces: room(bounces).scene)
-        path = render_command.render("room", "uniform_grid", tmp_path / f"{bounces}.png", "48x48", device="cpu")
+        path = tmp_path / f"{bounces}.png"
+        render_command.render(["room"], "uniform_grid", path, size="48x48", device="cpu")
         with Image.open(path) as image:
             pictures.append(np.asarray(image.convert("RGB")).astype(int)[:48])
     assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 8).mean() > 0.2

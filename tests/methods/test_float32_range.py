@@ -144,8 +144,7 @@ def exact_rays(o: np.ndarray, d: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """HIT or MISS of the lines of rays, and of the rays themselves, exactly [COUNT, 2]; UNDECIDED in the plane."""
     result = []
     for row in zip(o, d, corners, strict=True):
-        values = np.concatenate([x.ravel() for x in row])
-        ints = arithmetic.integers(values, arithmetic.scale_of(values))
+        _, ints = arithmetic.integers(*row)
         weights = arithmetic.hit_weights(ints[0:3], ints[3:6], ints[6:15])
         line = HIT if min(weights) >= 0 or max(weights) <= 0 else MISS
         ray = HIT if arithmetic.hit(ints[0:3], ints[3:6], ints[6:15]) else MISS
@@ -156,10 +155,8 @@ def exact_rays(o: np.ndarray, d: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def exact_segments(h: np.ndarray, light: np.ndarray, corners: np.ndarray) -> np.ndarray:
     result = []
     for row in zip(h, light, corners, strict=True):
-        values = np.concatenate([x.ravel() for x in row])
-        ints = arithmetic.integers(values, arithmetic.scale_of(values))
-        p, q, a, b, c = (tuple(ints[k : k + 3]) for k in range(0, 15, 3))
-        result.append(HIT if arithmetic.between(p, q, (a, b, c)) else MISS)
+        _, ints = arithmetic.integers(*row)
+        result.append(HIT if arithmetic.between(ints[0:3], ints[3:6], ints[6:15]) else MISS)
     return np.array(result)
 
 

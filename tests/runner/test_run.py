@@ -277,7 +277,7 @@ def test_answers_of_a_method_that_goes_elsewhere_are_found(package, tmp_path, mo
     assert [len(r.frames) for r in records] == [1, 1]
     assert all(frame.unscored is None for r in records for frame in r.frames)
     assert {f"{r.key}-0.npz" for r in records} < {path.name for path in Path("out/answers").iterdir()}
-    assert render("first.obj", "wanders", Path("picture.png"), "8x8").exists()
+    assert render(["first.obj"], "wanders", Path("picture.png"), size="8x8") == 0
     assert (tmp_path / "picture.png").exists()
 
 
