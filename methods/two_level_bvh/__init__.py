@@ -64,7 +64,6 @@ class TwoLevelTree(TreeMethod):
             shares=constants.SHARES,
             capacity=self._capacity,
             together=constants.TOGETHER,
-            levels=2 if isinstance(tree, Levels) else 1,
         )
         records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
         if isinstance(tree, Levels):  # records need nothing of the bodies
