@@ -7,27 +7,16 @@ float64 the rest.
 
 from typing import Any, ClassVar
 
-import numpy as np
-import warp as wp
-from numpy.typing import NDArray
-
-from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
-from ...harness.frame.schedule.passes import Pass
-from ...harness.scene.effects import Effects, Limits
-from ..common.misses import miss_passes
-from ..common.pairs import grown
 from ..common.parameters import refuse_static
-from ..gpu.reserve import counted
 from ..trees import constants
 from ..trees.builders import tree_of
 from ..trees.method import TreeMethod
-from ..trees.trace.tree_rays import TreeRays
 from .parameters import FLOAT32_INEXACT, Build, Trace
 
 
 class BinaryTree(TreeMethod):
-    """See the package. Needs: pairs left to float64, of the eye's rays, then of each light's."""
+    """See the package."""
 
     name: ClassVar[str] = "bvh2"
     title: ClassVar[str] = "BVH2 (rebuilt in the graph)"
@@ -38,41 +27,16 @@ class BinaryTree(TreeMethod):
         super().__init__(build, trace)
         self.known_inexact = FLOAT32_INEXACT if self.trace.precision == "float32" else None
 
-    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
-        if frame.triangle_count == 0:
-            return miss_passes(frame, effects)
-        if frame.triangle_count >= constants.MOST_TRIANGLES:
-            raise CapacityRejected(f"holds at most {constants.MOST_TRIANGLES - 1:,} triangles")
-        self._memory = limits.memory
-        self._capacity = self._capacity or constants.first_capacity(frame.pixels)
+    def tree_of(self, frame: Frame) -> Any:
         refuse_static(self.name, self.build.update, frame.prepared)
-        self._tree = tree = tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
-        first, grows, beside = tree.passes()
+        return tree_of(frame, self.build.update, self.build.builder, self.build.tree_frame)
+
+    def tracing(self, frame: Frame) -> tuple[str, bool]:
         trace = self.trace
+        if trace.primary != "auto":
+            return trace.precision, trace.primary == "packet"
         loose = trace.precision == "float32" and constants.PACKETS * frame.triangle_count < frame.pixels
-        packets = loose if trace.primary == "auto" else trace.primary == "packet"
-        self._rays = rays = TreeRays(
-            frame,
-            tree.tree,
-            effects,
-            trace.precision,
-            packets,
-            trace.threads,
-            constants.SHARES,
-            self._capacity,
-            together=constants.TOGETHER,
-        )
-        records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
-        passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
-        return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
-
-    def needs(self) -> wp.array | None:
-        return self._rays.counts if self._rays is not None else None
-
-    def grow(self, needed: NDArray[np.int64]) -> bool:
-        before = self._capacity
-        self._capacity = grown(int(counted(needed).max()), before, self._memory, "undecided pairs", varies=True)
-        return self._capacity != before
+        return trace.precision, loose
 
     def counters(self) -> dict[str, int]:
         counts = super().counters()

@@ -10,155 +10,79 @@ Arrays begin on at least 64 bytes, so that elements of 16 or 8 bytes are aligned
 one and rows follow one another without gaps: those are moved at once.
 """
 
+from typing import Any
+
 import warp as wp
-
-READ = "return values.data[i];"
-WRITE = "values.data[i] = value;"
-
-READ_WIDE = """
-#if defined(__CUDA_ARCH__)
-{wide} v = *reinterpret_cast<const {wide}*>(values.data + {place});
-return {{{parts}}};
-#else
-return values.data[{place}];
-#endif
-"""
-
-WRITE_WIDE = """
-#if defined(__CUDA_ARCH__)
-*reinterpret_cast<{wide}*>(values.data + {place}) = make_{wide}({parts});
-#else
-values.data[{place}] = value;
-#endif
-"""
 
 ROW = "row * values.shape[1] + column"
 """Place of an entry of an array in rows, if they follow one another without gaps."""
 
 ROW_OF_FOUR = "4 * row + column"
 
-FOUR, TWO = "v.x, v.y, v.z, v.w", "v.x, v.y"
-FOUR_OF, TWO_OF = "value[0], value[1], value[2], value[3]", "value[0], value[1]"
+TWO, FOUR = ("v.x, v.y", "value[0], value[1]"), ("v.x, v.y, v.z, v.w", "value[0], value[1], value[2], value[3]")
+WIDE = {wp.vec2i: ("int2", *TWO), wp.vec2f: ("float2", *TWO), wp.vec4i: ("int4", *FOUR), wp.vec4f: ("float4", *FOUR)}
+"""The types that are moved at once: a GPU's own type, its parts, and those of a value."""
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.uint8), i: wp.int32) -> wp.uint8: ...
+def on_gpu(otherwise: str, text: str) -> str:
+    """C++ that is ``text`` on a GPU, if there is any."""
+    return f"\n#if defined(__CUDA_ARCH__)\n{text}\n#else\n{otherwise}\n#endif\n" if text else otherwise
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
+def reading(kind: Any, at: str = "i") -> str:
+    """C++ that reads an entry of this type."""
+    wide, parts, _ = WIDE.get(kind, ("", "", ""))
+    text = f"{wide} v = *reinterpret_cast<const {wide}*>(values.data + {at});\nreturn {{{parts}}};"
+    return on_gpu(f"return values.data[{at}];", text if wide else "")
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.float32), i: wp.int32) -> wp.float32: ...
+def writing(kind: Any, at: str = "i") -> str:
+    """C++ that writes an entry of this type."""
+    wide, _, parts = WIDE.get(kind, ("", "", ""))
+    text = f"*reinterpret_cast<{wide}*>(values.data + {at}) = make_{wide}({parts});"
+    return on_gpu(f"values.data[{at}] = value;", text if wide else "")
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64: ...
+# The functions of one name are overloads, one for each type.
+for kind in (
+    *(wp.uint8, wp.int32, wp.float32, wp.uint64, wp.vec3i, wp.vec3f, wp.mat33d),
+    *(wp.vec2i, wp.vec2f, wp.vec4i, wp.vec4f),
+):
+
+    @wp.func_native(reading(kind))
+    def entry(values: wp.array(dtype=kind), i: wp.int32) -> kind: ...
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.vec3i), i: wp.int32) -> wp.vec3i: ...
+for kind in (wp.uint8, wp.int32, wp.float32, wp.vec3f, wp.vec3d, wp.vec2i, wp.vec4i, wp.vec4f):
+
+    @wp.func_native(writing(kind))
+    def set_entry(values: wp.array(dtype=kind), i: wp.int32, value: kind): ...
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.vec3f), i: wp.int32) -> wp.vec3f: ...
+for kind in (wp.uint8, wp.vec4f):
+
+    @wp.func_native(reading(kind, ROW))
+    def entry(values: wp.array2d(dtype=kind), row: wp.int32, column: wp.int32) -> kind: ...
+
+    @wp.func_native(writing(kind, ROW))
+    def set_entry(values: wp.array2d(dtype=kind), row: wp.int32, column: wp.int32, value: kind): ...
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.mat33d), i: wp.int32) -> wp.mat33d: ...
+for kind in (wp.int32, wp.float32):
+
+    @wp.func_native(on_gpu("values.data[i] = value;", "__stcs(values.data + i, value);"))
+    def set_entry_last(values: wp.array(dtype=kind), i: wp.int32, value: kind):
+        """Set an entry that no pass of the frame reads: its line is the first to leave the second-level cache."""
 
 
-@wp.func_native(f"return values.data[{ROW}];")
-def entry(values: wp.array2d(dtype=wp.uint8), row: wp.int32, column: wp.int32) -> wp.uint8: ...
-
-
-@wp.func_native(READ_WIDE.format(wide="int2", place="i", parts=TWO))
-def entry(values: wp.array(dtype=wp.vec2i), i: wp.int32) -> wp.vec2i: ...
-
-
-@wp.func_native(READ_WIDE.format(wide="float2", place="i", parts=TWO))
-def entry(values: wp.array(dtype=wp.vec2f), i: wp.int32) -> wp.vec2f: ...
-
-
-@wp.func_native(READ_WIDE.format(wide="int4", place="i", parts=FOUR))
-def entry(values: wp.array(dtype=wp.vec4i), i: wp.int32) -> wp.vec4i: ...
-
-
-@wp.func_native(READ_WIDE.format(wide="float4", place="i", parts=FOUR))
-def entry(values: wp.array(dtype=wp.vec4f), i: wp.int32) -> wp.vec4f: ...
-
-
-@wp.func_native(READ_WIDE.format(wide="float4", place=ROW, parts=FOUR))
-def entry(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -> wp.vec4f: ...
-
-
-@wp.func_native(READ_WIDE.format(wide="float4", place=ROW_OF_FOUR, parts=FOUR))
+@wp.func_native(reading(wp.vec4f, ROW_OF_FOUR))
 def entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -> wp.vec4f:
     """An entry of an array that is known to have four columns."""
 
 
-@wp.func_native(WRITE)
-def set_entry(values: wp.array(dtype=wp.uint8), i: wp.int32, value: wp.uint8): ...
-
-
-@wp.func_native(WRITE)
-def set_entry(values: wp.array(dtype=wp.int32), i: wp.int32, value: wp.int32): ...
-
-
-@wp.func_native(WRITE)
-def set_entry(values: wp.array(dtype=wp.float32), i: wp.int32, value: wp.float32): ...
-
-
-@wp.func_native(WRITE)
-def set_entry(values: wp.array(dtype=wp.vec3f), i: wp.int32, value: wp.vec3f): ...
-
-
-@wp.func_native(WRITE)
-def set_entry(values: wp.array(dtype=wp.vec3d), i: wp.int32, value: wp.vec3d): ...
-
-
-@wp.func_native(WRITE_WIDE.format(wide="int2", place="i", parts=TWO_OF))
-def set_entry(values: wp.array(dtype=wp.vec2i), i: wp.int32, value: wp.vec2i): ...
-
-
-@wp.func_native(WRITE_WIDE.format(wide="int4", place="i", parts=FOUR_OF))
-def set_entry(values: wp.array(dtype=wp.vec4i), i: wp.int32, value: wp.vec4i): ...
-
-
-@wp.func_native(WRITE_WIDE.format(wide="float4", place="i", parts=FOUR_OF))
-def set_entry(values: wp.array(dtype=wp.vec4f), i: wp.int32, value: wp.vec4f): ...
-
-
-@wp.func_native(f"values.data[{ROW}] = value;")
-def set_entry(values: wp.array2d(dtype=wp.uint8), row: wp.int32, column: wp.int32, value: wp.uint8): ...
-
-
-@wp.func_native(WRITE_WIDE.format(wide="float4", place=ROW, parts=FOUR_OF))
-def set_entry(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32, value: wp.vec4f): ...
-
-
-@wp.func_native(WRITE_WIDE.format(wide="float4", place=ROW_OF_FOUR, parts=FOUR_OF))
+@wp.func_native(writing(wp.vec4f, ROW_OF_FOUR))
 def set_entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32, value: wp.vec4f):
     """Set an entry of an array that is known to have four columns."""
-
-
-WRITE_LAST = """
-#if defined(__CUDA_ARCH__)
-__stcs(values.data + i, value);
-#else
-values.data[i] = value;
-#endif
-"""
-
-
-@wp.func_native(WRITE_LAST)
-def set_entry_last(values: wp.array(dtype=wp.int32), i: wp.int32, value: wp.int32):
-    """Set an entry that no pass of the frame reads: its line is the first to leave the second-level cache."""
-
-
-@wp.func_native(WRITE_LAST)
-def set_entry_last(values: wp.array(dtype=wp.float32), i: wp.int32, value: wp.float32): ...
 
 
 # Relaxed and volatile: the compiler moves a plain load to where its value is first used.

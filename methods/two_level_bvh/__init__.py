@@ -13,16 +13,10 @@ from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
-from ...harness.frame.schedule.passes import Pass
-from ...harness.scene.effects import Effects, Limits
-from ..common.misses import miss_passes
-from ..common.pairs import all_needs, grown
-from ..gpu.reserve import counted
-from ..trees import constants
+from ..common.pairs import all_needs
 from ..trees.builders import Rebuilt, Refitted, tree_of
 from ..trees.method import TreeMethod
 from ..trees.trace.bodies import RAY_UNITS
-from ..trees.trace.tree_rays import TreeRays
 from .levels import Kept, Levels
 from .parameters import Build, Trace
 from .poses import RIGID
@@ -32,7 +26,7 @@ ROOM = 3
 
 
 class TwoLevelTree(TreeMethod):
-    """See the package. Needs: units of padding and of what vertices are off by, then pairs left to float64."""
+    """See the package. Needs: units of padding and of what vertices are off by, then those of the rays."""
 
     name: ClassVar[str] = "two_level_bvh"
     title: ClassVar[str] = "Two-level BVH (trees of bodies kept)"
@@ -45,34 +39,7 @@ class TwoLevelTree(TreeMethod):
         self._deforms = ""
         self._kept: Kept | None = None
 
-    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
-        if frame.triangle_count == 0:
-            return miss_passes(frame, effects)
-        if frame.triangle_count >= constants.MOST_TRIANGLES:
-            raise CapacityRejected(f"holds at most {constants.MOST_TRIANGLES - 1:,} triangles")
-        self._memory = limits.memory
-        self._capacity = self._capacity or constants.first_capacity(frame.pixels)
-        self._tree = tree = self._tree_of(frame)
-        first, grows, beside = tree.passes()
-        self._rays = rays = TreeRays(
-            frame,
-            tree.tree,
-            effects,
-            "exact",
-            packets=False,
-            threads=self.trace.threads,
-            shares=constants.SHARES,
-            capacity=self._capacity,
-            together=constants.TOGETHER,
-            levels=2 if isinstance(tree, Levels) else 1,
-        )
-        records = [*rays.eye_passes(), *beside, *rays.record_passes(), *rays.clear_passes()]
-        if isinstance(tree, Levels):  # records need nothing of the bodies
-            first = [work.hinted(parallel=(0,)) for work in first]
-        passes = [grows.hinted(parallel=(0,)), *(work.hinted(parallel=(1,)) for work in records)]
-        return [*first, *passes, *rays.passes(primary=True), *rays.bounce_passes()]
-
-    def _tree_of(self, frame: Frame) -> Levels | Rebuilt | Refitted:
+    def tree_of(self, frame: Frame) -> Levels | Rebuilt | Refitted:
         """Both levels, or the tree of all triangles of a mesh that deforms."""
         prepared, bodies = frame.prepared, frame.prepared.bodies
         if bodies is None:
@@ -88,12 +55,11 @@ class TwoLevelTree(TreeMethod):
         return Levels(frame, self._kept, self._unit, self._units)
 
     def needs(self) -> wp.array | None:
-        if self._rays is None:
-            return None
-        return all_needs(*((self._tree.need,) if isinstance(self._tree, Levels) else ()), self._rays.counts)
+        pairs = super().needs()
+        return all_needs(self._tree.need, pairs) if pairs is not None and isinstance(self._tree, Levels) else pairs
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
-        before = self._capacity, self._units
+        before = self._units
         if isinstance(self._tree, Levels):
             (units, off), needed = needed[:2], needed[2:]
             if off > RIGID:
@@ -101,8 +67,7 @@ class TwoLevelTree(TreeMethod):
                 return True
             if units > self._units:
                 self._units = int(units + units // 3)
-        self._capacity = grown(int(counted(needed).max()), self._capacity, self._memory, "undecided pairs")
-        return before != (self._capacity, self._units)
+        return super().grow(needed) or before != self._units
 
     def built(self) -> dict[str, Any]:
         why = {"because": self._deforms} if self._deforms and self._rays is not None else {}

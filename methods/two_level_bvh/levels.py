@@ -1,7 +1,7 @@
 """Both levels on the device: the kept trees, and the tree of the bodies that is made in each frame.
 
-The first level is made as a rebuilt tree is (:mod:`..trees.builders.rebuild`): keys, a sort and an LBVH, over a mesh in
-which each body is a triangle with its box.
+The first level is made as a rebuilt tree is (:mod:`..trees.builders.rebuild`), over a mesh in which each body is a triangle
+with its box.
 """
 
 from typing import Any
@@ -13,12 +13,9 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, filled
 from ...harness.frame.schedule.passes import Pass
-from ..trees.builders.climb import Leaves
-from ..trees.builders.keys import NO_LEAF, key_kernel
-from ..trees.builders.lbvh import make_lbvh_kernel
+from ..trees.builders.rebuild import RadixBuild
 from ..trees.builders.scene_box import MOST, SceneBox
-from ..trees.builders.sort import Sort
-from ..trees.constants import BLOCK, KEY_BITS
+from ..trees.constants import BLOCK
 from ..trees.nodes import Tree
 from .forest import Forest, references, used_vertices
 from .poses import WORDS, body_kernel, pose_kernel, vertex_kernel
@@ -26,8 +23,6 @@ from .poses import WORDS, body_kernel, pose_kernel, vertex_kernel
 WARP = 32
 CHUNK = 64
 """Vertices of a body that a warp reads."""
-
-KEY_BLOCK = 256
 
 
 class Kept:
@@ -96,11 +91,9 @@ class Levels:
             )
             self.box, self.extent = wp.zeros(6, dtype=wp.float32), wp.zeros(1, dtype=wp.float32)
             self.lowered = wp.array([MOST] * 6 + [0], dtype=wp.int32)
-            self.flags = wp.zeros(self.count, dtype=wp.uint64)
-            self.scratch = wp.zeros(4 * self.count, dtype=wp.vec4f)
         self.whole = SceneBox(frame, self.tree.extent)
-        self.sort = Sort(self.count, KEY_BITS, NO_LEAF, frame.device)
-        self.leaves = filled(Leaves, count=self.sort.held, pairs=self.sort.sorted)
+        # Bodies do not share a leaf: no area is less than this.
+        self.build = RadixBuild(frame, self.mesh, self.count, self.tree, "lbvh", float("nan"))
 
     def passes(self) -> tuple[list[Pass], Pass, list[Pass]]:
         """What the first level is made of, the pass that makes it, and those that run concurrently with all of these."""
@@ -108,7 +101,8 @@ class Levels:
         poses = Pass("bodies: poses", "build", reads, ("poses",), self._poses)
         boxes = Pass("bodies: boxes", "build", (*reads, "poses"), ("boxes",), self._boxes)
         tree = Pass("bodies: tree", "build", ("poses", "boxes", "max_coordinate"), ("bvh",), self._tree)
-        return [poses, boxes], tree, [Pass("box", "build", ("points", "triangles"), ("extent",), self.whole.launch)]
+        first = [work.hinted(parallel=(0,)) for work in (poses, boxes)]
+        return first, tree, [Pass("box", "build", ("points", "triangles"), ("extent",), self.whole.launch)]
 
     def _poses(self) -> None:
         f = self.frame
@@ -123,18 +117,13 @@ class Levels:
         threads = -(-self.count // BLOCK) * BLOCK if lanes > 1 else 1
         inputs = [self.count, threads, self.unit, self.least, f.max_coordinate, self.found]
         made = [self.mesh.points, self.mesh.valid, self.need]
-        outputs = [*made, self.lowered, self.box, self.extent, self.sort.state]
+        outputs = [*made, self.lowered, self.box, self.extent, self.build.sort.state]
         f.launch(body_kernel, threads, inputs, outputs, BLOCK)
 
     def _tree(self) -> None:
-        f = self.frame
-        # Bodies do not share a leaf: no area is less than this.
-        inputs = [self.mesh, self.count, float("nan"), self.box]
-        outputs = [self.sort.unsorted, self.flags, self.tree, self.sort.state]
-        f.launch(key_kernel, -(-self.count // (2 * KEY_BLOCK)) * KEY_BLOCK, inputs, outputs, KEY_BLOCK)
-        self.sort.launch()
-        inputs, outputs = [self.leaves, self.mesh], [self.scratch, self.flags, self.tree]
-        f.launch(make_lbvh_kernel(), -(-self.count // BLOCK) * BLOCK, inputs, outputs, BLOCK)
+        self.build.make_keys(self.box)
+        self.build.sort.launch()
+        self.build.make_tree()
 
     def built(self) -> dict[str, Any]:
         """For :meth:`....harness.frame.method.Method.built`."""

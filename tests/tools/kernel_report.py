@@ -60,7 +60,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.rays import sort as sort_rays
     from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
-    from shadowbench.methods.trees.trace import closest, shadow, together
+    from shadowbench.methods.trees.trace import closest, shadow
     from shadowbench.methods.two_level_bvh import poses
 
     holes, bounced = Switches(alpha=True), Switches(bounced=True)
@@ -101,8 +101,8 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: triangles": "shadowbench.methods.trees.records.planes",
         "bvh2: triangles, rays": "shadowbench.methods.trees.records.rays",
         "bvh2: primary": closest.make_eye_kernel(True, False).module,
-        "bvh2: primary and shadow": together.make_together_kernel(True, False).module,
-        "bvh2: primary and shadow, float32": together.make_together_kernel(False, False).module,
+        "bvh2: primary and shadow": shadow.make_together_kernel(True, False).module,
+        "bvh2: primary and shadow, float32": shadow.make_together_kernel(False, False).module,
         "bvh2: primary, holes": specialised(closest.make_eye_kernel(True, False), holes).module,
         "bvh2: primary, packets": closest.make_eye_kernel(True, True).module,
         "bvh2: primary, float32": closest.make_eye_kernel(False, False).module,
@@ -115,7 +115,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: mirrored, resolve": closest.make_resolve_kernel(False).module,
         "bvh2: mirrored, shadow": specialised(shadow.make_shadow_kernel(True, False), bounced).module,
         "two_level_bvh: bodies": poses.__name__,
-        "two_level_bvh: primary and shadow": together.make_together_kernel(True, False, 2).module,
+        "two_level_bvh: primary and shadow": shadow.make_together_kernel(True, False, 2).module,
         "two_level_bvh: mirrored": closest.make_listed_kernel(True, 2).module,
         "perspective_spherical: trace": make_trace_kernel(0, 64).module,
         "perspective_spherical: shadow": make_chunk_kernel(0, 64).module,

@@ -22,25 +22,38 @@ from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
-from .traversal import make_closest, make_count
+from .traversal import make_closest
 from .undecided import Undecided
 
 
 @wp.struct
-class Listed:
-    """The pixels of a share that have a ray: count int32 [1], pixels int32 [threads]."""
+class Share:
+    """What the kernels of a bounce take for a share of the pixels: rays, what they are traced through, what they find.
 
+    tiles   int32 [threads / 32]: the pixels of each warp (:class:`.shares.Shares`)
+    listed  int32 [threads]: the pixels that have one of the ``rays`` in arrays; count int32 [1]: how many. Else empty
+    starts  vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
+    """
+
+    camera: Camera
+    tiles: wp.array(dtype=wp.int32)
+    listed: wp.array(dtype=wp.int32)
     count: wp.array(dtype=wp.int32)
-    pixels: wp.array(dtype=wp.int32)
+    rays: Rays
+    tree: Tree
+    mesh: Mesh
+    alpha: Alpha
+    hits: Hits
+    starts: wp.array(dtype=wp.vec3f)
 
 
 @wp.func
-def pixel_at(camera: Camera, tiles: wp.array(dtype=wp.int32), thread: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, or -1; ``tiles``: of each warp (:class:`.shares.Shares`)."""
-    tile = entry(tiles, thread >> 5)
+def pixel_at(share: Share, thread: wp.int32) -> wp.vec2i:
+    """Column and row of a thread's pixel, or -1."""
+    tile = entry(share.tiles, thread >> 5)
     x = ((tile & 0xFFFF) << 3) | (thread & 7)
     y = ((tile >> 16) << 2) | ((thread >> 3) & 3)
-    if x >= camera.width or y >= camera.height:
+    if x >= share.camera.width or y >= share.camera.height:
         return wp.vec2i(-1, -1)
     return wp.vec2i(x, y)
 
@@ -68,27 +81,19 @@ def write_closest(hits: Hits, pixel: wp.int32, triangle: wp.int32, t: wp.float32
 
 
 @wp.func
-def write_float32(found: wp.vec4i, ray: Ray, pixel: wp.int32, hits: Hits, starts: wp.array(dtype=wp.vec3f)):
+def write_float32(found: wp.vec4i, ray: Ray, pixel: wp.int32, share: Share):
     """Write what a float32 traversal gave, and the origin of shadow rays."""
     t = wp.cast(found[0], wp.float32)
     if found[3] >= 0:
-        set_entry(starts, pixel, ray.origin + ray.direction * t)
+        set_entry(share.starts, pixel, ray.origin + ray.direction * t)
     else:
         t = wp.INF
-    write_closest(hits, pixel, found[3], t, wp.cast(found[1], wp.float32), wp.cast(found[2], wp.float32))
+    write_closest(share.hits, pixel, found[3], t, wp.cast(found[1], wp.float32), wp.cast(found[2], wp.float32))
 
 
 @wp.func
 def resolve_hit(
-    ray: Ray,
-    found: wp.vec4i,
-    pixel: wp.int32,
-    mesh: Mesh,
-    alpha: Alpha,
-    undecided: Undecided,
-    far: wp.bool,
-    hits: Hits,
-    starts: wp.array(dtype=wp.vec3f),
+    ray: Ray, found: wp.vec4i, pixel: wp.int32, share: Share, undecided: Undecided, far: wp.bool
 ) -> wp.vec2i:
     """Write the nearest of the certain hit and the undecided ones that ``found`` holds
     (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle or -1, and
@@ -100,19 +105,19 @@ def resolve_hit(
     if i >= 0 or last >= 0:
         nearest = wp.float64(wp.INF)
         if best >= 0:
-            nearest = plane_distance(ray, corners_at(mesh, best))
+            nearest = plane_distance(ray, corners_at(share.mesh, best))
         while i >= 0 or last >= 0:
             if i < 0:
                 pair = entry(undecided.pairs, last)
                 last = pair[1]
                 i = pair[0]
-            corners = corners_at(mesh, i)
-            weld = weld_at(mesh, i)
+            corners = corners_at(share.mesh, i)
+            weld = weld_at(share.mesh, i)
             t = hit_distance(ray, corners, weld)
-            wanted = t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best)
+            wanted = t > wp.float64(0.0) and nearer(share.mesh, t, i, nearest, best)
             if wp.static(effects.alpha):
                 if wanted:
-                    wanted = opaque_at_hit(alpha, i, ray, corners, weld)
+                    wanted = opaque_at_hit(share.alpha, i, ray, corners, weld)
             if wanted:
                 nearest = t
                 best = i
@@ -122,33 +127,33 @@ def resolve_hit(
     uv = wp.vec2f()
     flat = wp.bool(False)
     if best >= 0:
-        hit = certain_hit(ray, corners_at(mesh, best), weld_at(mesh, best))
+        hit = certain_hit(ray, corners_at(share.mesh, best), weld_at(share.mesh, best))
         flat = hit.flat
         if far:
             flat = True
         distance32 = wp.float32(hit.t)
         uv = hit.uv
-        set_entry(starts, pixel, to_float32(along(ray, hit.t)))
-    write_closest(hits, pixel, best, distance32, uv[0], uv[1])
+        set_entry(share.starts, pixel, to_float32(along(ray, hit.t)))
+    write_closest(share.hits, pixel, best, distance32, uv[0], uv[1])
     return wp.vec2i(best, wp.where(flat, best, -1))
 
 
 @wp.func
-def write_flat_start(ray: Ray, triangle: wp.int32, pixel: wp.int32, mesh: Mesh, starts: wp.array(dtype=wp.vec3f)):
+def write_flat_start(ray: Ray, triangle: wp.int32, pixel: wp.int32, share: Share):
     """Write the origin of shadow rays of a ray that is flat on its triangle. Such rays are few, and slow to compute."""
-    corners = corners_at(mesh, triangle)
-    set_entry(starts, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, corners), corners)))
+    corners = corners_at(share.mesh, triangle)
+    set_entry(share.starts, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, corners), corners)))
 
 
 @wp.func
-def write_weights(ray: Ray, pixel: wp.int32, mesh: Mesh, hits: Hits):
+def write_weights(ray: Ray, pixel: wp.int32, share: Share):
     """Write the weights of a hit as all methods that trace parallel rays do: such a ray often meets an edge, and a weight
     of zero keeps the sign that a division gives it."""
-    triangle = entry(hits.triangle, pixel)
+    triangle = entry(share.hits.triangle, pixel)
     if triangle >= 0:
-        uv = hit_weights(ray, corners_at(mesh, triangle), weld_at(mesh, triangle))
-        set_entry(hits.u, pixel, uv[0])
-        set_entry(hits.v, pixel, uv[1])
+        uv = hit_weights(ray, corners_at(share.mesh, triangle), weld_at(share.mesh, triangle))
+        set_entry(share.hits.u, pixel, uv[0])
+        set_entry(share.hits.v, pixel, uv[1])
 
 
 @functools.cache
@@ -158,42 +163,31 @@ def make_eye(exact: bool, packets: bool, levels: int = 1) -> Any:
     closest, closest_holes = (make_closest("eye", exact, packets, holes, levels) for holes in (False, True))
 
     @wp.func(module="unique")
-    def trace_eye(
-        thread: wp.int32,
-        camera: Camera,
-        tiles: wp.array(dtype=wp.int32),
-        tree: Tree,
-        records: wp.array(dtype=wp.vec4f),
-        mesh: Mesh,
-        alpha: Alpha,
-        undecided: Undecided,
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
-    ) -> wp.vec2i:
-        at = pixel_at(camera, tiles, thread)
+    def trace_eye(thread: wp.int32, share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided) -> wp.vec2i:
+        at = pixel_at(share, thread)
         seen = at[0] >= 0
-        ray = eye_ray(camera, at)
+        ray = eye_ray(share.camera, at)
         if wp.static(effects.alpha):
-            found = closest_holes(seen, ray.origin, ray.direction, tree, records, undecided)
+            found = closest_holes(seen, ray.origin, ray.direction, share.tree, records, undecided)
         else:
-            found = closest(seen, ray.origin, ray.direction, tree, records, undecided)
+            found = closest(seen, ray.origin, ray.direction, share.tree, records, undecided)
         if not seen:
             return wp.vec2i(-1, -1)
-        pixel = at[1] * camera.width + at[0]
+        pixel = at[1] * share.camera.width + at[0]
         hit = found[3]
         if wp.static(exact):
             if found[0] < 0 and found[2] < 0 and hit < 0:
-                write_closest(hits, pixel, -1, wp.INF, 0.0, 0.0)
+                write_closest(share.hits, pixel, -1, wp.INF, 0.0, 0.0)
                 return wp.vec2i(pixel, -1)
             # Rays and corners are read again, so that no register holds them until here.
-            again = eye_ray(camera, at)
-            far = is_far(again.origin, entry(tree.extent, 0))
-            of = resolve_hit(again, found, pixel, mesh, alpha, undecided, far, hits, starts)
+            again = eye_ray(share.camera, at)
+            far = is_far(again.origin, entry(share.tree.extent, 0))
+            of = resolve_hit(again, found, pixel, share, undecided, far)
             hit = of[0]
             if of[1] >= 0:
-                write_flat_start(eye_ray(camera, at), of[1], pixel, mesh, starts)
+                write_flat_start(eye_ray(share.camera, at), of[1], pixel, share)
         else:
-            write_float32(found, Ray(entry(camera.eye, 0), ray.direction), pixel, hits, starts)
+            write_float32(found, Ray(entry(share.camera.eye, 0), ray.direction), pixel, share)
         return wp.vec2i(pixel, hit)
 
     return trace_eye
@@ -210,18 +204,8 @@ def make_eye_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
         module="unique",
         cuda_max_registers=EYE_REGISTERS if exact else REGISTERS,
     )
-    def eye_kernel(
-        camera: Camera,
-        tiles: wp.array(dtype=wp.int32),
-        tree: Tree,
-        records: wp.array(dtype=wp.vec4f),
-        mesh: Mesh,
-        alpha: Alpha,
-        undecided: Undecided,
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
-    ):
-        trace_eye(wp.tid(), camera, tiles, tree, records, mesh, alpha, undecided, hits, starts)
+    def eye_kernel(share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided):
+        trace_eye(wp.tid(), share, records, undecided)
 
     return eye_kernel
 
@@ -229,69 +213,64 @@ def make_eye_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
 @functools.cache
 def make_tests_kernel(records: str, exact: bool, levels: int = 1) -> Any:
     """One thread per pixel: how many triangles its ray is tested against. The kernels of a frame do not count."""
-    count, count_holes = (make_count(records, exact, holes, levels) for holes in (False, True))
+    count, count_holes = (
+        make_closest(records, exact, holes=holes, levels=levels, counts=True) for holes in (False, True)
+    )
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def tests_kernel(
-        camera: Camera, rays: Rays, tree: Tree, triangles: wp.array(dtype=wp.vec4f), tests: wp.array(dtype=wp.int32)
+        share: Share, triangles: wp.array(dtype=wp.vec4f), undecided: Undecided, tests: wp.array(dtype=wp.int32)
     ):
         pixel = wp.tid()
-        y = pixel // camera.width
+        y = pixel // share.camera.width
         if wp.static(records == "eye"):
-            ray = eye_ray(camera, wp.vec2i(pixel - y * camera.width, y))
+            ray = eye_ray(share.camera, wp.vec2i(pixel - y * share.camera.width, y))
         else:
-            ray = ray_at(rays, pixel)
+            ray = ray_at(share.rays, pixel)
         if wp.static(effects.alpha):
-            tests[pixel] = count_holes(True, ray.origin, ray.direction, tree, triangles)[0]
+            tests[pixel] = count_holes(True, ray.origin, ray.direction, share.tree, triangles, undecided)[0]
         else:
-            tests[pixel] = count(True, ray.origin, ray.direction, tree, triangles)[0]
+            tests[pixel] = count(True, ray.origin, ray.direction, share.tree, triangles, undecided)[0]
 
     return tests_kernel
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def list_kernel(camera: Camera, tiles: wp.array(dtype=wp.int32), rays: Rays, hits: Hits, listed: Listed):
+def list_kernel(share: Share):
     """One thread per pixel, 8 x 4 per warp: the pixels that have a ray; all others miss."""
-    at = pixel_at(camera, tiles, wp.tid())
+    at = pixel_at(share, wp.tid())
     if at[0] < 0:
         return
-    pixel = at[1] * camera.width + at[0]
-    if entry(rays.active, pixel) != wp.uint8(0):
-        set_entry(listed.pixels, reserve(listed.count, 0, 1), pixel)
+    pixel = at[1] * share.camera.width + at[0]
+    if entry(share.rays.active, pixel) != wp.uint8(0):
+        set_entry(share.listed, reserve(share.count, 0, 1), pixel)
     else:
-        write_closest(hits, pixel, -1, wp.INF, 0.0, 0.0)
+        write_closest(share.hits, pixel, -1, wp.INF, 0.0, 0.0)
 
 
 @functools.cache
 def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
-    """One thread per listed pixel: what the traversal found, for :func:`resolve_kernel`; in float32 the answer and the
-    origin of shadow rays."""
+    """One thread per listed pixel: what the traversal found, vec4i [threads], for :func:`make_resolve_kernel`; in float32
+    the answer and the origin of shadow rays."""
     closest, closest_holes = (make_closest("ray", exact, holes=holes, levels=levels) for holes in (False, True))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def listed_kernel(
-        listed: Listed,
-        rays: Rays,
-        tree: Tree,
-        records: wp.array(dtype=wp.vec4f),
-        undecided: Undecided,
-        found: wp.array(dtype=wp.vec4i),
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
+        share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided, found: wp.array(dtype=wp.vec4i)
     ):
         k = wp.tid()
-        if k >= entry(listed.count, 0):
+        if k >= entry(share.count, 0):
             return
-        pixel = entry(listed.pixels, k)
-        ray = ray_at(rays, pixel)
+        pixel = entry(share.listed, k)
+        ray = ray_at(share.rays, pixel)
         if wp.static(effects.alpha):
-            one = closest_holes(True, ray.origin, ray.direction, tree, records, undecided)
+            one = closest_holes(True, ray.origin, ray.direction, share.tree, records, undecided)
         else:
-            one = closest(True, ray.origin, ray.direction, tree, records, undecided)
+            one = closest(True, ray.origin, ray.direction, share.tree, records, undecided)
         if wp.static(exact):
             set_entry(found, k, one)
         else:
-            write_float32(one, ray, pixel, hits, starts)
+            write_float32(one, ray, pixel, share)
 
     return listed_kernel
 
@@ -302,29 +281,19 @@ def make_resolve_kernel(parallel: bool) -> Any:
     camera may start far from the scene; mirrored rays start in it."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=RESOLVE_REGISTERS)
-    def resolve_kernel(
-        listed: Listed,
-        rays: Rays,
-        tree: Tree,
-        mesh: Mesh,
-        alpha: Alpha,
-        undecided: Undecided,
-        found: wp.array(dtype=wp.vec4i),
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
-    ):
+    def resolve_kernel(share: Share, undecided: Undecided, found: wp.array(dtype=wp.vec4i)):
         k = wp.tid()
-        if k >= entry(listed.count, 0):
+        if k >= entry(share.count, 0):
             return
-        pixel = entry(listed.pixels, k)
-        ray = ray_at(rays, pixel)
+        pixel = entry(share.listed, k)
+        ray = ray_at(share.rays, pixel)
         far = wp.bool(False)
         if wp.static(parallel):
-            far = is_far(ray.origin, entry(tree.extent, 0))
-        of = resolve_hit(ray, entry(found, k), pixel, mesh, alpha, undecided, far, hits, starts)
+            far = is_far(ray.origin, entry(share.tree.extent, 0))
+        of = resolve_hit(ray, entry(found, k), pixel, share, undecided, far)
         if of[1] >= 0:
-            write_flat_start(ray, of[1], pixel, mesh, starts)
+            write_flat_start(ray, of[1], pixel, share)
         if wp.static(parallel):
-            write_weights(ray, pixel, mesh, hits)
+            write_weights(ray, pixel, share)
 
     return resolve_kernel

@@ -5,28 +5,39 @@ from typing import Any
 
 import warp as wp
 
-from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.receivers import hit_receives
 from ....harness.frame.effects.specialise import effects
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays, ray_of
+from ....harness.frame.geometry import Ray, ray_of
 from ...common.reads import corners_at, weld_at
 from ...exact.hit_point import hit_point, plane_distance
 from ...exact.holes import opaque_to_light
 from ...exact.segment import occludes
 from ...exact.triangle import largest
 from ...gpu.entries import entry, set_entry
-from ..constants import REGISTERS
-from ..nodes import Tree
+from ..constants import EYE_REGISTERS, REGISTERS
 from ..records.planes import LightPlanes
-from .closest import Listed, pixel_at, ray_at
-from .traversal import make_any, make_count_any
+from .closest import Share, make_eye, pixel_at, ray_at
+from .traversal import make_any
 from .undecided import Undecided
 
 
+@wp.struct
+class Lit:
+    """What shadow rays to the light of index ``light`` take besides their :class:`.closest.Share`. ``faces``: only hits that
+    face the light receive it."""
+
+    light: wp.int32
+    faces: wp.bool
+    lights: wp.array(dtype=wp.vec3f)
+    spots: wp.array2d(dtype=wp.float64)
+    front_facing: wp.array2d(dtype=wp.uint8)
+    planes: LightPlanes
+    receivers: wp.array2d(dtype=wp.uint8)
+    shadowed: wp.array2d(dtype=wp.uint8)
+
+
 @wp.func
-def hidden(
-    found: wp.vec4i, ray: Ray, own: wp.int32, light: wp.vec3f, mesh: Mesh, alpha: Alpha, undecided: Undecided
-) -> wp.uint8:
+def hidden(found: wp.vec4i, ray: Ray, own: wp.int32, light: wp.vec3f, share: Share, undecided: Undecided) -> wp.uint8:
     """The shadow bit of an exact ray: that of a traversal that gave ``found`` (:func:`.traversal.make_any`), or float64's
     verdict on what it left, for which the hit point of ``ray`` on the triangle ``own`` is computed again."""
     i = found[0]
@@ -34,7 +45,7 @@ def hidden(
     last = found[2]
     bit = wp.uint8(found[3])
     if bit == wp.uint8(0) and (i >= 0 or last >= 0):
-        met = corners_at(mesh, own)
+        met = corners_at(share.mesh, own)
         h = hit_point(ray, plane_distance(ray, met), met)
         size = wp.float64(largest(ray.origin))
         while bit == wp.uint8(0) and (i >= 0 or last >= 0):
@@ -42,12 +53,12 @@ def hidden(
                 pair = entry(undecided.pairs, last)
                 last = pair[1]
                 i = pair[0]
-            corners = corners_at(mesh, i)
-            weld = weld_at(mesh, i)
+            corners = corners_at(share.mesh, i)
+            weld = weld_at(share.mesh, i)
             occluded = occludes(h, light, corners, weld, size)
             if wp.static(effects.alpha):
                 if occluded:
-                    occluded = opaque_to_light(alpha, i, h, light, corners, weld, size)
+                    occluded = opaque_to_light(share.alpha, i, h, light, corners, weld, size)
             if occluded:
                 bit = wp.uint8(1)
             i = following
@@ -59,56 +70,39 @@ def hidden(
 def make_shadow(exact: bool, marks: bool, levels: int = 1) -> Any:
     """A function of a pixel and the triangle that it ``hit``, or -1, that writes its shadow bit.
 
-    ``starts``: the hit points, rounded; nothing at a miss. ``marks``: if only some hits receive the light, they are marked,
-    too; else they are marked already. ``faces``: only those that face it do.
+    ``marks``: if only some hits receive the light, they are marked, too; else they are marked already.
     """
     between, between_holes = (make_any(exact, holes, levels) for holes in (False, True))
 
     @wp.func(module="unique")
-    def trace_shadow(
-        pixel: wp.int32,
-        hit: wp.int32,
-        camera: Camera,
-        light: wp.int32,
-        faces: wp.bool,
-        lights: wp.array(dtype=wp.vec3f),
-        spots: wp.array2d(dtype=wp.float64),
-        front_facing: wp.array2d(dtype=wp.uint8),
-        tree: Tree,
-        planes: LightPlanes,
-        mesh: Mesh,
-        alpha: Alpha,
-        rays: Rays,
-        starts: wp.array(dtype=wp.vec3f),
-        undecided: Undecided,
-        receivers: wp.array2d(dtype=wp.uint8),
-        shadowed: wp.array2d(dtype=wp.uint8),
-    ):
+    def trace_shadow(pixel: wp.int32, hit: wp.int32, share: Share, lit: Lit, undecided: Undecided):
         wanted = hit >= 0
         if wp.static(effects.receivers):
             if wp.static(marks):
                 if wanted:
-                    seen = ray_of(camera, pixel)
-                    wanted = hit_receives(light, faces, seen, hit, mesh, lights, spots, front_facing)
-                set_entry(receivers, light, pixel, wp.uint8(wanted))
+                    seen = ray_of(share.camera, pixel)
+                    wanted = hit_receives(
+                        lit.light, lit.faces, seen, hit, share.mesh, lit.lights, lit.spots, lit.front_facing
+                    )
+                set_entry(lit.receivers, lit.light, pixel, wp.uint8(wanted))
             else:
-                wanted = wanted and entry(receivers, light, pixel) != wp.uint8(0)
+                wanted = wanted and entry(lit.receivers, lit.light, pixel) != wp.uint8(0)
         found = wp.vec4i(-1, -1, -1, 0)
-        place = entry(lights, light)
+        place = entry(lit.lights, lit.light)
         if wanted:
-            start = entry(starts, pixel)
+            start = entry(share.starts, pixel)
             if wp.static(effects.alpha):
-                found = between_holes(start, place, hit, tree, planes, undecided)
+                found = between_holes(start, place, hit, share.tree, lit.planes, undecided)
             else:
-                found = between(start, place, hit, tree, planes, undecided)
+                found = between(start, place, hit, share.tree, lit.planes, undecided)
         if wp.static(exact):
-            ray = ray_of(camera, pixel)
+            ray = ray_of(share.camera, pixel)
             if wp.static(effects.bounced):
-                ray = ray_at(rays, pixel)
-            bit = hidden(found, ray, hit, place, mesh, alpha, undecided)
+                ray = ray_at(share.rays, pixel)
+            bit = hidden(found, ray, hit, place, share, undecided)
         else:
             bit = wp.uint8(found[3])
-        set_entry(shadowed, light, pixel, bit)
+        set_entry(lit.shadowed, lit.light, pixel, bit)
 
     return trace_shadow
 
@@ -120,71 +114,66 @@ def make_shadow_kernel(exact: bool, marks: bool, levels: int = 1) -> Any:
     trace_shadow = make_shadow(exact, marks, levels)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
-    def shadow_kernel(
-        camera: Camera,
-        tiles: wp.array(dtype=wp.int32),
-        listed: Listed,
-        light: wp.int32,
-        faces: wp.bool,
-        lights: wp.array(dtype=wp.vec3f),
-        spots: wp.array2d(dtype=wp.float64),
-        front_facing: wp.array2d(dtype=wp.uint8),
-        tree: Tree,
-        planes: LightPlanes,
-        mesh: Mesh,
-        alpha: Alpha,
-        rays: Rays,
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
-        undecided: Undecided,
-        receivers: wp.array2d(dtype=wp.uint8),
-        shadowed: wp.array2d(dtype=wp.uint8),
-    ):
+    def shadow_kernel(share: Share, lit: Lit, undecided: Undecided):
         k = wp.tid()
         if wp.static(effects.bounced):
-            if k >= entry(listed.count, 0):
+            if k >= entry(share.count, 0):
                 return
-            pixel = entry(listed.pixels, k)
+            pixel = entry(share.listed, k)
         else:
-            at = pixel_at(camera, tiles, k)
+            at = pixel_at(share, k)
             if at[0] < 0:
                 return
-            pixel = at[1] * camera.width + at[0]
-        trace_shadow(
-            pixel, entry(hits.triangle, pixel), camera, light, faces, lights, spots, front_facing, tree, planes, mesh,
-            alpha, rays, starts, undecided, receivers, shadowed,
-        )  # fmt: skip
+            pixel = at[1] * share.camera.width + at[0]
+        trace_shadow(pixel, entry(share.hits.triangle, pixel), share, lit, undecided)
 
     return shadow_kernel
 
 
 @functools.cache
+def make_together_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
+    """One thread per pixel, 8 x 4 per warp: :func:`.closest.make_eye`, then :func:`make_shadow` of what it has hit.
+
+    In passes of their own all shadow rays wait for the last primary ray. Of a small mesh few warps have long ways, and most
+    of the time is waiting for these. The undecided triangles of both have lists of their own.
+    """
+    trace_eye, trace_shadow = make_eye(exact, packets, levels), make_shadow(exact, True, levels)
+
+    @wp.kernel(
+        enable_backward=False,
+        grid_stride=False,
+        module="unique",
+        cuda_max_registers=EYE_REGISTERS if exact else REGISTERS,
+    )
+    def together_kernel(
+        share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided, lit: Lit, undecided_shadows: Undecided
+    ):
+        found = trace_eye(wp.tid(), share, records, undecided)
+        if found[0] < 0:
+            return
+        trace_shadow(found[0], found[1], share, lit, undecided_shadows)
+
+    return together_kernel
+
+
+@functools.cache
 def make_shadow_tests_kernel(exact: bool, levels: int = 1) -> Any:
     """One thread per pixel: how many triangles the shadow ray of its primary hit is tested against, added to its others."""
-    count, count_holes = (make_count_any(exact, holes, levels) for holes in (False, True))
+    count, count_holes = (make_any(exact, holes, levels, counts=True) for holes in (False, True))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
-    def shadow_tests_kernel(
-        light: wp.int32,
-        lights: wp.array(dtype=wp.vec3f),
-        tree: Tree,
-        planes: LightPlanes,
-        hits: Hits,
-        starts: wp.array(dtype=wp.vec3f),
-        receivers: wp.array2d(dtype=wp.uint8),
-        tests: wp.array(dtype=wp.int32),
-    ):
+    def shadow_tests_kernel(share: Share, lit: Lit, undecided: Undecided, tests: wp.array(dtype=wp.int32)):
         pixel = wp.tid()
-        hit = entry(hits.triangle, pixel)
+        hit = entry(share.hits.triangle, pixel)
         wanted = hit >= 0
         if wp.static(effects.receivers):
-            wanted = wanted and entry(receivers, light, pixel) != wp.uint8(0)
+            wanted = wanted and entry(lit.receivers, lit.light, pixel) != wp.uint8(0)
         if wanted:
-            place = entry(lights, light)
-            start = entry(starts, pixel)
+            place = entry(lit.lights, lit.light)
+            start = entry(share.starts, pixel)
             if wp.static(effects.alpha):
-                tests[pixel] += count_holes(start, place, hit, tree, planes)[0]
+                tests[pixel] += count_holes(start, place, hit, share.tree, lit.planes, undecided)[0]
             else:
-                tests[pixel] += count(start, place, hit, tree, planes)[0]
+                tests[pixel] += count(start, place, hit, share.tree, lit.planes, undecided)[0]
 
     return shadow_tests_kernel

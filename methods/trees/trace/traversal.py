@@ -163,54 +163,41 @@ auto traverse = [&](auto leave, auto full) {
 meet after each. To any hit they test a leaf in the iteration that has come to it. A packet goes down to the next one."""
 
 
-COUNTING = "int tests = 0;" + TRAVERSE.replace("test(at, leave)", "(tests++, test(at, leave))")
-
-
 def traversal(
-    ray: str,
-    test: str,
-    result: str,
-    exact: bool,
-    packets: bool = False,
-    holes: bool = False,
-    levels: int = 1,
-    counts: bool = False,
+    ray: str, test: str, result: str, exact: bool, packets: bool, holes: bool, levels: int, counts: bool
 ) -> str:
     """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle.
 
-    ``counts``: its tests are counted in ``tests``, and no triangle is left to float64, which changes no later test."""
+    ``counts``: its tests are counted, and no triangle is left to float64, which changes no later test."""
 
     def loop(stack: str, leaving: str) -> str:
-        return (
-            f"{stack}{test}{START}{LEVELS[levels]}{COUNTING}{TRAVERSED['float32']}"
-            if counts
-            else f"{stack}{test}{START}{LEVELS[levels]}{TRAVERSE}{TRAVERSED[leaving]}"
-        )
+        traverse = TRAVERSE
+        if counts:
+            traverse = "int tests = 0;" + TRAVERSE.replace("test(at, leave)", "(tests++, test(at, leave))")
+        return f"{stack}{test}{START}{LEVELS[levels]}{traverse}{TRAVERSED[leaving]}"
 
-    single = loop(SINGLE, "exact" if exact else "float32")
-    together = loop(PACKET, "packet" if exact else "float32")
+    left = exact and not counts
+    single, together = (loop(SINGLE, "exact" if left else "float32"), loop(PACKET, "packet" if left else "float32"))
     asked = f"constexpr bool EXACT = {exact:d}, HOLES = {holes:d};\nint first = -1, second = -1, last = -1;\n"
     asked += f"constexpr int ROOM = {ROOM[levels]};\n"
     solid = "auto solid = [&](int at) { return !HOLES || tree.masked.data[at] == 0; };\n"
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n" if packets else single
-    return BASICS + asked + ray + MEET + solid + by_device + result
+    return BASICS + asked + ray + MEET + solid + by_device + f"return {'{tests, 0, 0, 0}' if counts else result};"
 
 
 @functools.cache
-def make_closest(records: str, exact: bool, packets: bool = False, holes: bool = False, levels: int = 1) -> Any:
+def make_closest(
+    records: str, exact: bool, packets: bool = False, holes: bool = False, levels: int = 1, counts: bool = False
+) -> Any:
     """A function of a ray that gives (first, second, last, closest certain triangle), with what it left
-    (:mod:`.undecided`); in float32 the bits of (t, u, v) and the closest triangle. -1: none.
+    (:mod:`.undecided`); in float32 the bits of (t, u, v) and the closest triangle. -1: none. With ``counts`` it gives (its
+    tests, 0, 0, 0).
 
     ``records``: "eye", of rays from the eye (:mod:`..records.planes`), or "ray", of any ray (:mod:`..records.rays`).
     ``seen`` is False in a lane without a ray; ``packets`` are traversed together only where a warp does, on the GPU."""
-    test = TESTS[records, exact]
-    result = (
-        "return {first, second, last, best};"
-        if exact
-        else "return {(int)bits(limit), (int)bits(u), (int)bits(v), best};"
-    )
+    result = "{first, second, last, best}" if exact else "{(int)bits(limit), (int)bits(u), (int)bits(v), best}"
 
-    @wp.func_native(traversal(CLOSEST, test, result, exact, packets, holes, levels))
+    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, packets, holes, levels, counts))
     def closest(
         seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f), undecided: Undecided
     ) -> wp.vec4i: ...
@@ -219,39 +206,14 @@ def make_closest(records: str, exact: bool, packets: bool = False, holes: bool =
 
 
 @functools.cache
-def make_count(records: str, exact: bool, holes: bool = False, levels: int = 1) -> Any:
-    """A function of a ray that gives (its tests, 0, 0, 0), as :func:`make_closest` traverses it alone."""
-    result = "return {tests, 0, 0, 0};"
-
-    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, holes=holes, levels=levels, counts=True))
-    def count(seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f)) -> wp.vec4i: ...
-
-    return count
-
-
-@functools.cache
-def make_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
+def make_any(exact: bool, holes: bool = False, levels: int = 1, counts: bool = False) -> Any:
     """A function of the hit point h on triangle ``own`` and a light that gives (first, second, last, 1 if some other
-    triangle certainly lies between, else 0), with what it left (:mod:`.undecided`)."""
-    test = TESTS["light", exact]
-    result = "return {first, second, last, (int)found};"
+    triangle certainly lies between, else 0), with what it left (:mod:`.undecided`); with ``counts`` (its tests, 0, 0, 0)."""
+    result = "{first, second, last, (int)found}"
 
-    @wp.func_native(traversal(ANY[exact], test, result, exact, holes=holes, levels=levels))
+    @wp.func_native(traversal(ANY[exact], TESTS["light", exact], result, exact, False, holes, levels, counts))
     def any_between(
         h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes, undecided: Undecided
     ) -> wp.vec4i: ...
 
     return any_between
-
-
-@functools.cache
-def make_count_any(exact: bool, holes: bool = False, levels: int = 1) -> Any:
-    """A function that gives (its tests, 0, 0, 0), as :func:`make_any` traverses."""
-    result = "return {tests, 0, 0, 0};"
-
-    @wp.func_native(
-        traversal(ANY[exact], TESTS["light", exact], result, exact, holes=holes, levels=levels, counts=True)
-    )
-    def count_any(h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes) -> wp.vec4i: ...
-
-    return count_any

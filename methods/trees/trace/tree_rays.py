@@ -13,21 +13,22 @@ from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.schedule.passes import Pass, joined
-from ....harness.frame.schedule.threads import Launch, cpu_threads
+from ....harness.frame.schedule.threads import cpu_threads
 from ....harness.scene.effects import Effects
 from ...gpu.reserve import counted
 from .. import constants
 from ..nodes import Tree
 from ..records import planes
 from ..records.planes import LightPlanes
-from .closest import Listed, make_eye_kernel, make_tests_kernel
-from .listed_rays import RECORDS, ListedRays
-from .shadow import make_shadow_kernel, make_shadow_tests_kernel
+from ..records.rays import float32_ray_kernel, ray_kernel
+from .closest import Share, list_kernel, make_eye_kernel, make_listed_kernel, make_resolve_kernel, make_tests_kernel
+from .shadow import Lit, make_shadow_kernel, make_shadow_tests_kernel, make_together_kernel
 from .shares import Shares
-from .together import make_together_kernel
 from .undecided import Undecided
 
 SCENE = ("bvh", "points", "triangles")
+RAY_RECORDS = "ray triangles"
+"""Resource: records of triangles for rays that lie in arrays."""
 
 
 def marks_receivers(cuda: bool, effects: Effects) -> bool:
@@ -43,16 +44,24 @@ class TreeRays:
              then of the shadow rays of their hits to each light
     pairs    vec2i [capacity] for each share: those beyond two of a ray, of one launch after another (:mod:`.undecided`);
              or of the eye's rays and of the light's, if they are traced together
-    starts   for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
+    starts   for each bounce vec3f [pixels]: :class:`.closest.Share`
     planes   for each light with shadows :class:`..records.planes.LightPlanes`
     marks    whether shadow rays mark the receivers (:func:`marks_receivers`)
-    joint    the light whose shadow rays are traced together with the primary rays (:mod:`.together`), or None
+    joint    the light whose shadow rays are traced together with the primary rays, or None
+             (:func:`.shadow.make_together_kernel`)
+
+    Of rays that lie in arrays, mirrored ones and those of an orthographic camera (:mod:`.closest`):
+
+    ray_records  vec4f [3 * triangles]: :mod:`..records.rays`
+    lengths      int32 [bounces + 1, shares]: how many pixels of each share have a ray
+    lists        for each bounce and share, which: int32 [threads]
+    found        vec4i [threads] for each share: what the traversal of each ray gave
 
     ``precision``: "exact" or "float32" (holes, rays of an orthographic camera and to a directional light are exact in
-    either case); ``packets``: of rays from the eye on a GPU; ``threads``: of a CPU; ``shares``: of a GPU; ``capacity``:
-    of the pairs. ``primary_starts``: those of the primary hits, if another method finds these. ``together``: whether a GPU
-    traces the rays of the eye and of a light in one launch, if there is one light and all hits receive it. ``levels``:
-    of the tree; with two (:mod:`.bodies`) there are no packets."""
+    either case); ``packets``: of rays from the eye on a GPU, through a tree of one level; ``threads``: of a CPU;
+    ``shares``: of a GPU; ``capacity``: of the pairs. ``primary_starts``: those of the primary hits, if another method finds
+    these. ``together``: whether a GPU traces the rays of the eye and of a light in one launch, if there is one light and all
+    hits receive it."""
 
     def __init__(
         self,
@@ -66,10 +75,10 @@ class TreeRays:
         capacity: int,
         primary_starts: wp.array | None = None,
         together: bool = False,
-        levels: int = 1,
     ):
-        self.frame, self.tree, self.effects = frame, tree, effects
-        self.packets, self.threads, self.levels = packets and levels == 1, threads, levels
+        self.frame, self.tree, self.effects, self.threads = frame, tree, effects, threads
+        self.levels = 2 if tree.bodies else 1
+        self.packets = packets and self.levels == 1
         self.exact = precision == "exact" or effects.alpha or effects.orthographic
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         cuda = wp.get_device(frame.device).is_cuda
@@ -78,9 +87,13 @@ class TreeRays:
         if self.joint is not None:
             shares = 1
         self.shares = Shares(frame, shares if cuda else cpu_threads(threads, frame.device))
-        count = frame.triangle_count
+        # On a GPU, where a bounce is one chain of passes, it is not divided into shares.
+        self.listed_shares = Shares(frame, 1) if cuda else self.shares
+        count, bounces = frame.triangle_count, range(effects.bounces + 1)
+        listed = range(self.listed_shares.count) if effects.bounces or effects.orthographic else range(0)
+        threads = self.listed_shares.threads
         with wp.ScopedDevice(frame.device):
-            self.counts = wp.zeros((effects.bounces + 1, frame.light_count + 1, self.shares.count), dtype=wp.int32)
+            self.counts = wp.zeros((len(bounces), frame.light_count + 1, self.shares.count), dtype=wp.int32)
             lists = 2 if self.joint is not None else self.shares.count
             self.pairs = [wp.zeros(capacity, dtype=wp.vec2i) for _ in range(lists)]
             self.starts = [wp.zeros(frame.pixels, dtype=wp.vec3f) for _ in range(effects.bounces)]
@@ -99,12 +112,11 @@ class TreeRays:
             }
             self.joined = wp.array(planes.joined_pairs(frame.prepared) if exact else [], dtype=wp.uint8)
             self.eye_records = wp.zeros(0, dtype=wp.vec4f)
-        # On a GPU, where a bounce is one chain of passes, it is not divided into shares.
-        self.listed: ListedRays | None = None
-        if effects.bounces or effects.orthographic:
-            listed_shares = Shares(frame, 1) if cuda else self.shares
-            self.listed = ListedRays(frame, tree, effects, self.exact, listed_shares, self.starts, levels)
-        self._launches: dict[tuple[int, int | None], Launch] = {}
+            self.ray_records = wp.zeros(3 * count if listed else 0, dtype=wp.vec4f)
+            self.lengths = wp.zeros((len(bounces), len(listed)), dtype=wp.int32)
+            self.lists = [[wp.zeros(threads, dtype=wp.int32) for _ in listed] for _ in bounces]
+            self.found = [wp.zeros(threads if self.exact else 0, dtype=wp.vec4i) for _ in listed]
+        self._made: dict[Any, Any] = {}
 
     def built(self) -> dict[str, int]:
         """For :meth:`....harness.frame.method.Method.built`: threads of a CPU."""
@@ -122,24 +134,13 @@ class TreeRays:
         """Triangle tests of each pixel's primary ray of the last frame, traced again alone, not in a packet, and of the
         shadow rays of its hit."""
         f = self.frame
-        records, triangles = "eye", self.eye_records
-        if self.effects.orthographic and self.listed is not None:
-            records, triangles = "ray", self.listed.records
-        tests = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
-        wp.launch(
-            specialised(make_tests_kernel(records, self.exact, self.levels), self.effects.switches()),
-            dim=f.pixels,
-            inputs=[f.camera, f.rays(0), self.tree, triangles, tests],
-            device=f.device,
-        )
-        shadow = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
+        records, triangles = ("ray", self.ray_records) if self.effects.orthographic else ("eye", self.eye_records)
+        tests, shadow = (wp.zeros(f.pixels, dtype=wp.int32, device=f.device) for _ in range(2))
+        kernel = specialised(make_tests_kernel(records, self.exact, self.levels), self.effects.switches())
+        f.launch(kernel, f.pixels, [self._share(0, 0), triangles, Undecided()], [tests])
         for i in self.lights:
-            wp.launch(
-                specialised(make_shadow_tests_kernel(self._exactly(i), self.levels), self.effects.switches(i)),
-                dim=f.pixels,
-                inputs=[i, f.lights, self.tree, self.planes[i], f.hits(0), self.starts[0], f.masks(0), shadow],
-                device=f.device,
-            )
+            kernel = specialised(make_shadow_tests_kernel(self._exactly(i), self.levels), self.effects.switches(i))
+            f.launch(kernel, f.pixels, [self._share(0, 0), self._lit(i, 0), Undecided()], [shadow])
         return tests.numpy(), shadow.numpy()
 
     def _exactly(self, light: int) -> bool:
@@ -157,7 +158,11 @@ class TreeRays:
     def record_passes(self) -> list[Pass]:
         """Records of the triangles for rays without a common origin and for the lights; they need no tree. Not those for the
         lights whose receivers another pass marks (:meth:`late_passes`)."""
-        passes = [] if self.listed is None else self.listed.record_passes()
+        passes = []
+        if self.found:
+            effect = None if self.effects.orthographic else "mirror"
+            reads = ("points", "triangles")
+            passes.append(Pass("rays: triangles", "trace", reads, (RAY_RECORDS,), self._ray_records, effect))
         passes += [self._light_pass(i) for i in self.lights if not self._late(i)]
         if self.marks:
             for i in self.lights:
@@ -233,14 +238,14 @@ class TreeRays:
             marked, given = (masks, facing_reads(self.frame, self.effects, i)) if self.marks else ((), masks)
             reads = (*seen, hits, f"light/{i}", f"light triangles/{i}", counts, "max_coordinate", *given)
             made = (f"shadowed/{i}", f"undecided/{i}{of}", counts, *marked)
-            launch = run(self._shadow, i, 0, self.shares, share)
+            launch = run(self._shadow, i, 0, share)
             passes.append(Pass(f"light {i}: shadow rays{of}", "shadow", reads, made, launch, f"shadows/{i}"))
         return passes
 
     def _parallel_passes(self) -> list[Pass]:
         """Primary rays of an orthographic camera and the shadow rays of their hits."""
         seen = (*SCENE, "camera", "max_coordinate", *self.effects.surface_reads())
-        passes = [Pass("primary rays", "trace", (*seen, RECORDS), ("hits",), lambda: self.trace_listed(0))]
+        passes = [Pass("primary rays", "trace", (*seen, RAY_RECORDS), ("hits",), lambda: self.trace_listed(0))]
         for i in self.lights:
             reads = (*seen, "hits", f"light/{i}", f"light triangles/{i}", *self.effects.receiver_reads(i))
             launch = functools.partial(self.trace_listed, 0, i)
@@ -251,7 +256,7 @@ class TreeRays:
     def bounce_passes(self) -> list[Pass]:
         """Mirrored rays, and the shadow rays of their hits."""
         return traced_bounces(
-            self.effects, (*SCENE, "max_coordinate", RECORDS), self.trace_listed, lambda i, b: self.trace_listed(b, i),
+            self.effects, (*SCENE, "max_coordinate", RAY_RECORDS), self.trace_listed, lambda i, b: self.trace_listed(b, i),
             lambda i: (f"light triangles/{i}",),
         )  # fmt: skip
 
@@ -271,56 +276,73 @@ class TreeRays:
         else:
             f.launch(planes.float32_kernel, f.triangle_count, [f.mesh, 0, f.eye], [self.eye_records])
 
+    def _ray_records(self) -> None:
+        f = self.frame
+        f.launch(ray_kernel if self.exact else float32_ray_kernel, f.triangle_count, [f.mesh], [self.ray_records])
+
+    def _shares_of(self, bounce: int) -> Shares:
+        return self.listed_shares if self.frame.tabled(bounce) else self.shares
+
+    def _share(self, bounce: int, share: int) -> Any:
+        if ("share", bounce, share) not in self._made:
+            f, listed = self.frame, {}
+            if f.tabled(bounce):
+                listed = {"listed": self.lists[bounce][share], "count": self.lengths[bounce, share : share + 1]}
+            self._made["share", bounce, share] = filled(
+                Share, camera=f.camera, tiles=self._shares_of(bounce).tiles[share], rays=f.rays(bounce), tree=self.tree,
+                mesh=f.mesh, alpha=f.alpha, hits=f.hits(bounce), starts=self.starts[bounce], **listed,
+            )  # fmt: skip
+        return self._made["share", bounce, share]
+
+    def _lit(self, light: int, bounce: int) -> Any:
+        if ("lit", light, bounce) not in self._made:
+            f = self.frame
+            self._made["lit", light, bounce] = filled(
+                Lit, light=light, faces=self.effects.facing, lights=f.lights, spots=f.spots, front_facing=f.front_facing,
+                planes=self.planes[light], receivers=f.masks(bounce), shadowed=f.bits(bounce),
+            )  # fmt: skip
+        return self._made["lit", light, bounce]
+
     def _undecided(self, bounce: int, slot: int, share: int, pairs: int | None = None) -> Any:
         room = self.pairs[share if pairs is None else pairs]
         return filled(Undecided, count=self.counts[bounce, slot, share : share + 1], pairs=room)
 
+    def _launch(self, kernel: wp.Kernel, switches: Any, bounce: int, share: int, *given: Any) -> None:
+        inputs = [self._share(bounce, share), *given]
+        self.frame.launch(specialised(kernel, switches), self._shares_of(bounce).threads, inputs, block=constants.BLOCK)
+
     def _primary(self, share: int) -> None:
-        f = self.frame
         kernel = make_eye_kernel(self.exact, self.packets, self.levels)
-        seen = [f.camera, self.shares.tiles[share], self.tree, self.eye_records]
-        inputs = [*seen, f.mesh, f.alpha, self._undecided(0, 0, share)]
-        outputs = [f.hits(0), self.starts[0]]
-        f.launch(specialised(kernel, self.effects.switches()), self.shares.threads, inputs, outputs, constants.BLOCK)
+        self._launch(kernel, self.effects.switches(), 0, share, self.eye_records, self._undecided(0, 0, share))
 
     def _together(self, light: int) -> None:
-        f, e = self.frame, self.effects
-        kernel = specialised(make_together_kernel(self.exact, self.packets, self.levels), e.switches(light))
-        seen = [f.camera, self.shares.tiles[0], self.tree, self.eye_records, f.mesh, f.alpha, self._undecided(0, 0, 0)]
-        lit = [light, e.facing, f.lights, f.spots, f.front_facing, self.planes[light], f.rays(0)]
-        inputs = [*seen, *lit, self._undecided(0, 1 + light, 0, pairs=1)]
-        outputs = [f.hits(0), self.starts[0], f.masks(0), f.bits(0)]
-        f.launch(kernel, self.shares.threads, inputs, outputs, constants.BLOCK)
+        kernel = make_together_kernel(self.exact, self.packets, self.levels)
+        seen = [self.eye_records, self._undecided(0, 0, 0)]
+        lit = [self._lit(light, 0), self._undecided(0, 1 + light, 0, pairs=1)]
+        self._launch(kernel, self.effects.switches(light), 0, 0, *seen, *lit)
 
-    def _shadow(self, light: int, bounce: int, shares: Shares, share: int) -> None:
-        f = self.frame
-        listed = self.listed.lists[bounce][share] if self.listed is not None and f.tabled(bounce) else Listed()
+    def _shadow(self, light: int, bounce: int, share: int) -> None:
         kernel = make_shadow_kernel(self._exactly(light), self.marks and bounce == 0, self.levels)
-        lit = [light, self.effects.facing, f.lights, f.spots, f.front_facing]
-        tree = [self.tree, self.planes[light], f.mesh, f.alpha]
-        found = [f.rays(bounce), f.hits(bounce), self.starts[bounce], self._undecided(bounce, 1 + light, share)]
-        inputs = [f.camera, shares.tiles[share], listed, *lit, *tree, *found]
-        outputs = [f.masks(bounce), f.bits(bounce)]
-        kernel = specialised(kernel, self.effects.switches(light, bounce))
-        f.launch(kernel, shares.threads, inputs, outputs, constants.BLOCK)
+        given = [self._lit(light, bounce), self._undecided(bounce, 1 + light, share)]
+        self._launch(kernel, self.effects.switches(light, bounce), bounce, share, *given)
+
+    def _closest(self, bounce: int, share: int) -> None:
+        """The hits of a share's listed rays, and the points that shadow rays start at."""
+        switches, undecided = self.effects.switches(bounce=1), self._undecided(bounce, 0, share)
+        self._launch(list_kernel, switches, bounce, share)
+        kernel = make_listed_kernel(self.exact, self.levels)
+        self._launch(kernel, switches, bounce, share, self.ray_records, undecided, self.found[share])
+        if self.exact:
+            self._launch(make_resolve_kernel(bounce == 0), switches, bounce, share, undecided, self.found[share])
 
     def trace_listed(self, bounce: int, light: int | None = None) -> None:
         """Trace listed rays of all shares, or with ``light`` the shadow rays of their hits."""
-        listed = self.listed
-        assert listed is not None
         self.counts[bounce, 0 if light is None else 1 + light].zero_()
         if light is None:
-            listed.lengths[bounce].zero_()
+            self.lengths[bounce].zero_()
         else:
             self.frame.bits(bounce)[light].zero_()
-        if (bounce, light) not in self._launches:
-            if light is None:
-                work = functools.partial(self._closest, bounce)
-            else:
-                work = functools.partial(self._shadow, light, bounce, listed.shares)
-            self._launches[bounce, light] = listed.shares.launch(work)
-        self._launches[bounce, light]()
-
-    def _closest(self, bounce: int, share: int) -> None:
-        assert self.listed is not None
-        self.listed.trace(bounce, share, self._undecided(bounce, 0, share))
+        if (bounce, light) not in self._made:
+            trace = self._closest if light is None else functools.partial(self._shadow, light)
+            self._made[bounce, light] = self.listed_shares.launch(functools.partial(trace, bounce))
+        self._made[bounce, light]()

@@ -5,7 +5,7 @@ from shadowbench.harness.frame.effects.specialise import specialised
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.trees.builders import hploc, lbvh, sort
 from shadowbench.methods.trees.constants import EYE_REGISTERS, MOST_KEPT, REGISTERS
-from shadowbench.methods.trees.trace import closest, shadow, together
+from shadowbench.methods.trees.trace import closest, shadow
 from tools.kernel_report import uses_of
 
 STACK_BYTES = 512
@@ -42,8 +42,8 @@ KERNELS = {
 EXACT, SHADOW = closest.make_eye_kernel(True, False), shadow.make_shadow_kernel(True, False)
 TRACED = {
     "exact": (EXACT, EXACT_BYTES + FLOAT64_BYTES),
-    "exact, together": (together.make_together_kernel(True, False), EXACT_BYTES + FLOAT64_BYTES + UNDECIDED_BYTES),
-    "float32, together": (together.make_together_kernel(False, False), STACK_BYTES),
+    "exact, together": (shadow.make_together_kernel(True, False), EXACT_BYTES + FLOAT64_BYTES + UNDECIDED_BYTES),
+    "float32, together": (shadow.make_together_kernel(False, False), STACK_BYTES),
     "exact packet": (closest.make_eye_kernel(True, True), EXACT_BYTES - STACK_BYTES + FLOAT64_BYTES),
     "mirrored": (closest.make_listed_kernel(True), EXACT_BYTES),
     "mirrored shadow": (specialised(SHADOW, BOUNCED), EXACT_BYTES + UNDECIDED_BYTES),
