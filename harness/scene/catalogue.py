@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from os.path import exists, isfile
 from pathlib import Path
 
 from ..errors import UserError, did_you_mean, install, note, one_line, warn
@@ -20,7 +21,7 @@ from .names import BUNNY, NAMES, scene_names
 from .offered import FURTHER
 from .readers import usd
 from .readers.apart import load, load_sequence
-from .readers.checks import ALL, Loaded, Wanted, exists, is_file, within_range
+from .readers.checks import ALL, Loaded, Wanted, within_range
 from .readers.load import READERS, SUFFIXES, source
 from .readers.sequences import is_pattern, matching, numbered, plain_name
 from .scene import Camera, Light, Scene
@@ -146,7 +147,7 @@ def original(name: str, scene_dir: str | Path | None = None) -> Path | list[Path
     except OSError as error:
         raise UserError(f"{where}: cannot be read ({error.strerror}); check its permissions") from error
     named = [entries[name + suffix] for suffix in SUFFIXES if name + suffix in entries]
-    files = [entry for entry in named if is_file(entry)]
+    files = [entry for entry in named if isfile(entry)]
     frames = [] if files else numbered(where, READERS, name)
     entry = entries.get(name)
     found: list[Path | list[Path]] = [*files, *([frames] if frames else [])]

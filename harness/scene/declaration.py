@@ -42,6 +42,7 @@ import functools
 import tomllib
 from collections.abc import Callable
 from hashlib import sha256
+from os.path import exists
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ from .declared_values import MOST, known, made, number, typed, whole
 from .declared_views import CAMERA, camera_of, lights_of, named_cameras
 from .effects import OUTPUTS
 from .light_paths import Orbit
-from .readers.checks import ALL, Wanted, exists, refuse_pointer
+from .readers.checks import ALL, Wanted, refuse_pointer
 from .readers.sequences import is_pattern
 from .scene import Scene
 from .surface_rules import largest_triangles, perforated

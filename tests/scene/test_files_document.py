@@ -9,8 +9,8 @@ from helpers import mesh_files as files
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.declaration import SUFFIX
-from shadowbench.harness.scene.readers import checks, unread
-from shadowbench.harness.scene.readers.load import READERS, SUFFIXES, load
+from shadowbench.harness.scene.readers import checks
+from shadowbench.harness.scene.readers.load import READERS, SUFFIXES, UNREAD, load
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
 EXAMPLE = re.compile(r"```(\w+)\n((?:(?!```).)*)```\n\nRead as (.*?)\.\n", re.DOTALL)
@@ -29,7 +29,7 @@ def test_the_table_of_what_is_not_read_is_that_of_the_messages():
     for row in re.findall(r"^\| `.*\|$", last, re.MULTILINE):
         endings, what, way_out = (cell.strip() for cell in row.strip("|").split("|"))
         found |= dict.fromkeys(re.findall(r"`(\.\w+)`", endings), (what, way_out))
-    assert found == unread._UNREAD
+    assert found == UNREAD
     assert not set(found) & set(SUFFIXES)
 
 

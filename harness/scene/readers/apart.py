@@ -10,19 +10,21 @@ import contextlib
 import itertools
 import os
 import signal
-import socket
 import stat
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Sequence
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from os.path import exists, isfile
 from pathlib import Path
 from typing import Any
 
 from ...errors import UserError, warn
 from . import helper
-from .checks import Loaded, broken, exists, is_file
+from .checks import Loaded, broken, some
 
 MEMORY, TIME = "SHADOWBENCH_READ_GIB", "SHADOWBENCH_READ_SECONDS"
 """Environment variables that give other limits on reading one file or sequence."""
@@ -54,16 +56,19 @@ ENVIRONMENT = {
 
 def load(path: str | Path, *more: Any) -> Loaded:
     """What :func:`.readers.load.load` reads. Raises :class:`UserError` as it does, and if its process fails."""
-    path = Path(path)
-    _require_readable(path)
-    return _told(_HELPER.ask("load", [path, *more], path, [path]), [path])
+    return _read("load", [Path(path)], Path(path), *more)
 
 
 def load_sequence(paths: Sequence[Path], *more: Any) -> Loaded:
     """What :func:`.readers.load.load_sequence` reads, as :func:`load`."""
-    for path in paths:
-        _require_readable(path)
-    return _told(_HELPER.ask("load_sequence", [list(paths), *more], paths[0], paths), paths)
+    return _read("load_sequence", paths, list(paths), *more)
+
+
+def _read(task: str, paths: Sequence[Path], *arguments: Any) -> Loaded:
+    for path in paths:  # what is missing is reported where it is read
+        if exists(path) and not (isfile(path) or path.is_dir()):
+            raise UserError(f"{path}: not a regular file; give a file or a folder of frames")
+    return _told(_HELPER.ask(task, arguments, paths), paths)
 
 
 def _told(loaded: Loaded, named: Sequence[Path]) -> Loaded:
@@ -71,15 +76,8 @@ def _told(loaded: Loaded, named: Sequence[Path]) -> Loaded:
     homes = [path if path.is_dir() else path.parent for path in map(Path.resolve, named)]
     beyond = [str(path) for path in loaded.files if not any(path.resolve().is_relative_to(home) for home in homes)]
     if beyond:
-        more = f" and {len(beyond) - 3} more" if len(beyond) > 3 else ""
-        warn(f"{named[0]}: refers to files outside its folder: {', '.join(beyond[:3])}{more}")
+        warn(f"{named[0]}: refers to files outside its folder: {some(beyond)}")
     return loaded
-
-
-def _require_readable(path: Path) -> None:
-    """Raise :class:`UserError` for a device, a pipe or a socket. What is missing is reported where it is read."""
-    if exists(path) and not (is_file(path) or path.is_dir()):
-        raise UserError(f"{path}: not a regular file; give a file or a folder of frames")
 
 
 def limits(paths: Sequence[Path]) -> tuple[int, int]:
@@ -123,40 +121,41 @@ class _Helper:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
-        self._line: socket.socket | None = None
+        self._line: Connection | None = None
         self._owner = 0
 
-    def ask(self, task: str, arguments: list[Any], path: Path, files: Sequence[Path]) -> Any:
-        """What a task returns. ``path``: the file to name in an error; ``files``: those that the limits depend on."""
-        memory, seconds = limits(files)
-        request = {
-            "task": task, "arguments": arguments, "folder": os.getcwd(), "memory": memory, "seconds": seconds,
-        }  # fmt: skip
+    def ask(self, task: str, arguments: Sequence[Any], files: Sequence[Path]) -> Any:
+        """What a task returns. ``files``: those that the limits depend on; an error names the first."""
+        path, (memory, seconds) = files[0], limits(files)
+        request = {"task": task, "arguments": arguments, "folder": os.getcwd(), "memory": memory, "seconds": seconds}
+        most = f"{memory / GIB:.3g} GiB of memory"
         with self._lock:
-            line = self._started()
+            line, process = self._started()
+            clock = threading.Timer(PATIENCE * seconds, process.kill)
             end = time.monotonic() + PATIENCE * seconds
-
-            def wait() -> None:
-                line.settimeout(max(0.001, end - time.monotonic()))
-
+            clock.start()
             try:
-                wait()
                 helper.send(line, request)
-                reply = helper.received(line, wait, memory)
-            except TimeoutError:
-                self.stop()
-                raise _beyond(path, f"takes more than {PATIENCE * seconds} s", TIME) from None
+                reply = helper.received(line, memory)
             except (OSError, EOFError):
-                raise self._died(path, memory, seconds) from None
-            except (ValueError, KeyError, TypeError, RecursionError) as error:
+                late = time.monotonic() >= end
+                code = self.stop(patience=10)
+                if late or code == -signal.SIGXCPU:
+                    raise _beyond(path, f"takes more than {PATIENCE * seconds if late else seconds} s", TIME) from None
+                how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+                way_out = f"it is damaged, nested too deep, or needs more memory: export it again, or set {MEMORY}"
+                raise broken(path, f"its reader ended by {how} (within {most})", way_out) from None
+            except Exception as error:
                 self.stop()
                 raise broken(path, f"its reader sent a wrong reply ({error})") from error
             except BaseException:  # an interrupted answer would be taken for the next one's
                 self.stop()
                 raise
+            finally:
+                clock.cancel()
         if "memory" in reply:
             self.stop()  # what it has taken is not all given back
-            raise _beyond(path, f"needs more than {memory / GIB:.3g} GiB of memory", MEMORY)
+            raise _beyond(path, f"needs more than {most}", MEMORY)
         if "fault" in reply:
             problem = f"its reader failed ({reply['fault']:.160})"
             raise broken(path, problem, "this is a fault of the program: report it with the file")
@@ -164,12 +163,12 @@ class _Helper:
             raise UserError(reply["error"])
         return reply["result"]
 
-    def _started(self) -> socket.socket:
+    def _started(self) -> tuple[Connection, subprocess.Popen[bytes]]:
         if self._owner != os.getpid():  # a copy of the process that started it
             self._process = self._line = None
         if self._process is None or self._process.poll() is not None or self._line is None:
             self.stop()
-            self._line, other = socket.socketpair()
+            self._line, other = Pipe()
             start = f"from {helper.__name__} import serve; serve({other.fileno()})"
             with other:
                 self._process = subprocess.Popen(
@@ -178,34 +177,20 @@ class _Helper:
                     pass_fds=[other.fileno()], env={**os.environ, **ENVIRONMENT},
                 )  # fmt: skip
             self._owner = os.getpid()
-        return self._line
+        return self._line, self._process
 
-    def _died(self, path: Path, memory: int, seconds: int) -> UserError:
-        """The error for a helper that ended without an answer."""
-        assert self._process is not None
-        try:
-            code = self._process.wait(timeout=10)
-        except subprocess.TimeoutExpired:  # it has closed the socket and lives on
-            code = -signal.SIGKILL
-        self.stop()
-        if code == -signal.SIGXCPU:
-            return _beyond(path, f"takes more than {seconds} s", TIME)
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        return broken(
-            path,
-            f"its reader ended by {how} (within {memory / GIB:.3g} GiB of memory)",
-            f"it is damaged, nested too deep, or needs more memory: export it again, or set {MEMORY}",
-        )
-
-    def stop(self) -> None:
-        """End the process."""
+    def stop(self, patience: float = 0.0) -> int:
+        """End the process, if it does not within so many seconds. What it ended with, as Popen's ``returncode``."""
         process, line = self._process, self._line
         self._process = self._line = None
         if line is not None:
             line.close()
-        if process is not None and self._owner == os.getpid():
-            process.kill()
-            process.wait()
+        if process is None or self._owner != os.getpid():
+            return 0
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(patience)
+        process.kill()
+        return process.wait()
 
 
 def _beyond(path: Path, problem: str, variable: str) -> UserError:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,9 +92,8 @@ def frames_of(text: str | None) -> tuple[int, int | None, int] | None:
     match = re.fullmatch(r"(\d*):(\d*)(?::(\d*))?", text.strip())
     first, last, step = (int(x) if x else None for x in match.groups()) if match else (None, None, 0)
     if step == 0 or (last is not None and last < (first or 0)):
-        raise UserError(
-            f"--frames {text!r}: write A:B:STEP, the first frame, the last and the step, as in 0:90:10 or 5:"
-        )
+        way_out = "write A:B:STEP, the first frame, the last and the step, as in 0:90:10 or 5:"
+        raise UserError(f"--frames {text!r}: {way_out}")
     return first or 0, last, step or 1
 
 
@@ -140,12 +138,14 @@ def broken(path: Path, problem: str, way_out: str = "export the file again") -> 
     return UserError(line if len(line) <= 400 else line[:397] + "...")
 
 
+def some(names: Sequence[str], most: int = 3) -> str:
+    """The first ``most`` names and how many more there are: "a, b, c and 2 more"."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
 @contextmanager
 def guarded(path: Path, what: str) -> Iterator[None]:
-    """Turn any error of another library into a :class:`UserError` that names the file; silence trimesh's log."""
-    log = logging.getLogger("trimesh")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
+    """Turn any error of another library into a :class:`UserError` that names the file."""
     try:
         yield
     except UserError:
@@ -153,24 +153,6 @@ def guarded(path: Path, what: str) -> Iterator[None]:
     except Exception as error:
         detail = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise broken(path, f"not a readable {what} file ({detail[:160]})") from error
-    finally:
-        log.setLevel(level)
-
-
-def exists(path: Path) -> bool:
-    """Whether the path exists; False for an invalid file name."""
-    try:
-        return path.exists()
-    except (OSError, ValueError):  # the name is too long or invalid
-        return False
-
-
-def is_file(path: Path) -> bool:
-    """Whether the path is a file; False for a cycle of links."""
-    try:
-        return path.is_file()
-    except (OSError, RuntimeError, ValueError):
-        return False
 
 
 def read_bytes(path: Path, most: int = -1) -> bytes:
@@ -223,23 +205,16 @@ def checked(
     path: Path, points: NDArray, faces: NDArray, up: Vector | None = None, notes: tuple[str, ...] = ()
 ) -> Loaded:
     """The mesh of one frame, after checking that shapes and types fit, every index is in range and there is a triangle."""
-    points = np.asarray(points)
+    points, faces = np.asarray(points), np.asarray(faces).reshape(-1, 3)
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
         raise broken(path, f"positions have shape {points.shape} and type {points.dtype}, not [vertices, 3] floats")
-    if points.dtype.itemsize not in (4, 8):
-        points = points.astype(np.float32 if points.dtype.itemsize < 4 else np.float64)
-    faces = np.asarray(faces).reshape(-1, 3)
     if not len(faces):
         raise broken(path, "holds no triangles", "give a triangle mesh")
     if len(faces) > MAX_TRIANGLES:
         raise broken(path, f"{len(faces)} triangles are more than the {MAX_TRIANGLES} that can be indexed", "split it")
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(points):
-        bad = high if high >= len(points) else low
-        raise broken(
-            path,
-            f"a face names vertex {bad} (from 0), but there are {len(points)}",
-            "correct the file or export it again",
-        )
-    native = points.astype(points.dtype.newbyteorder("="), copy=False)
-    return Loaded(np.ascontiguousarray(faces, dtype=np.int32), (np.ascontiguousarray(native),), up=up, notes=notes)
+        problem = f"a face names vertex {high if high >= len(points) else low} (from 0), but there are {len(points)}"
+        raise broken(path, problem, "correct the file or export it again")
+    kind = {2: np.float32, 4: np.float32}.get(points.dtype.itemsize, np.float64)
+    return Loaded(np.ascontiguousarray(faces, np.int32), (np.ascontiguousarray(points, kind),), up=up, notes=notes)

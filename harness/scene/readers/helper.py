@@ -1,19 +1,19 @@
 """The process that reads files which are not trusted, for :mod:`.readers.apart`; it ends with the one that started it.
 
-A message is two lengths, of a JSON text and of the arrays that follow it, then both. A dataclass, an array, a path or a
-tuple is an object in the text with one key that says which; arrays stand in the order in which the text names them.
+A message is a JSON text, then the bytes of each array that it names, in its order. In the text a dataclass, an array and a
+path are objects with the key ``""``, which says what they are; tuples arrive as tuples where they belong to a dataclass.
 """
 
 import contextlib
 import dataclasses
 import json
+import math
 import os
 import resource
 import signal
-import socket
-import struct
 import sys
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,6 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from .. import scene
 from . import checks, load
-
-HEAD = struct.Struct("<QQ")
-"""Bytes of the text and of all arrays."""
 
 MOST_TEXT = 1 << 26
 """Longest text of a message, bytes."""
@@ -50,7 +47,7 @@ def serve(handle: int) -> None:
     sys.dont_write_bytecode = True
     for limit in (resource.RLIMIT_CORE, resource.RLIMIT_FSIZE):
         resource.setrlimit(limit, (0, 0))
-    with socket.socket(fileno=handle) as line, contextlib.suppress(EOFError, BrokenPipeError):
+    with Connection(handle) as line, contextlib.suppress(EOFError, ConnectionError):
         while True:
             request = received(line)
             os.chdir(request["folder"])
@@ -85,99 +82,54 @@ def _soft_limit(kind: int, value: int) -> None:
     resource.setrlimit(kind, (value if hard == resource.RLIM_INFINITY else min(value, hard), hard))
 
 
-def send(line: socket.socket, value: Any) -> None:
+def send(line: Connection, value: Any) -> None:
     """Send a value: texts, numbers, lists, dictionaries, tuples, paths, arrays and the dataclasses of a scene."""
     arrays: list[NDArray] = []
-    text = json.dumps(_packed(value, arrays)).encode()
-    line.sendall(HEAD.pack(len(text), sum(array.nbytes for array in arrays)) + text)
+
+    def described(one: Any) -> Any:
+        if isinstance(one, np.ndarray):
+            arrays.append(np.ascontiguousarray(one, one.dtype.newbyteorder("=")))
+            return {"": "array", "of": [arrays[-1].dtype.str, *one.shape]}
+        if dataclasses.is_dataclass(one):
+            fields = {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
+            return {"": type(one).__name__, "of": fields}
+        return {"": "path", "of": str(one)} if isinstance(one, Path) else one.item()
+
+    line.send_bytes(json.dumps(value, default=described).encode())
     for array in arrays:
         if array.nbytes:
-            line.sendall(array.data.cast("B"))
+            line.send_bytes(array.data.cast("B"))
 
 
-def received(line: socket.socket, wait: Callable[[], None] = lambda: None, most: int = 0) -> Any:
-    """The next value. ``wait``: called before each read. ``most``: bytes of arrays that it may hold.
+def received(line: Connection, most: int = 0) -> Any:
+    """The next value. ``most``: bytes of arrays that it may hold.
 
-    Raises EOFError at the end, ValueError, KeyError or TypeError for a wrong message.
+    Raises EOFError or OSError at the end, other errors for a wrong message.
     """
-    text_length, array_bytes = HEAD.unpack(_bytes(line, HEAD.size, wait))
-    if text_length > MOST_TEXT or array_bytes > most:
-        raise ValueError(f"a text of {text_length} bytes with {array_bytes} bytes of arrays")
-    unpacked = _Unpacked(line, wait, array_bytes)
-    value = unpacked.value(json.loads(_bytes(line, text_length, wait)))
-    if unpacked.left:
-        raise ValueError(f"{unpacked.left} bytes of no array")
-    return value
+    left = most
 
-
-def _bytes(line: socket.socket, count: int, wait: Callable[[], None]) -> bytearray:
-    content = bytearray(count)
-    _fill(line, memoryview(content), wait)
-    return content
-
-
-def _fill(line: socket.socket, room: memoryview, wait: Callable[[], None]) -> None:
-    while room:
-        wait()
-        got = line.recv_into(room)
-        if not got:
-            raise EOFError
-        room = room[got:]
-
-
-def _packed(value: Any, arrays: list[NDArray]) -> Any:
-    if isinstance(value, np.ndarray):
-        arrays.append(np.ascontiguousarray(value))
-        return {"array": [value.dtype.newbyteorder("=").str, *value.shape]}
-    if isinstance(value, np.generic):
-        return value.item()
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {one.name: _packed(getattr(value, one.name), arrays) for one in dataclasses.fields(value)}
-        return {type(value).__name__: fields}
-    if isinstance(value, Path):
-        return {"path": str(value)}
-    if isinstance(value, tuple):
-        return {"tuple": [_packed(one, arrays) for one in value]}
-    if isinstance(value, list):
-        return [_packed(one, arrays) for one in value]
-    if isinstance(value, dict):
-        return {"dict": [[key, _packed(one, arrays)] for key, one in value.items()]}
-    return value
-
-
-class _Unpacked:
-    """The values of a message's text, with its arrays as they arrive. ``left``: bytes of arrays that are still to come."""
-
-    def __init__(self, line: socket.socket, wait: Callable[[], None], left: int):
-        self.line = line
-        self.wait = wait
-        self.left = left
-
-    def value(self, found: Any) -> Any:
-        if isinstance(found, list):
-            return [self.value(one) for one in found]
-        if not isinstance(found, dict):
+    def made(found: dict[str, Any]) -> Any:
+        nonlocal left
+        if found.keys() != {"", "of"} or not isinstance(found[""], str):
             return found
-        ((kind, content),) = found.items()
-        if kind == "array":
-            return self.array(*content)
+        kind, content = found[""], found["of"]
         if kind == "path":
             return Path(content)
-        if kind == "tuple":
-            return tuple(self.value(one) for one in content)
-        if kind == "dict":
-            return {key: self.value(one) for key, one in content}
-        return CLASSES[kind](**{name: self.value(one) for name, one in content.items()})
+        if kind != "array":
+            return CLASSES[kind](**{name: _tuples(one) for name, one in content.items()})
+        name, *shape = content
+        dtype = np.dtype(name)
+        size = dtype.itemsize * math.prod(shape)
+        if dtype.kind not in NUMBERS or min(shape, default=0) < 0 or size > left:
+            raise ValueError(f"an array of {dtype} {shape}")
+        left -= size
+        array = np.empty(shape, dtype)
+        if size and line.recv_bytes_into(array.data.cast("B")) != size:
+            raise ValueError(f"too few bytes for an array of {dtype} {shape}")
+        return array
 
-    def array(self, kind: str, *shape: int) -> NDArray:
-        dtype = np.dtype(kind)
-        size = dtype.itemsize
-        for count in shape:
-            size *= count
-        if dtype.kind not in NUMBERS or min(shape, default=0) < 0 or size > self.left:
-            raise ValueError(f"an array of {kind} {shape}")
-        made = np.empty(shape, dtype)
-        if size:
-            _fill(self.line, made.data.cast("B"), self.wait)
-        self.left -= size
-        return made
+    return json.loads(line.recv_bytes(MOST_TEXT), object_hook=made)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

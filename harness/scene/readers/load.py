@@ -1,11 +1,11 @@
 """Read scene files of any supported format. Triangles keep the order of the file; nothing is merged or dropped."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ...errors import UserError
+from ...errors import UserError, did_you_mean
 from ...files import open_regular
 from ...texts import visible
 from ..scene import Source
@@ -14,10 +14,9 @@ from .gltf.read import read_gltf
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
-from .sequences import load_frames, load_npz, numbered
+from .sequences import joined, load_npz, numbered
 from .stl import read_stl
 from .threemf import read_3mf
-from .unread import refusal
 from .usd import read_usd
 
 READERS: dict[str, Callable[[Path, Wanted], Loaded]] = {
@@ -40,6 +39,45 @@ STILL = (".ply", ".obj", ".stl", ".off", ".3mf")
 SUFFIXES = (".npz", *READERS)
 """The supported file name endings."""
 
+_BLENDER = "open it in Blender and export it as glTF (.glb) or USD"
+_CAD = "open it in FreeCAD and export its mesh as STL"
+_MESHLAB = "open it in MeshLab and export it as PLY"
+
+UNREAD = {
+    ".abc": ("Alembic", "import it into Blender and export it as USD, which keeps its frames"),
+    ".fbx": ("FBX", f"convert it with FBX2glTF, or {_BLENDER}"),
+    ".dae": ("COLLADA", f"convert it with COLLADA2GLTF, or {_BLENDER}"),
+    ".blend": ("Blender", _BLENDER),
+    ".3ds": ("3D Studio", _BLENDER),
+    ".bvh": ("motion capture", f"it holds a skeleton and no mesh: import it with a skin, {_BLENDER}"),
+    ".x3d": ("X3D", _BLENDER),
+    ".wrl": ("VRML", _MESHLAB),
+    ".max": ("3ds Max", "export it from 3ds Max as USD"),
+    ".ma": ("Maya", "export it from Maya as USD"),
+    ".mb": ("Maya", "export it from Maya as USD"),
+    ".c4d": ("Cinema 4D", "export it from Cinema 4D as glTF or USD"),
+    ".hip": ("Houdini", "export it from Houdini as USD"),
+    ".bgeo": ("Houdini geometry", "export it from Houdini as USD, or each frame as PLY"),
+    ".skp": ("SketchUp", "export it from SketchUp as glTF or USD"),
+    ".3dm": ("Rhino", "export it from Rhino as OBJ, STL or PLY"),
+    ".vdb": ("OpenVDB", "it holds a volume: convert it to a mesh in Blender and export that as PLY"),
+    ".vtk": ("VTK", "open it in ParaView and export its surface as PLY"),
+    ".vtu": ("VTK", "open it in ParaView and export its surface as PLY"),
+    ".step": ("STEP", _CAD),
+    ".stp": ("STEP", _CAD),
+    ".iges": ("IGES", _CAD),
+    ".igs": ("IGES", _CAD),
+    ".pbrt": ("pbrt", "its meshes are PLY files beside it: declare them, its cameras and lights in a .toml file"),
+    ".xml": ("Mitsuba", "its meshes are OBJ or PLY files beside it: declare them and its camera in a .toml file"),
+    ".las": ("a point cloud", f"it has no triangles: {_MESHLAB} after reconstructing a surface"),
+    ".xyz": ("a point cloud", f"it has no triangles: {_MESHLAB} after reconstructing a surface"),
+    ".mtl": ("the materials of an OBJ file", "give the .obj file"),
+    ".bin": ("the data of a glTF file", "give the .gltf file"),
+    ".gz": ("a compressed file", "unpack it first"),
+    ".zip": ("an archive", "unpack it first"),
+}
+"""By the ending of a name: what it is, and the way out."""
+
 
 def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
     """A mesh file, an ``.npz`` sequence, or a folder of numbered frames; of its frames those ``wanted``.
@@ -58,20 +96,29 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
     if suffix == ".npz":
         return load_npz(path, wanted)
     if suffix not in READERS:
-        if not path.exists():
-            raise UserError(f"{path}: no such file; check the path")
-        raise refusal(path, SUFFIXES)
+        raise _refusal(path, suffix)
     if suffix in STILL:
         wanted.chosen(path, 1)
     mesh = READERS[suffix](path, wanted)
     return replace(mesh, files=(path, *mesh.files))
 
 
-def load_sequence(paths: list[Path], wanted: Wanted = ALL) -> Loaded:
+def _refusal(path: Path, suffix: str) -> UserError:
+    """The error for a file whose ending is not read."""
+    if not path.exists():
+        return UserError(f"{path}: no such file; check the path")
+    if suffix in UNREAD:
+        what, way_out = UNREAD[suffix]
+        return UserError(f"{path}: {what} ({suffix}) is not read; {way_out}")
+    return UserError(f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, SUFFIXES)}")
+
+
+def load_sequence(paths: Sequence[Path], wanted: Wanted = ALL) -> Loaded:
     """Numbered frames, all of one format, in the order given; of these the ``wanted`` ones. Each file gives one frame."""
     chosen = wanted.chosen(paths[0].parent, len(paths))
     read, first = READERS[paths[0].suffix.lower()], replace(wanted, frames=(0, 0, 1))
-    return load_frames([paths[k] for k in chosen], lambda path: read(path, first), wanted.rate_of(chosen))
+    files = [paths[k] for k in chosen]
+    return joined(files, [read(path, first) for path in files], wanted.rate_of(chosen))
 
 
 def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:
@@ -82,9 +129,5 @@ def source(files: tuple[Path, ...], wanted: Wanted = ALL) -> Source:
             while block := stream.read(1 << 20):
                 digest.update(block)
     first, last = visible(files[0].name), visible(files[-1].name)
-    return Source(
-        "file",
-        first if len(files) == 1 else f"{first}..{last} ({len(files)} files)",
-        digest.hexdigest(),
-        wanted.facts(),
-    )
+    named = first if len(files) == 1 else f"{first}..{last} ({len(files)} files)"
+    return Source("file", named, digest.hexdigest(), wanted.facts())

@@ -15,9 +15,9 @@ import numpy as np
 
 from ...arrays import F64, I32, I64
 from ...errors import UserError
-from .checks import ALL, MAX_LINE, Loaded, Wanted, broken, checked, read_bytes
+from .checks import ALL, MAX_LINE, Loaded, Wanted, broken, checked, read_bytes, some
 from .polygons import triangulate
-from .text import JOINED, decoded, number_of, numbers, parsed, plain_lines, without_comments
+from .text import JOINED, blocks, decoded, first_three, number_of, numbers, parsed, plain_lines, without_comments
 
 _VERTEX, _FACE = ({letter, *(letter + blank for blank in (b" ", b"\t", b"\v", JOINED))} for letter in (b"v", b"f"))
 """How the lines of vertices and of faces begin."""
@@ -65,7 +65,7 @@ def read_obj(path: Path, wanted: Wanted = ALL) -> Loaded:
         raise broken(path, problem, "this is not an OBJ mesh")
     if any(line[:1].isspace() for line in lines):
         lines = [line.lstrip() for line in lines]
-    points = np.concatenate([np.zeros((0, 3)), *_parsed(path, lines, _VERTEX, _positions)])
+    (points,) = _parsed(path, lines, _VERTEX, _positions)
     counts, corners = _faces(path, lines)
     return checked(path, points, triangulate(points, counts, corners), notes=_notes(lines))
 
@@ -76,16 +76,13 @@ def _notes(lines: Sequence[bytes]) -> tuple[str, ...]:
     found = {words[0] for words in others if words} - _PASSED_OVER
     notes = [f"{what} left out" for what in dict.fromkeys(_LEFT_OUT[word] for word in _LEFT_OUT if word in found)]
     unknown = sorted(word[:20].decode("latin-1") for word in found - _LEFT_OUT.keys())
-    if unknown:
-        more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
-        notes.append(f"unknown statements left out: {', '.join(unknown[:3])}{more}")
-    return tuple(notes)
+    return (*notes, f"unknown statements left out: {some(unknown)}") if unknown else tuple(notes)
 
 
 def _parsed(path: Path, lines: Sequence[bytes], kind: set[bytes], parse: Callable[[Sequence[bytes]], Any]) -> list[Any]:
-    """What ``parse`` makes of the lines of a kind, block by block. Raises :class:`UserError` with the wrong line."""
+    """The arrays that ``parse`` makes of the lines of a kind. Raises :class:`UserError` with the wrong line."""
     own = [line for line in lines if line[:2] in kind]
-    return parsed(own, parse, lambda index, problem: _wrong(path, lines, kind, index, problem)) if own else []
+    return parsed(blocks(own), parse, lambda index, problem: _wrong(path, lines, kind, index, problem))
 
 
 def _wrong(path: Path, lines: Sequence[bytes], kind: set[bytes], index: int, problem: str) -> UserError:
@@ -95,30 +92,27 @@ def _wrong(path: Path, lines: Sequence[bytes], kind: set[bytes], index: int, pro
     return broken(path, f"line {number_of(lines, place)}: {problem}", way_out)
 
 
-def _positions(lines: Sequence[bytes]) -> F64:
+def _positions(lines: Sequence[bytes]) -> tuple[F64]:
     """The first three numbers of each line, [len(lines), 3]."""
     try:
         values, each = numbers([line[1:] for line in lines])
     except ValueError:  # of words after the position, which need not be numbers
         values, each = numbers([b" ".join(line.split()[1:4]) for line in lines])
-    if each.min() < 3:
-        raise ValueError(f"a vertex has {each.min()} coordinates instead of 3")
-    if (each == each[0]).all():
-        return values.reshape(-1, each[0])[:, :3]
-    return values[(np.cumsum(each) - each)[:, None] + np.arange(3)]
+    return (first_three(values, each, "a vertex"),)
 
 
 def _faces(path: Path, lines: Sequence[bytes]) -> tuple[I64, I32]:
     """The number of corners of each face, and the vertex indices of all corners, counted from 0."""
-    parts = _parsed(path, lines, _FACE, _corners)
-    counts = np.concatenate([np.zeros(0, np.int64), *(each for _, each in parts)])
-    corners = np.concatenate([np.zeros(0, np.int32), *(indices for indices, _ in parts)])
-    if not len(counts) or corners.min() > 0:
+    corners, counts = _parsed(path, lines, _FACE, _corners)
+    if corners.min(initial=1) > 0:
         return counts, corners - np.int32(1)
     ends = np.cumsum(counts)
+
+    def wrong(corner: int, problem: str) -> UserError:
+        return _wrong(path, lines, _FACE, int(np.searchsorted(ends, corner, side="right")), f"a face names {problem}")
+
     if not corners.all():
-        zero = int(np.searchsorted(ends, np.argmin(corners != 0), side="right"))
-        raise _wrong(path, lines, _FACE, zero, "a face names vertex 0, but OBJ counts from 1")
+        raise wrong(int(np.argmin(corners != 0)), "vertex 0, but OBJ counts from 1")
     # A negative index counts back from the last vertex before its line.
     vertices = np.cumsum(np.fromiter((line[:2] in _VERTEX for line in lines), bool, len(lines)))
     is_face = np.fromiter((line[:2] in _FACE for line in lines), bool, len(lines))
@@ -126,8 +120,7 @@ def _faces(path: Path, lines: Sequence[bytes]) -> tuple[I64, I32]:
     found = np.where(corners < 0, before + corners, corners - np.int64(1))
     if found.min() < 0:
         at = int(np.argmax(found < 0))
-        problem = f"a face names vertex {corners[at]}, but only {before[at]} vertices came before it"
-        raise _wrong(path, lines, _FACE, int(np.searchsorted(ends, at, side="right")), problem)
+        raise wrong(at, f"vertex {corners[at]}, but only {before[at]} vertices came before it")
     return counts, found.astype(np.int32)
 
 
@@ -137,11 +130,11 @@ def _corners(lines: Sequence[bytes]) -> tuple[I32, I64]:
     A corner is ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``.
     """
     values, each = numbers([line[1:] for line in _before_slashes(lines)], np.int64)
-    if each.min() < 3:
+    if each.min(initial=3) < 3:
         raise ValueError(f"a face has {each.min()} vertices, it needs at least 3")
-    largest = values[np.abs(values).argmax()]
-    if not -_INDEX_LIMIT < largest < _INDEX_LIMIT:
-        raise ValueError(f"a face names vertex {largest}, which exceeds int32")
+    large = values[(values <= -_INDEX_LIMIT) | (values >= _INDEX_LIMIT)]
+    if len(large):
+        raise ValueError(f"a face names vertex {large[0]}, which exceeds int32")
     return values.astype(np.int32), each
 
 

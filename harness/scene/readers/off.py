@@ -14,7 +14,7 @@ from ...arrays import F64, I32, I64, Bools
 from ...errors import UserError
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .polygons import polygon_sizes, triangulate
-from .text import decoded, numbers, parsed, plain_lines, without_comments
+from .text import blocks, decoded, first_three, numbers, parsed, plain_lines, without_comments
 
 _HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4?n?)OFF[ \t]*(BINARY)?")
 """The first word: whether texture coordinates, colours and normals follow each position, and how many dimensions it has."""
@@ -38,17 +38,18 @@ def read_off(path: Path, wanted: Wanted = ALL) -> Loaded:
         raise broken(path, problem, "export it as plain OFF")
     lines = [line for line in text[header.end() :].split(b"\n") if line.strip()]
     vertex_count = _vertex_count(path, lines)
-    vertices = parsed(lines[1 : 1 + vertex_count], _positions, _wrong(path, "vertex"))
-    points, more = zip(*vertices, strict=True)
-    polygons = parsed(lines[1 + vertex_count :], _corners, _wrong(path, "face"))
-    counts, corners, colors = (np.concatenate(parts) for parts in zip(*polygons, strict=True))
+
+    def wrong(what: str) -> Callable[[int, str], UserError]:
+        return lambda index, problem: broken(path, f"{what} {index}: {problem}", "correct that line")
+
+    points, longer = parsed(blocks(lines[1 : 1 + vertex_count]), _positions, wrong("vertex"))
+    counts, corners, colors = parsed(blocks(lines[1 + vertex_count :]), _corners, wrong("face"))
     polygon_sizes(path, counts)
-    positions = np.concatenate(points)
-    colored = colored or colors.any() or (max(more) and not (normals or textured))
+    colored = colored or colors.any() or (longer.any() and not (normals or textured))
     names = (("colours", colored), ("normals", normals), ("texture coordinates", textured))
     left = " and ".join(name for name, there in names if there)
-    faces = triangulate(positions, counts, corners)
-    return checked(path, positions, faces, notes=(f"{left} left out",) if left else ())
+    faces = triangulate(points, counts, corners)
+    return checked(path, points, faces, notes=(f"{left} left out",) if left else ())
 
 
 def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:
@@ -57,7 +58,7 @@ def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:
         values, _ = numbers(lines[:1])
     except ValueError:
         values = np.zeros(0)
-    if len(values) < 2 or not ((values >= 0) & (values % 1 == 0)).all():
+    if len(values) < 2 or not _whole(values).all():
         raise broken(path, "has no numbers of vertices and faces after OFF")
     vertex_count, face_count = (int(min(value, 1 << 53)) for value in values[:2])
     if vertex_count + face_count != len(lines) - 1:
@@ -66,18 +67,10 @@ def _vertex_count(path: Path, lines: Sequence[bytes]) -> int:
     return vertex_count
 
 
-def _wrong(path: Path, what: str) -> Callable[[int, str], UserError]:
-    """The error for a line by its index."""
-    return lambda index, problem: broken(path, f"{what} {index}: {problem}", "correct that line")
-
-
-def _positions(lines: Sequence[bytes]) -> tuple[F64, bool]:
-    """The first three numbers of each line, [len(lines), 3], and whether any line has more."""
+def _positions(lines: Sequence[bytes]) -> tuple[F64, Bools]:
+    """The first three numbers of each line, [len(lines), 3], and whether it has more."""
     values, each = numbers(lines)
-    if len(each) and each.min() < 3:
-        raise ValueError(f"it has {each.min()} coordinates instead of 3")
-    starts = np.cumsum(each) - each
-    return values[starts[:, None] + np.arange(3)], bool((each > 3).any())
+    return first_three(values, each, "it"), each > 3
 
 
 def _corners(lines: Sequence[bytes]) -> tuple[I64, I32, Bools]:
@@ -85,14 +78,19 @@ def _corners(lines: Sequence[bytes]) -> tuple[I64, I32, Bools]:
     values, each = numbers(lines)
     starts = np.cumsum(each) - each
     claimed = values[starts]
-    wrong = ~((claimed >= 0) & (claimed % 1 == 0) & (claimed < each))
+    wrong = ~(_whole(claimed) & (claimed < each))
     if wrong.any():
         at = int(wrong.argmax())
         raise ValueError(f"it has {each[at] - 1} numbers after its number of corners, {claimed[at]:g}")
     counts = claimed.astype(np.int64)
     places = np.repeat(starts + 1 - (np.cumsum(counts) - counts), counts) + np.arange(counts.sum())
     corners = values[places]
-    bad = corners[~((corners >= 0) & (corners < _INDEX_LIMIT) & (corners % 1 == 0))]
+    bad = corners[~(_whole(corners) & (corners < _INDEX_LIMIT))]
     if len(bad):
         raise ValueError(f"it names vertex {bad[0]:g}")
     return counts, corners.astype(np.int32), each > counts + 1
+
+
+def _whole(values: F64) -> Bools:
+    """Which numbers are whole and not negative."""
+    return (values >= 0) & (values == np.floor(values))

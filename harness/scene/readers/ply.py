@@ -63,12 +63,9 @@ def _corners(path: Path, columns: Columns) -> Column:
     """The lists of vertex indices, after checking that these are integers in the range of int32."""
     name = next((name for name in CORNERS if name in columns), None)
     if name is None:
-        return Column(np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int64))
+        return Column(np.zeros(0, np.int32), np.zeros(0, np.int64))
     found, limit = columns[name].values, 1 << 31
-    whole = not len(found) or (found.min() >= -limit and found.max() < limit)
-    if whole and found.dtype.kind == "f":
-        whole = not (found % 1 != 0).any()
-    if not whole:
+    if len(found) and not (-limit <= found.min() and found.max() < limit and not (found % 1).any()):
         raise broken(path, "a face has a vertex index that is not a whole number below 2^31")
     return Column(found.astype(np.int32, copy=False), columns[name].counts)
 

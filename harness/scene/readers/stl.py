@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from ...arrays import F32, F64, Floats
+from ...errors import UserError
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
-from .text import decoded, first_wrong, numbers, plain_lines
+from .text import decoded, numbers, parsed, plain_lines
 
 _HEADER = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -84,19 +85,17 @@ def _corners(path: Path, text: bytes, before: int) -> F64:
     lines = _lines(text)
     if _in_threes(lines) and len(lines) == 4 * text.count(_END):
         with contextlib.suppress(ValueError):
-            return _positions(_vertices(lines))
+            return _positions(_vertices(lines))[0]
     lines = _lines(_KEYWORD.sub(b"\n", text))  # several keywords may share a line
+    way_out = "correct it or export the file again"
     if not _in_threes(lines):
         wrong = next(i for i, line in enumerate([*lines, b""]) if line[:1] != b"fvvv"[i % 4 : i % 4 + 1])
-        facet = before + max(0, wrong - 1) // 4
-        raise broken(path, f"facet {facet} has not three vertices", "correct it or export the file again")
-    vertices = _vertices(lines)
-    try:
-        return _positions(vertices)
-    except ValueError:
-        wrong, error = first_wrong(vertices, _positions)
-        problem = f"facet {before + wrong // 3}: {error}"
-        raise broken(path, problem, "correct it or export the file again") from None
+        raise broken(path, f"facet {before + max(0, wrong - 1) // 4} has not three vertices", way_out)
+
+    def at(vertex: int, problem: str) -> UserError:
+        return broken(path, f"facet {before + vertex // 3}: {problem}", way_out)
+
+    return parsed([_vertices(lines)], _positions, at)[0]
 
 
 def _vertices(lines: list[bytes]) -> list[bytes]:
@@ -109,9 +108,9 @@ def _in_threes(lines: list[bytes]) -> bool:
     return b"".join([line[:1] for line in lines]) == b"fvvv" * (len(lines) // 4)
 
 
-def _positions(lines: Sequence[bytes]) -> F64:
+def _positions(lines: Sequence[bytes]) -> tuple[F64]:
     """The three numbers of each line, [len(lines), 3]."""
     values, each = numbers(lines)
     if (each != 3).any():
         raise ValueError(f"a vertex has {each[each != 3][0]} coordinates instead of 3")
-    return values.reshape(-1, 3)
+    return (values.reshape(-1, 3),)

@@ -3,13 +3,13 @@
 import codecs
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import I64
+from ...arrays import F64, I64
 from ...errors import UserError
 
 _MARKS = (
@@ -47,13 +47,18 @@ def plain_lines(blob: bytes) -> bytes:
 
 
 def blocks_of_lines(text: bytes) -> Iterator[list[bytes]]:
-    """The lines of a text, block by block, so that they need little memory."""
+    """The lines of a text, block by block, so that they need little memory; at least one block."""
     at = 0
-    while at < len(text):
+    while at <= len(text):
         end = text.find(b"\n", at + _BLOCK)
         end = len(text) if end < 0 else end
         yield text[at:end].split(b"\n")
         at = end + 1
+
+
+def blocks(lines: Sequence[bytes]) -> Iterator[Sequence[bytes]]:
+    """The lines, block by block; at least one block."""
+    return (lines[first : first + _LINES] for first in range(0, max(1, len(lines)), _LINES))
 
 
 def without_comments(text: bytes) -> bytes:
@@ -94,22 +99,31 @@ def numbers(lines: Sequence[bytes], dtype: type = np.float64) -> tuple[NDArray[A
     return values, each
 
 
+def first_three(values: F64, each: I64, what: str) -> F64:
+    """The first three :func:`numbers` of each line, [line_count, 3]. Raises ValueError for a line with fewer."""
+    if each.min(initial=3) < 3:
+        raise ValueError(f"{what} has {each.min()} coordinates instead of 3")
+    return values[(np.cumsum(each) - each)[:, None] + np.arange(3)]
+
+
 def parsed(
-    lines: Sequence[bytes], parse: Callable[[Sequence[bytes]], Any], wrong: Callable[[int, str], UserError]
-) -> list[Any]:
-    """What ``parse`` makes of the lines, block by block; at least one.
+    some: Iterable[Sequence[bytes]],
+    parse: Callable[[Sequence[bytes]], tuple[NDArray[Any], ...]],
+    wrong: Callable[[int, str], UserError],
+) -> list[NDArray[Any]]:
+    """The arrays that ``parse`` makes of the lines of blocks, each joined over all blocks, of which there is one.
 
     Raises what ``wrong`` makes of the index of the first line that is refused, and of the problem.
     """
-    made = []
-    for first in range(0, max(1, len(lines)), _LINES):
-        block = lines[first : first + _LINES]
+    made, first = [], 0
+    for lines in some:
         try:
-            made.append(parse(block))
+            made.append(parse(lines))
         except ValueError:
-            index, error = first_wrong(block, parse)
+            index, error = first_wrong(lines, parse)
             raise wrong(first + index, str(error)) from None
-    return made
+        first += len(lines)
+    return [np.concatenate(parts) for parts in zip(*made, strict=True)]
 
 
 def first_wrong(lines: Sequence[bytes], parse: Callable[[Sequence[bytes]], Any]) -> tuple[int, ValueError]:

@@ -6,15 +6,15 @@ a limit; it also reads files that require what it cannot read.
 
 import io
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 from xml.etree.ElementTree import ParseError
 
 import numpy as np
 
 from .checks import ALL, Loaded, Wanted, broken, checked, guarded, read_bytes
-from .threemf_model import AffineRows, ModelPart, Solid, Use, WrongError, model_of, relationships
+from .threemf_model import AffineRows, Model, Solid, Use, WrongError, model_of, relationships
 
 _GROWTH, _FLOOR = 100, 1 << 26
 """A package may unpack to this many times its size, or to this many bytes, whichever is more; this stops zip bombs."""
@@ -23,6 +23,8 @@ _DRAWN, _PLACED = 1 << 25, 1 << 20
 """Largest number of triangles and of placed objects: through components a small file could have any number."""
 
 _UP = (0.0, 0.0, 1.0)
+
+T = TypeVar("T")
 
 
 def read_3mf(path: Path, wanted: Wanted = ALL) -> Loaded:
@@ -44,8 +46,7 @@ def read_3mf(path: Path, wanted: Wanted = ALL) -> Loaded:
         with np.errstate(over="ignore", invalid="ignore"):
             points[vertex : vertex + count] = solid.points @ matrix[:3] + matrix[3]
             mirrored = np.cross(matrix[0], matrix[1]) @ matrix[2] < 0.0
-        corners = solid.faces[:, [0, 2, 1]] if mirrored else solid.faces
-        np.add(corners, vertex, out=faces[triangle : triangle + more], casting="unsafe")
+        faces[triangle : triangle + more] = (solid.faces[:, [0, 2, 1]] if mirrored else solid.faces) + vertex
         vertex, triangle = vertex + count, triangle + more
     return checked(path, points, faces, _UP, notes)
 
@@ -55,7 +56,7 @@ class _Package:
 
     def __init__(self, path: Path, archive: zipfile.ZipFile, limit: int) -> None:
         self._path, self._archive, self._left = path, archive, limit
-        self._models: dict[str, ModelPart] = {}
+        self._models: dict[str, Model] = {}
         self._sizes: dict[tuple[str, str], tuple[int, int]] = {}
         self._built: set[tuple[str, str]] = set()
 
@@ -92,42 +93,29 @@ class _Package:
     def _size(self, use: Use, where: str) -> tuple[int, int]:
         """Triangles and objects that an object stands for, with its components."""
         self._model(use.part)
-        size = self._sizes.get((use.part, use.identity))
-        if size is None:
-            problem = f"{where} names object {use.identity!r}, which does not come before it"
-            raise broken(self._path, problem)
-        return size
+        if (use.part, use.identity) not in self._sizes:
+            raise broken(self._path, f"{where} names object {use.identity!r}, which does not come before it")
+        return self._sizes[use.part, use.identity]
 
-    def _model(self, name: str) -> ModelPart:
+    def _model(self, name: str) -> Model:
         """A part and the sizes of its objects, each of which uses those before it."""
-        if name in self._models:
-            return self._models[name]
-        try:
-            with self._opened(name) as stream:
-                model = self._models[name] = model_of(stream, name)
-        except WrongError as error:
-            raise broken(self._path, f"{name}: {error}") from error
-        except ParseError as error:
-            raise broken(self._path, f"{name} is not XML ({error})", "the file is damaged") from error
-        for solid in model.solids.values():
-            parts = [self._size(use, f"object {solid.identity}") for use in solid.components]
-            triangles, places = (sum(column) for column in zip((len(solid.faces), 1), *parts, strict=True))
-            self._sizes[name, solid.identity] = triangles, places
-        return model
+        if name not in self._models:
+            self._models[name] = self._parsed(name, lambda stream: model_of(stream, name))
+            for solid in self._models[name].solids.values():
+                sizes = [self._size(use, f"object {solid.identity}") for use in solid.components]
+                triangles, places = map(sum, zip((len(solid.faces), 1), *sizes, strict=True))
+                self._sizes[name, solid.identity] = triangles, places
+        return self._models[name]
 
     def _root(self) -> str:
         """The name of the part that the package begins with."""
-        try:
-            with self._opened("_rels/.rels") as stream:
-                targets = [target for kind, target in relationships(stream) if kind.endswith("/3dmodel")]
-        except (ParseError, WrongError) as error:
-            raise broken(self._path, f"_rels/.rels is not XML ({error})", "the file is damaged") from error
+        targets = [target for kind, target in self._parsed("_rels/.rels", relationships) if kind.endswith("/3dmodel")]
         if not targets:
             raise broken(self._path, "its package names no 3D model")
         return targets[0].lstrip("/")
 
-    def _opened(self, name: str) -> IO[bytes]:
-        """A part of the package, by its name in any case of letters."""
+    def _parsed(self, name: str, parse: Callable[[IO[bytes]], T]) -> T:
+        """What a part of the package holds, by its name in any case of letters."""
         names = {entry.filename.lower(): entry for entry in self._archive.infolist()}
         entry = names.get(name.lower())
         if entry is None:
@@ -135,4 +123,10 @@ class _Package:
         self._left -= entry.file_size
         if self._left < 0:
             raise broken(self._path, f"{name} unpacks to far more than its size", "the file is damaged")
-        return self._archive.open(entry)
+        try:
+            with self._archive.open(entry) as stream:
+                return parse(stream)
+        except WrongError as error:
+            raise broken(self._path, f"{name}: {error}") from error
+        except ParseError as error:
+            raise broken(self._path, f"{name} is not XML ({error})", "the file is damaged") from error

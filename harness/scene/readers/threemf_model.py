@@ -1,15 +1,13 @@
 """The XML parts of a 3MF package: relationships, and models of objects with triangles or components, and what is built."""
 
+from array import array
 from dataclasses import dataclass, field
-from operator import itemgetter
 from typing import IO, Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import F64, I64
-from .text import numbers
 
 _SCHEMAS = "http://schemas.microsoft.com/3dmanufacturing/"
 _CORE = (_SCHEMAS + "core/2015/02", _SCHEMAS + "core/2013/01", "")
@@ -20,9 +18,6 @@ _UNDERSTOOD = (_PRODUCTION, _SCHEMAS + "material/2015/02", _SCHEMAS + "triangles
 """Extensions that a file may require: parts in several files, colours, and names of groups of triangles."""
 
 _COORDINATES, _CORNERS = ("x", "y", "z"), ("v1", "v2", "v3")
-
-_BLOCK = 3 << 14
-"""Numbers that are converted at a time."""
 
 _READ = 1 << 16
 
@@ -54,22 +49,9 @@ class Solid:
     shaped: bool = False
 
 
-@dataclass
-class ModelPart:
-    """A model: its objects by id, in the order of the file; what is built; and what it holds that is not read.
-
-    unit  of lengths, where the file says it; else it is the millimetre
-    """
-
-    solids: dict[str, Solid] = field(default_factory=dict)
-    build: list[Use] = field(default_factory=list)
-    left_out: set[str] = field(default_factory=set)
-    unit: str = ""
-
-
-def model_of(stream: IO[bytes], part: str) -> ModelPart:
+def model_of(stream: IO[bytes], part: str) -> "Model":
     """A model part by its name. Raises :class:`WrongError`, and ParseError for what is no XML."""
-    parser: Any = ElementTree.XMLParser(target=_Reader(part))
+    parser: Any = ElementTree.XMLParser(target=Model(part))
     while block := stream.read(_READ):
         parser.feed(block)
     return parser.close()
@@ -81,52 +63,23 @@ def relationships(stream: IO[bytes]) -> list[tuple[str, str]]:
     return [(element.get("Type", ""), element.get("Target", "")) for element in found]
 
 
-class _Triples:
-    """Three numbers of each element of a kind, [n, 3]; gathered as texts and converted in blocks."""
+class Model:
+    """A model part: its objects by id, in the order of the file; what is built; and what it holds that is not read.
 
-    def __init__(self, element: str, number: str, names: tuple[str, str, str], dtype: type) -> None:
-        self._element, self._number, self._dtype = element, number, dtype
-        self._three = itemgetter(*names)
-        self._texts: list[str] = []
-        self._blocks: list[NDArray[Any]] = []
+    unit  of lengths, where the file says it; else it is the millimetre
 
-    def add(self, attributes: dict[str, str]) -> None:
-        try:
-            self._texts += self._three(attributes)
-        except KeyError as error:
-            raise WrongError(f"a {self._element} has no {error}") from None
-        if len(self._texts) >= _BLOCK:
-            self._convert()
-
-    def all(self) -> NDArray[Any]:
-        self._convert()
-        return np.concatenate(self._blocks).reshape(-1, 3)
-
-    def _convert(self) -> None:
-        self._blocks.append(_numbers(" ".join(self._texts), "?", self._dtype))
-        if len(self._blocks[-1]) != len(self._texts):
-            raise WrongError(f"{self._number} is not a number")
-        self._texts = []
-
-
-def _numbers(text: str, end_of_line: str, dtype: type = np.float64) -> NDArray[Any]:
-    """The numbers of a text, in which ends of lines are written so; none if a word is no number."""
-    try:
-        return numbers([text.replace("\n", end_of_line).encode("ascii", "replace")], dtype)[0]
-    except ValueError:
-        return np.zeros(0, dtype)
-
-
-class _Reader:
-    """Takes the elements of a model part in turn: what an XML parser calls. ``close`` gives the model."""
+    It takes the elements of the part in turn, as an XML parser calls ``start`` and ``end``.
+    """
 
     def __init__(self, part: str) -> None:
-        self._model = ModelPart()
+        self.solids: dict[str, Solid] = {}
+        self.build: list[Use] = []
+        self.left_out: set[str] = set()
+        self.unit = ""
         self._part = part
         self._prefixes: dict[str, str] = {}
-        self._solid = Solid("")
-        self._within = False
-        self._triples = _Triples("", "", _COORDINATES, np.float64)
+        self._solid: Solid | None = None
+        self._numbers: array[Any] = array("d")
 
     def start_ns(self, prefix: str, uri: str) -> None:
         self._prefixes[prefix] = uri
@@ -134,61 +87,75 @@ class _Reader:
     def doctype(self, *_: Any) -> None:
         raise WrongError("a part declares a document type, which 3MF forbids")
 
-    def close(self) -> ModelPart:
-        return self._model
+    def close(self) -> "Model":
+        return self
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
+        solid = self._solid or Solid("")
         match _core(name):
             case "model":
                 self._header(attributes)
             case "basematerials":
-                self._model.left_out.add("materials")
+                self.left_out.add("materials")
             case "object":
                 identity = attributes.get("id", "")
-                if identity in self._model.solids or self._within:
+                if identity in self.solids or self._solid:
                     raise WrongError(f"object {identity} is there twice or within another")
-                self._solid, self._within = Solid(identity), True
+                self._solid = Solid(identity)
             case "mesh" | "components":
-                self._solid.shaped = True
+                solid.shaped = True
             case "vertices":
-                self._triples = _Triples("vertex", "a coordinate", _COORDINATES, np.float64)
+                self._numbers = array("d")
             case "triangles":
-                self._triples = _Triples("triangle", "a vertex index", _CORNERS, np.int64)
-            case "vertex" | "triangle":
-                self._triples.add(attributes)
+                self._numbers = array("q")
+            case "vertex":
+                self._add(attributes, "vertex", _COORDINATES, float, "a coordinate")
+            case "triangle":
+                self._add(attributes, "triangle", _CORNERS, int, "a vertex index")
             case "component":
-                self._solid.components.append(_use(attributes, self._part))
+                solid.components.append(_use(attributes, self._part))
             case "item":
-                self._model.build.append(_use(attributes, self._part))
+                self.build.append(_use(attributes, self._part))
             case _:
                 if name == _LATTICE:
-                    self._model.left_out.add("beam lattices")
+                    self.left_out.add("beam lattices")
+
+    def _add(self, attributes: dict[str, str], element: str, names: tuple[str, ...], kind: type, number: str) -> None:
+        """Take the numbers of a vertex or a triangle."""
+        try:
+            texts = [attributes[name] for name in names]
+            if "_" in "".join(texts):  # which Python allows
+                raise ValueError
+            self._numbers.extend(map(kind, texts))
+        except KeyError as error:
+            raise WrongError(f"a {element} has no {error}") from None
+        except (ValueError, OverflowError, TypeError):
+            raise WrongError(f"{number} is not a number") from None
 
     def end(self, name: str) -> None:
-        match _core(name):
-            case "vertices":
-                self._solid.points = self._triples.all()
-            case "triangles":
-                self._solid.faces = self._triples.all()
-            case "object":
-                self._end_object()
+        match _core(name), self._solid:
+            case "vertices", Solid() as solid:
+                solid.points = np.array(self._numbers).reshape(-1, 3)
+            case "triangles", Solid() as solid:
+                solid.faces = np.array(self._numbers).reshape(-1, 3)
+            case "object", Solid() as solid:
+                self._end(solid)
+                self._solid = None
 
     def _header(self, attributes: dict[str, str]) -> None:
-        self._model.unit = attributes.get("unit", "")
+        self.unit = attributes.get("unit", "")
         for prefix in attributes.get("requiredextensions", "").split():
             uri = self._prefixes.get(prefix, prefix)
             if uri not in _UNDERSTOOD:
                 raise WrongError(f"needs the extension {uri}")
 
-    def _end_object(self) -> None:
-        solid, self._solid, self._within = self._solid, Solid(""), False
+    def _end(self, solid: Solid) -> None:
         if not solid.shaped:
             raise WrongError(f"object {solid.identity} has another shape than triangles")
         if len(solid.faces) and not 0 <= solid.faces.min() <= solid.faces.max() < len(solid.points):
             bad = solid.faces.max() if solid.faces.min() >= 0 else solid.faces.min()
-            problem = f"object {solid.identity} names vertex {bad}, but there are {len(solid.points)}"
-            raise WrongError(problem)
-        self._model.solids[solid.identity] = solid
+            raise WrongError(f"object {solid.identity} names vertex {bad}, but there are {len(solid.points)}")
+        self.solids[solid.identity] = solid
 
 
 def _core(name: str) -> str:
@@ -199,10 +166,12 @@ def _core(name: str) -> str:
 
 def _use(attributes: dict[str, str], part: str) -> Use:
     """What a component or an item of the build says, in a part."""
-    matrix = np.concatenate([np.eye(3), np.zeros((1, 3))])
+    matrix = np.eye(4, 3)
     if "transform" in attributes:
-        values = _numbers(attributes["transform"], " ")
-        if len(values) != 12 or not np.isfinite(values).all():
+        try:
+            matrix = np.array(attributes["transform"].split(), dtype=np.float64).reshape(4, 3)
+        except ValueError:
+            matrix = np.full((4, 3), np.nan)
+        if not np.isfinite(matrix).all():
             raise WrongError(f"a transform is not 12 numbers: {attributes['transform'][:60]!r}")
-        matrix = values.reshape(4, 3)
     return Use(attributes.get(_PATH, part).lstrip("/"), attributes.get("objectid", ""), matrix)

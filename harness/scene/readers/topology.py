@@ -27,62 +27,50 @@ class Fixed:
     vanishing: tuple[int, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """The vertices and faces that one part has in every frame; ``padded`` if each triangle has three of its own."""
-
-    vertices: int
-    faces: I32
-    padded: bool
-    vanishing: bool
-
-    def positions(self, piece: Piece | None, dtype: np.dtype) -> Floats:
-        if piece is not None and not self.padded:
-            return piece[0]
-        result = np.full((self.vertices, 3), np.nan, dtype=dtype)
-        if piece is not None:
-            points, faces = piece
-            result[: 3 * len(faces)] = points[faces].reshape(-1, 3)
-        return result
-
-
 def fixed_topology(frames: Sequence[Sequence[Piece | None]]) -> Fixed:
     """Join the parts of each frame, in order. ``frames[k][i]``: part i at frame k, or None where it is not there.
 
     float64 if any part is, else float32. Triangles of a padded part are in the order of its frame, so that one of them is
     not the same piece of surface in all frames.
     """
-    parts = [[frame[i] for frame in frames] for i in range(len(frames[0]))]
-    layouts = [_layout(part) for part in parts]
-    types = {piece[0].dtype for part in parts for piece in part if piece is not None}
+    there = [[piece for piece in part if piece is not None] for part in zip(*frames, strict=True)]
+    padded = [any(not _alike(piece, own[0]) for piece in own) for own in there]
+    types = {piece[0].dtype for own in there for piece in own}
     dtype = np.result_type(*types) if types else np.dtype(np.float32)
-    offsets = np.cumsum([0, *(layout.vertices for layout in layouts)])
-    faces = [
-        layout.faces + int(offset) if offset else layout.faces for layout, offset in zip(layouts, offsets, strict=False)
-    ]
+    faces: list[I32] = []
+    counts: list[int] = []
+    for own, loose in zip(there, padded, strict=True):
+        most = 3 * max((len(corners) for _, corners in own), default=0)
+        corners = np.arange(most, dtype=np.int32).reshape(-1, 3) if loose or not own else own[0][1]
+        faces.append(corners + sum(counts) if sum(counts) else corners)
+        counts.append(most if loose or not own else len(own[0][0]))
+
+    def positions(frame: Sequence[Piece | None]) -> Floats:
+        return _joined([_filled(*of, dtype) for of in zip(frame, counts, padded, strict=True)], dtype)
+
     return Fixed(
         _joined(faces, np.int32),
-        tuple(
-            _joined([layout.positions(part[k], dtype) for layout, part in zip(layouts, parts, strict=True)], dtype)
-            for k in range(len(frames))
-        ),
-        tuple(i for i, layout in enumerate(layouts) if layout.padded),
-        tuple(i for i, layout in enumerate(layouts) if layout.vanishing),
+        tuple(map(positions, frames)),
+        tuple(i for i, loose in enumerate(padded) if loose),
+        tuple(i for i, own in enumerate(there) if 0 < len(own) < len(frames) and not padded[i]),
     )
 
 
-def _layout(part: Sequence[Piece | None]) -> _Layout:
-    there = [piece for piece in part if piece is not None]
-    if not there:
-        return _Layout(0, np.zeros((0, 3), dtype=np.int32), False, False)
-    points, faces = there[0]
-    same = all(
-        len(own) == len(points) and (corners is faces or np.array_equal(corners, faces)) for own, corners in there
-    )
-    if same:
-        return _Layout(len(points), faces, False, len(there) < len(part))
-    most = max(len(corners) for _, corners in there)
-    return _Layout(3 * most, np.arange(3 * most, dtype=np.int32).reshape(-1, 3), True, False)
+def _alike(piece: Piece, other: Piece) -> bool:
+    """Whether two pieces have the same topology."""
+    same = piece[1] is other[1] or np.array_equal(piece[1], other[1])
+    return same and len(piece[0]) == len(other[0])
+
+
+def _filled(piece: Piece | None, count: int, padded: bool, dtype: np.dtype) -> Floats:
+    """Positions [count, 3] of a part at a frame, NaN where it is not; of a padded one those of the corners in turn."""
+    if piece is not None and not padded:
+        return piece[0]
+    result = np.full((count, 3), np.nan, dtype=dtype)
+    if piece is not None:
+        points, faces = piece
+        result[: 3 * len(faces)] = points[faces].reshape(-1, 3)
+    return result
 
 
 def _joined(arrays: list[NDArray], dtype: np.dtype | type) -> NDArray:

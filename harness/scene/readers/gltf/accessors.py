@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....arrays import Floats
-from .compressed import MESHOPT, unpacked
-from .container import Container
-from .document import Entry
-from .extensions import refuse_unknown
+from .compressed import unpacked
+from .container import File
+from .entries import MESHOPT, Entry
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -23,61 +22,56 @@ class Layout:
     count: int
     width: int
     dtype: np.dtype[Any]
-    normalized: bool
+    normalized: bool = False
 
 
 class Accessors:
-    """The arrays of a file by index. Nothing is copied unless it is sparse, compressed or converted."""
+    """The arrays that entries name by a key. Nothing is copied unless it is sparse, compressed or converted."""
 
-    def __init__(self, file: Container) -> None:
-        self._file = file
-        self._document = file.document
+    def __init__(self, file: File) -> None:
+        self.file = file
         self._read: dict[int, NDArray] = {}
         self._unpacked: dict[int, memoryview] = {}
 
-    def layout(self, index: Any, where: str) -> Layout:
-        """The layout of an accessor. ``where``: the entry that names it."""
-        entry, own = self._document.get("accessors", index, where), f"accessor {index}"
-        kind, component = entry.get("type"), entry.get("componentType")
+    def layout(self, entry: Entry, key: str) -> Layout:
+        """The layout of an accessor."""
+        own = self.file.named(entry, entry.get(key), "accessors")
+        kind, component = own.get("type"), own.get("componentType")
         if kind not in _WIDTHS or component not in _TYPES:
-            raise self._document.error(f"{own} has the type {kind!r} of components {component!r}")
+            raise own.error(f"has the type {kind!r} of components {component!r}")
         dtype = np.dtype(_TYPES[component])
-        normalized = bool(entry.get("normalized", False)) and dtype.kind != "f"
-        return Layout(self._document.whole(entry, "count", own), _WIDTHS[kind], dtype, normalized)
+        normalized = bool(own.get("normalized", False)) and dtype.kind != "f"
+        return Layout(own.whole("count"), _WIDTHS[kind], dtype, normalized)
 
-    def floats(self, index: Any, where: str, width: int) -> Floats:
+    def floats(self, entry: Entry, key: str, width: int) -> Floats:
         """Numbers of an accessor [count, width]: float32 where that is exact, float64 for normalised integers."""
-        layout, values = self.layout(index, where), self.raw(index, where)
+        layout, values = self.layout(entry, key), self.raw(entry, key)
         if layout.width != width or layout.dtype == np.dtype("<u4"):
             kinds = f"{layout.width} of type {layout.dtype}"
-            raise self._document.error(f"{where}: accessor {index} holds {kinds}, not {width} floats")
-        if not layout.normalized:
-            return values.astype(np.float32, copy=False)
-        return np.maximum(values / np.float64(np.iinfo(layout.dtype).max), -1.0)
+            raise entry.error(f": accessor {entry.get(key)} holds {kinds}, not {width} floats")
+        return normal(values) if layout.normalized else values.astype(np.float32, copy=False)
 
-    def indices(self, index: Any, where: str, width: int = 1) -> NDArray[np.unsignedinteger]:
+    def indices(self, entry: Entry, key: str, width: int = 1) -> NDArray[np.unsignedinteger]:
         """Unsigned integers [count, width] of an accessor."""
-        layout = self.layout(index, where)
+        layout = self.layout(entry, key)
         if layout.dtype.kind != "u" or layout.width != width:
-            raise self._document.error(f"{where}: accessor {index} does not hold unsigned integers")
-        return self.raw(index, where)
+            raise entry.error(f": accessor {entry.get(key)} does not hold unsigned integers")
+        return self.raw(entry, key)
 
-    def raw(self, index: Any, where: str) -> NDArray:
+    def raw(self, entry: Entry, key: str) -> NDArray:
         """The numbers of an accessor as stored, [count, width]; each accessor is read once."""
-        layout = self.layout(index, where)
+        layout, index = self.layout(entry, key), entry.get(key)
         if index not in self._read:
-            entry = self._document.get("accessors", index, where)
-            self._read[index] = self._array(index, entry, layout)
+            self._read[index] = self._array(self.file.entry("accessors", index), layout)
         return self._read[index]
 
-    def _array(self, index: int, entry: Entry, layout: Layout) -> NDArray:
-        own, document = f"accessor {index}", self._document
-        refuse_unknown(document, entry, own)
-        exceptions = self._exceptions(index, entry, layout) if "sparse" in entry else None
-        if "bufferView" in entry:
-            values = self._strided(own, entry, layout, entry["bufferView"])
-        elif layout.count > self._file.size:
-            raise document.error(f"{own} has {layout.count} elements, but no data")
+    def _array(self, own: Entry, layout: Layout) -> NDArray:
+        own.refuse_unknown()
+        exceptions = self._exceptions(own, layout) if "sparse" in own else None
+        if "bufferView" in own:
+            values = self._strided(own, layout)
+        elif layout.count > self.file.size:
+            raise own.error(f"has {layout.count} elements, but no data")
         else:
             values = np.zeros((layout.count, layout.width), layout.dtype)
         if exceptions is not None:
@@ -85,58 +79,55 @@ class Accessors:
             values[exceptions[0]] = exceptions[1]
         return values
 
-    def _exceptions(self, index: int, entry: Entry, layout: Layout) -> tuple[NDArray, NDArray]:
+    def _exceptions(self, own: Entry, layout: Layout) -> tuple[NDArray, NDArray]:
         """The places [n] and values [n, width] that a sparse accessor has in place of its others."""
-        document, where = self._document, f"accessor {index} (sparse)"
-        sparse = document.object(entry, "sparse", where)
-        count = document.whole(sparse, "count", where)
-        indices, others = (document.object(sparse, key, where) for key in ("indices", "values"))
-        kind = indices.get("componentType")
+        sparse = own.object("sparse", f"{own.name} (sparse)")
+        count, kind = sparse.whole("count"), sparse.object("indices").get("componentType")
+        others = sparse.object("values")
         if kind not in (5121, 5123, 5125):
-            raise document.error(f"{where}: its indices are not unsigned integers")
-        one = Layout(count, 1, np.dtype(_TYPES[kind]), False)
-        places = self._strided(where, indices, one, indices.get("bufferView"))[:, 0]
+            raise sparse.error(": its indices are not unsigned integers")
+        places = self._strided(sparse.object("indices"), Layout(count, 1, np.dtype(_TYPES[kind])))[:, 0]
         if count and places.max() >= layout.count:
-            raise document.error(f"{where} names element {places.max()}, but there are {layout.count}")
-        new = Layout(count, layout.width, layout.dtype, False)
-        return places, self._strided(where, others, new, others.get("bufferView"))
+            raise sparse.error(f"names element {places.max()}, but there are {layout.count}")
+        return places, self._strided(others, Layout(count, layout.width, layout.dtype))
 
-    def _strided(self, own: str, entry: Entry, layout: Layout, view_index: Any) -> NDArray:
+    def _strided(self, entry: Entry, layout: Layout) -> NDArray:
         """Elements of a buffer view, in place. They must lie within the view and within the bytes of its buffer."""
-        document = self._document
-        view = document.get("bufferViews", view_index, own)
-        name = f"buffer view {view_index}"
+        view = self.file.named(entry, entry.get("bufferView"), "bufferViews")
         item = layout.dtype.itemsize * layout.width
-        data, stride = self.view(view_index, own), document.whole(view, "byteStride", name, item)
+        data, stride = self.view(entry), view.whole("byteStride", item)
         if stride < item:
-            raise document.error(f"{name} has a stride of {stride} for items of {item} bytes")
-        start = document.whole(entry, "byteOffset", own, 0)
+            raise view.error(f"has a stride of {stride} for items of {item} bytes")
+        start = entry.whole("byteOffset", 0)
         need = start + (layout.count - 1) * stride + item if layout.count else 0
         if need > len(data):
-            raise document.error(f"{own} needs {need} bytes, its view has {len(data)}")
+            raise entry.error(f"needs {need} bytes, its view has {len(data)}")
         step = (stride, layout.dtype.itemsize)
         return np.ndarray((layout.count, layout.width), layout.dtype, data, start if need else 0, step)
 
-    def view(self, index: Any, where: str) -> memoryview:
-        """The bytes of a buffer view, decompressed."""
-        document, name = self._document, f"buffer view {index}"
-        view = document.get("bufferViews", index, where)
-        refuse_unknown(document, view, name)
-        packed = next((found for key in MESHOPT if (found := document.extension(view, key, name))), None)
-        data = self._file.buffer(view.get("buffer"), name)
-        if data is None and packed is not None:
-            if index not in self._unpacked:
-                source = self._slice(packed, self._file.buffer(packed.get("buffer"), name), name)
-                self._unpacked[index] = unpacked(document, name, packed, source)
-            return self._unpacked[index]
-        return self._slice(view, data, name)
+    def view(self, entry: Entry) -> memoryview:
+        """The bytes of the buffer view that an entry names, decompressed."""
+        view, index = self.file.named(entry, entry.get("bufferView"), "bufferViews"), entry.get("bufferView")
+        view.refuse_unknown()
+        packed = next((found for key in MESHOPT if (found := view.extension(key))), None)
+        data = self.file.buffer(view)
+        if data is not None or packed is None:
+            return _slice(view, data)
+        if index not in self._unpacked:
+            self._unpacked[index] = unpacked(packed, _slice(packed, self.file.buffer(packed)))
+        return self._unpacked[index]
 
-    def _slice(self, view: Entry, data: memoryview | None, name: str) -> memoryview:
-        """The part of a buffer that a view names. It may lack its last bytes: what is read is checked."""
-        document = self._document
-        if data is None:
-            raise document.error(f"{name} is of buffer {view.get('buffer')!r}, which has no data")
-        start, length = (document.whole(view, "byteOffset", name, 0), document.whole(view, "byteLength", name))
-        if start > len(data):
-            raise document.error(f"{name} reaches beyond the {len(data)} bytes of its buffer")
-        return data[start : start + length]
+
+def _slice(view: Entry, data: memoryview | None) -> memoryview:
+    """The part of a buffer that a view names. It may lack its last bytes: what is read is checked."""
+    if data is None:
+        raise view.error(f"is of buffer {view.get('buffer')!r}, which has no data")
+    start, length = view.whole("byteOffset", 0), view.whole("byteLength")
+    if start > len(data):
+        raise view.error(f"reaches beyond the {len(data)} bytes of its buffer")
+    return data[start : start + length]
+
+
+def normal(values: NDArray) -> Floats:
+    """The numbers -1..1 or 0..1 that integers stand for."""
+    return np.maximum(values / np.float64(np.iinfo(values.dtype).max), -1.0)

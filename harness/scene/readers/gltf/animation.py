@@ -13,9 +13,9 @@ import numpy as np
 
 from ....arrays import F64
 from .accessors import Accessors
-from .document import Document, Entry, titled
-from .extensions import refuse_unknown
-from .nodes import Matrices, Tree, composed
+from .entries import Entry
+from .model import Block
+from .nodes import REST, Matrices, Tree, composed
 
 SLOWEST = 24.0
 """Frames a second, at least, where the keys of an animation decide."""
@@ -35,7 +35,7 @@ _SAME = 1e-4
 
 _MOST_FRAMES = 1 << 24
 
-_PATHS = ("translation", "rotation", "scale", "weights")
+_PATHS = (*REST, "weights")
 _POINTER = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
 _NOT_DRAWN = re.compile(r"/(materials|cameras|extensions/KHR_lights_punctual|animations)/")
 
@@ -97,10 +97,10 @@ def _turned(a: F64, b: F64, t: float) -> F64:
 class Animation:
     """Tracks that move what is drawn, and the times of its frames.
 
-    name   what it is called in notes
-    keys   the times of the keys of all tracks, seconds, increasing; at least one
-    rate   frames a second
-    count  number of frames; the first is at the first key
+    name    what it is called in notes
+    keys    the times of the keys of all tracks, seconds, increasing; at least one
+    rate    frames a second
+    count   number of frames; the first is at the first key
     """
 
     name: str
@@ -109,24 +109,24 @@ class Animation:
     rate: float
     count: int
 
+    @property
+    def moving(self) -> set[int]:
+        """The places of the nodes that it moves."""
+        return {track.place for track in self.tracks if track.path != "weights"}
+
     def time(self, frame: int) -> float:
         """The time of a frame, seconds. A frame that is at a key but for rounding has its very time."""
         time = float(self.keys[0]) + frame / self.rate
         nearest = float(self.keys[np.abs(self.keys - time).argmin()])
         return nearest if abs(nearest - time) * self.rate <= _NEAR else time
 
-    def moving(self) -> set[int]:
-        """The places of the nodes that it moves."""
-        return {track.place for track in self.tracks if track.path != "weights"}
-
     def local(self, tree: Tree, time: float) -> Matrices:
         """The transforms of all nodes to their parents at a time."""
-        places = sorted(self.moving())
-        row = {place: i for i, place in enumerate(places)}
+        places = sorted(self.moving)
         columns = {path: values[places] for path, values in tree.parts.items()}
         for track in self.tracks:
             if track.path != "weights":
-                columns[track.path][row[track.place]] = track.at(time)
+                columns[track.path][places.index(track.place)] = track.at(time)
         result = tree.local.copy()
         result[places] = composed(**columns)
         return result
@@ -136,40 +136,35 @@ class Animation:
         return {track.place: track.at(time) for track in self.tracks if track.path == "weights"}
 
 
-def first_animation(
-    document: Document,
-    accessors: Accessors,
-    tree: Tree,
-    carrying: set[int],
-    targets: dict[int, int],
-    rate: float | None,
-) -> Animation | None:
-    """The first animation of the file; None where there is none or it moves nothing that is drawn.
+def first_animation(accessors: Accessors, tree: Tree, blocks: list[Block], rate: float | None) -> Animation | None:
+    """The first animation of the file; None where there is none or it moves no block.
 
-    carrying  places of the nodes whose transforms move what is drawn
-    targets   of the nodes whose meshes have morph targets: how many
-    rate      frames a second that are asked for; None: :func:`own_rate`
+    rate  frames a second that are asked for; None: :func:`own_rate`
     """
-    if not document.all("animations"):
+    file = accessors.file
+    if not file.all("animations"):
         return None
-    entry, where = document.all("animations")[0], "animation 0"
-    refuse_unknown(document, entry, where)
-    samplers = document.items(entry, "samplers", where)
+    carrying = tree.above({place for block in blocks for place in block.movers})
+    targets: dict[int, int] = {}
+    for block in blocks:
+        targets[block.place] = max(targets.get(block.place, 0), len(block.vertices.targets))
+    entry = file.entry("animations", 0)
+    entry.refuse_unknown()
+    samplers = entry.items("samplers")
     tracks: dict[tuple[int, str], Track] = {}
-    for channel in document.items(entry, "channels", where):
-        aim = _aim(document, channel, where)
-        place, path = (tree.place.get(aim[0], -1), aim[1]) if aim else (-1, "")
-        if not (place in targets if path == "weights" else place in carrying):
+    for channel in entry.entries("channels", "a channel"):
+        node, path = _aim(channel) or (-1, "")
+        place = tree.place.get(node, -1)
+        width = targets.get(place, 0) if path == "weights" else len(REST[path]) if place in carrying else 0
+        if not width:
             continue
+        moved = tree.entries[place]
         if (place, path) in tracks:
-            raise document.error(f"{where} has two channels for the {path} of node {tree.nodes[place]}")
-        if path != "weights" and "matrix" in tree.entry(place):
-            raise document.error(f"{where} moves node {tree.nodes[place]}, which has a matrix")
-        index = channel.get("sampler")
-        if type(index) is not int or not 0 <= index < len(samplers) or not isinstance(samplers[index], dict):
-            raise document.error(f"{where} names sampler {index!r}, but there are {len(samplers)}")
-        width = targets[place] if path == "weights" else len(tree.parts[path][0])
-        tracks[place, path] = _track(document, accessors, samplers[index], place, path, width)
+            raise entry.error(f"has two channels for the {path} of {moved.name}")
+        if path != "weights" and "matrix" in moved:
+            raise entry.error(f"moves {moved.name}, which has a matrix")
+        sampler = entry.named("sampler", channel.get("sampler"), samplers)
+        tracks[place, path] = _track(accessors, Entry(file.path, entry.name, sampler.values), place, path, width)
     if not tracks:
         return None
     keys = np.unique(np.concatenate([track.times for track in tracks.values()]))
@@ -178,9 +173,9 @@ def first_animation(
     chosen = own_rate(keys) if rate is None else rate
     count = (keys[-1] - keys[0]) * chosen + _NEAR
     if count >= _MOST_FRAMES:
-        problem = f"{where} has {count:.3g} frames at {chosen:g} a second"
-        raise document.error(problem, "shorten it, or give a lower --rate")
-    return Animation(titled(entry, "animation", 0), tuple(tracks.values()), keys, chosen, int(count) + 1)
+        problem = f"has {count:.3g} frames at {chosen:g} a second"
+        raise entry.error(problem, "shorten it, or give a lower --rate")
+    return Animation(entry.title(), tuple(tracks.values()), keys, chosen, int(count) + 1)
 
 
 def own_rate(keys: F64) -> float:
@@ -199,23 +194,19 @@ def own_rate(keys: F64) -> float:
     return float(round(found)) if abs(found - round(found)) < 1e-3 else found
 
 
-def aimed(document: Document, animations: list[Entry]) -> list[tuple[Any, str]]:
-    """The nodes and the paths that animations move."""
-    channels = [channel for entry in animations for channel in document.items(entry, "channels", "an animation")]
-    return [aim for channel in channels if (aim := _aim(document, channel, "an animation"))]
+def aimed(animation: Entry) -> list[tuple[Any, str]]:
+    """The nodes and the paths that an animation moves."""
+    return [aim for channel in animation.entries("channels", "a channel") if (aim := _aim(channel))]
 
 
-def _aim(document: Document, channel: Any, where: str) -> tuple[Any, str] | None:
+def _aim(channel: Entry) -> tuple[Any, str] | None:
     """The node and the path that a channel moves; None for what is not drawn or belongs to no node.
 
     Raises :class:`UserError` for a pointer to something else that may be drawn.
     """
-    if not isinstance(channel, dict):
-        raise document.error(f"{where}: a channel is not an object")
-    target = document.object(channel, "target", where)
-    refuse_unknown(document, target, where)
-    said = document.extension(target, "KHR_animation_pointer", where)
-    path = target.get("path")
+    target = channel.object("target")
+    target.refuse_unknown()
+    said, path = target.extension("KHR_animation_pointer"), target.get("path")
     if said is None and path in _PATHS:
         return target.get("node"), path
     pointer = said.get("pointer") if said is not None else None
@@ -223,26 +214,24 @@ def _aim(document: Document, channel: Any, where: str) -> tuple[Any, str] | None
         return int(match[1]), match[2]
     if isinstance(pointer, str) and _NOT_DRAWN.match(pointer):
         return None
-    raise document.error(f"{where} animates {pointer or path!r}, which cannot be read", "leave it out")
+    raise channel.error(f"animates {pointer or path!r}, which cannot be read", "leave it out")
 
 
-def _track(document: Document, accessors: Accessors, sampler: Entry, place: int, path: str, width: int) -> Track:
+def _track(accessors: Accessors, sampler: Entry, place: int, path: str, width: int) -> Track:
     """A sampler's keys and values. ``width``: numbers of one value."""
-    where = "animation 0"
     how = sampler.get("interpolation", "LINEAR")
     if how not in ("LINEAR", "STEP", "CUBICSPLINE"):
-        raise document.error(f"{where} has the interpolation {how!r}")
-    times = accessors.floats(sampler.get("input"), where, 1)[:, 0].astype(np.float64)
+        raise sampler.error(f"has the interpolation {how!r}")
+    times = accessors.floats(sampler, "input", 1)[:, 0].astype(np.float64)
     if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise document.error(f"{where}: the times of its keys do not increase")
+        raise sampler.error(": the times of its keys do not increase")
     each = 3 if how == "CUBICSPLINE" else 1
-    stored = accessors.floats(sampler.get("output"), where, 1 if path == "weights" else width)
-    values = stored.astype(np.float64)
+    values = accessors.floats(sampler, "output", 1 if path == "weights" else width).astype(np.float64)
     if values.size != len(times) * each * width:
-        problem = f"{where} has {values.size} numbers for {len(times)} keys of the {path}"
-        raise document.error(f"{problem}, not {len(times) * each * width}")
+        problem = f"has {values.size} numbers for {len(times)} keys of the {path}"
+        raise sampler.error(f"{problem}, not {len(times) * each * width}")
     if not np.isfinite(values).all():
-        raise document.error(f"{where}: a value of the {path} is not finite")
+        raise sampler.error(f": a value of the {path} is not finite")
     values = values.reshape((len(times), each, width) if each == 3 else (len(times), width))
     if path == "rotation" and each == 1:
         length = np.linalg.norm(values, axis=1, keepdims=True)

@@ -1,15 +1,13 @@
 """Compressed data of glTF: meshes by Draco (package DracoPy) and buffer views by meshoptimizer (package meshopt)."""
 
+import importlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import install
-from .document import Document, Entry
-
-DRACO = "KHR_draco_mesh_compression"
-MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+from .entries import Entry
 
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 _GROWTH, _FLOOR = 1100, 1 << 14
@@ -19,31 +17,29 @@ Its best case is 1024: of 256 equal rows each four columns take a byte.
 """
 
 
-def unpacked(document: Document, name: str, packed: Entry, source: memoryview) -> memoryview:
-    """The bytes of a buffer view that meshoptimizer compressed.
-
-    name    of the view, for messages
-    packed  what the extension says of it
-    """
+def _decoder(entry: Entry, package: str, by: str) -> Any:
+    """The package that decodes an entry. Raises :class:`UserError` where it is not installed."""
     try:
-        import meshopt
+        return importlib.import_module(package)
     except ImportError:
-        raise document.error(
-            f"{name} is compressed by meshoptimizer, which needs the package meshopt", install("meshopt")
-        ) from None
-    count, stride = (document.whole(packed, key, name) for key in ("count", "byteStride"))
+        raise entry.error(f"is compressed by {by}, which needs the package {package}", install(package)) from None
+
+
+def unpacked(packed: Entry, source: memoryview) -> memoryview:
+    """The bytes of a buffer view that meshoptimizer compressed. ``packed``: what the extension says of it."""
+    meshopt = _decoder(packed, "meshopt", "meshoptimizer")
+    count, stride = packed.whole("count"), packed.whole("byteStride")
     mode, how = packed.get("mode"), packed.get("filter", "NONE")
     if mode not in _MODES:
-        raise document.error(f"{name}: its compression has the mode {mode!r}")
+        raise packed.error(f": its compression has the mode {mode!r}")
     if count * stride > max(_FLOOR, _GROWTH * len(source)):
-        problem = f"{name} unpacks {len(source)} bytes to {count * stride}"
-        raise document.error(problem, "the file is damaged")
+        raise packed.error(f"unpacks {len(source)} bytes to {count * stride}", "the file is damaged")
     if not count:
         return memoryview(b"")
     try:
         found = meshopt.decode_gltf_buffer(bytes(source), count, stride, mode, how)
     except (TypeError, ValueError) as error:
-        raise document.error(f"{name} cannot be decompressed ({error})") from error
+        raise packed.error(f"cannot be decompressed ({error})") from error
     return np.ascontiguousarray(found).data.cast("B")
 
 
@@ -53,23 +49,17 @@ class Draco:
     key  equal for the same data
     """
 
-    def __init__(self, document: Document, name: str, said: Entry, source: memoryview) -> None:
+    def __init__(self, said: Entry, source: memoryview) -> None:
+        decoder = _decoder(said, "DracoPy", "Draco")
+        self._ids = said.object("attributes")
+        self.key = (str(said.get("bufferView")), str(self._ids.values))
         try:
-            import DracoPy
-        except ImportError:
-            raise document.error(
-                f"{name} is compressed by Draco, which needs the package DracoPy", install("DracoPy")
-            ) from None
-        self._document, self._name = document, name
-        self._ids = document.object(said, "attributes", name)
-        self.key = (str(said.get("bufferView")), str(self._ids))
-        try:
-            self._decoded = DracoPy.decode(bytes(source))
+            self._decoded = decoder.decode(bytes(source))
             faces = getattr(self._decoded, "faces", None)
         except Exception as error:
-            raise document.error(f"{name} cannot be decompressed ({error})") from error
+            raise said.error(f"cannot be decompressed ({error})") from error
         if faces is None:
-            raise document.error(f"{name}: its compressed data hold no triangles")
+            raise said.error(": its compressed data hold no triangles")
         self.faces: NDArray[np.uint32] = np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
 
     def has(self, attribute: str) -> bool:
@@ -78,12 +68,10 @@ class Draco:
 
     def attribute(self, attribute: str, count: int, width: int) -> NDArray[Any]:
         """An attribute by its name in glTF, of the count and width that its accessor says."""
-        number = self._ids[attribute]
+        number = self._ids.get(attribute)
         found = self._decoded.get_attribute_by_unique_id(number) if type(number) is int else None
         values = None if found is None else np.asarray(found["data"])
         if values is None or values.shape != (count, width):
             shape = "nothing" if values is None else f"{values.shape}"
-            raise self._document.error(
-                f"{self._name}: {attribute} has the shape {(count, width)}, its compressed data {shape}"
-            )
+            raise self._ids.error(f": {attribute} has the shape {(count, width)}, its compressed data {shape}")
         return values

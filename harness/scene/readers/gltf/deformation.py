@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....arrays import I64, Floats
+from ....arrays import Floats
 from .accessors import Accessors
-from .document import Document
-from .extensions import refuse_unknown
+from .entries import Entry
 from .nodes import Matrices, Tree, affine
 from .primitives import Vertices
 
@@ -20,48 +17,36 @@ _BLOCK = 1 << 16
 """Vertices that are bent at a time."""
 
 
-@dataclass(frozen=True, eq=False)
 class Skin:
     """The joints that bend a mesh: their places in the tree, and the transforms of a mesh to each of them."""
 
-    joints: I64
-    inverse: Matrices
-
-    @staticmethod
-    def of(document: Document, accessors: Accessors, tree: Tree, index: Any, where: str) -> Skin:
-        """A skin by its index."""
-        entry, name = document.get("skins", index, where), f"skin {index}"
-        refuse_unknown(document, entry, name)
-        nodes = document.items(entry, "joints", name)
+    def __init__(self, accessors: Accessors, tree: Tree, entry: Entry) -> None:
+        entry.refuse_unknown()
+        nodes = entry.items("joints")
         if not nodes:
-            raise document.error(f"{name} has no joints")
+            raise entry.error("has no joints")
         for node in nodes:
             if type(node) is not int or node not in tree.place:
-                raise document.error(f"{name}: its joint {node!r} is no node of the scene")
-        joints = np.array([tree.place[node] for node in nodes], dtype=np.int64)
-        inverse = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
+                raise entry.error(f": its joint {node!r} is no node of the scene")
+        self.joints = np.array([tree.place[node] for node in nodes], dtype=np.int64)
+        self.inverse = np.broadcast_to(np.eye(4), (len(nodes), 4, 4))
         if "inverseBindMatrices" in entry:
-            stored = accessors.floats(entry["inverseBindMatrices"], name, 16)
-            if len(stored) < len(joints):
-                raise document.error(f"{name} has {len(joints)} joints, but {len(stored)} matrices")
-            columns = stored[: len(joints)].astype(np.float64).reshape(-1, 4, 4)
-            inverse = affine(document, columns.transpose(0, 2, 1), name)
-        return Skin(joints, inverse)
+            stored = accessors.floats(entry, "inverseBindMatrices", 16)
+            if len(stored) < len(nodes):
+                raise entry.error(f"has {len(nodes)} joints, but {len(stored)} matrices")
+            self.inverse = affine(stored[: len(nodes)].astype(np.float64), entry)
 
     def matrices(self, world: Matrices) -> Matrices:
         """The transforms of a mesh to the scene by each joint, [joint_count, 4, 4]."""
         with np.errstate(over="ignore", invalid="ignore"):
             return world[self.joints] @ self.inverse
 
-
-def check_influences(document: Document, skin: Skin, vertices: Vertices, name: str) -> int:
-    """The number of vertices without any weight. Raises :class:`UserError` for a joint that is not there."""
-    joints, weights = vertices.joints, vertices.weights
-    wrong = (joints >= len(skin.joints)) & (weights != 0)
-    if wrong.any():
-        problem = f"{name} names joint {joints[wrong].max()}, but its skin has {len(skin.joints)}"
-        raise document.error(problem)
-    return int(np.count_nonzero(~weights.any(axis=1)))
+    def unweighted(self, vertices: Vertices, node: Entry) -> int:
+        """The number of vertices without any weight. Raises :class:`UserError` for a joint that is not there."""
+        wrong = (vertices.joints >= len(self.joints)) & (vertices.weights != 0)
+        if wrong.any():
+            raise node.error(f"names joint {vertices.joints[wrong].max()}, but its skin has {len(self.joints)}")
+        return int(np.count_nonzero(~vertices.weights.any(axis=1)))
 
 
 def displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats:

@@ -24,28 +24,21 @@ class Frames:
     """
 
     def __init__(self, model: Model, tree: Tree, animation: Animation | None, time: float) -> None:
-        self._model, self._tree, self._animation = model, tree, animation
-        moving = set() if animation is None else animation.moving()
-        self._levels = tree.moved(moving)
+        self._tree, self._animation = tree, animation
+        self._levels = tree.moved(animation.moving if animation else set())
         moved = {int(place) for places in self._levels for place in places}
-        bending = set() if animation is None else set(animation.weights(time))
+        bending = set(animation.weights(time)) if animation else set()
         self._bent = bending | {block.place for block in model.blocks if block.skin is not None}
-        self._moving = [
-            block
-            for block in model.blocks
-            if block.place in bending
-            or not moved.isdisjoint([block.place] if block.skin is None else block.skin.joints.tolist())
-        ]
+        self._moving = [one for one in model.blocks if one.place in bending or not moved.isdisjoint(one.movers)]
         self.first, weights = self._pose(time)
         stored = animation is None and all(self._as_stored(block) for block in model.blocks)
         self.points: Floats = np.empty((model.vertex_count, 3), np.float32 if stored else np.float64)
-        self._write(self.points, model.blocks, self.first, weights)
+        _write(self.points, model.blocks, self.first, weights)
 
     def at(self, time: float) -> Floats:
         """Positions [vertex_count, 3] at a time."""
-        world, weights = self._pose(time)
         result = self.points.copy()
-        self._write(result, self._moving, world, weights)
+        _write(result, self._moving, *self._pose(time))
         return result
 
     def bodies(self) -> I32 | None:
@@ -69,14 +62,13 @@ class Frames:
         plain = block.skin is None and not any(block.weights) and block.vertices.positions.dtype == np.float32
         return plain and bool((block.matrices(self._tree.world) == np.eye(4)).all())
 
-    @staticmethod
-    def _write(result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, F64]) -> None:
-        """Write the positions of some blocks into ``result`` [vertex_count, 3]."""
-        for block in blocks:
-            points = displaced(block.vertices, weights.get(block.place, block.weights))
-            part = result[block.start : block.start + block.count]
-            if block.skin is not None:
-                bent(points, block.vertices, block.skin.matrices(world), part)
-            else:
-                placed = part.reshape(len(block.instances), -1, 3)
-                transformed(points, block.matrices(world), placed)
+
+def _write(result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, F64]) -> None:
+    """Write the positions of some blocks into ``result`` [vertex_count, 3]."""
+    for block in blocks:
+        points = displaced(block.vertices, weights.get(block.place, block.weights))
+        part = result[block.start : block.start + block.count]
+        if block.skin is not None:
+            bent(points, block.vertices, block.skin.matrices(world), part)
+        else:
+            transformed(points, block.matrices(world), part.reshape(len(block.instances), -1, 3))

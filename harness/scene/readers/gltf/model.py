@@ -2,15 +2,14 @@
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ....arrays import I32, Bools
 from .accessors import Accessors
-from .container import Container, MissingError
-from .deformation import Skin, check_influences
-from .document import counted
+from .container import MissingError
+from .deformation import Skin
+from .entries import Entry, counted
 from .nodes import ONCE, Instances, Matrices, Tree, mirrored
 from .primitives import Meshes, Primitive, Vertices
 
@@ -46,6 +45,11 @@ class Block:
     def count(self) -> int:
         return len(self.instances) * len(self.vertices.positions)
 
+    @property
+    def movers(self) -> list[int]:
+        """The places of the nodes whose transforms move it."""
+        return [self.place] if self.skin is None else self.skin.joints.tolist()
+
     def matrices(self, world: Matrices) -> Matrices:
         """The transforms of its instances to the scene."""
         own = world[self.place]
@@ -55,19 +59,8 @@ class Block:
             return own @ self.instances
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """What the node at a place draws; ``weights`` of its morph targets."""
-
-    place: int
-    primitives: list[Primitive]
-    skin: Skin | None
-    instances: Instances
-    weights: list[float]
-
-    @property
-    def triangle_count(self) -> int:
-        return self.instances.count * sum(len(primitive.corners) for primitive in self.primitives)
+_Drawn = tuple[int, list[Primitive], Skin | None, Instances, list[float]]
+"""What the node at a place draws, and the weights of its morph targets."""
 
 
 class Model:
@@ -79,67 +72,91 @@ class Model:
     blocks        all vertices
     vertex_count  of all blocks
     materials     the indices of the materials that are drawn
+    notes         what was left out or is doubtful
     """
 
-    def __init__(self, file: Container, accessors: Accessors, tree: Tree, allow_missing: bool) -> None:
+    def __init__(self, accessors: Accessors, tree: Tree, allow_missing: bool) -> None:
         self.blocks: list[Block] = []
-        self.vertex_count = 0
+        self.vertex_count = self._doubtful = missing = 0
         self.materials: set[int] = set()
-        self._file, self._document = file, file.document
-        self._accessors, self._tree = accessors, tree
-        self._meshes = Meshes(self._document, accessors)
-        self._mirrored = mirrored(tree.world)
+        self._file, self._accessors, self._tree = accessors.file, accessors, tree
+        self._meshes = Meshes(accessors)
         self._skins: dict[str, Skin] = {}
         self._blocks: dict[Hashable, Block] = {}
         self._parts: list[tuple[Block, Primitive]] = []
-        self._missing = self._doubtful = 0
-        shown = [i for i in range(len(tree.nodes)) if tree.shown[i] and "mesh" in tree.entry(i)]
-        drawn = [found for place in shown if (found := self._read(place, allow_missing)) is not None]
-        self._triangle_count = sum(one.triangle_count for one in drawn)
-        self._refuse_more(self._triangle_count, max(_DRAWN, file.size), "triangles")
-        self._refuse_more(sum(len(one.primitives) + one.instances.count for one in drawn), _DRAWS, "primitives")
+        drawn: list[_Drawn] = []
+        for place, node in enumerate(tree.entries):
+            if tree.shown[place] and "mesh" in node:
+                try:
+                    drawn.append(self._read(place, node))
+                except MissingError:
+                    if not allow_missing:
+                        raise
+                    missing += 1
+        most = max(_DRAWN, self._file.size)
+        self._triangle_count = sum(
+            instances.count * sum(len(one.corners) for one in primitives) for _, primitives, _, instances, _ in drawn
+        )
+        self._refuse_more(self._triangle_count, most, "triangles")
+        draws = sum(len(primitives) + instances.count for _, primitives, _, instances, _ in drawn)
+        self._refuse_more(draws, _DRAWS, "primitives")
         if not self._triangle_count:
-            raise self._document.error("holds no triangles", "give a triangle mesh")
+            raise self._file.error("holds no triangles", "give a triangle mesh")
+        turned = mirrored(tree.world)
         for one in drawn:
-            self._add(one)
-            self._refuse_more(self.vertex_count, max(_DRAWN, file.size), "vertices")
+            self._add(*one, turned[one[0] : one[0] + 1])
+            self._refuse_more(self.vertex_count, most, "vertices")
+        surfaceless, placeless = (self._meshes.left_out[why] for why in ("no surface", "no positions"))
+        vertices = counted(self._doubtful, "vertex", "vertices")
+        told = {
+            f"{counted(surfaceless, 'primitive')} of points or lines left out": surfaceless,
+            f"{counted(placeless, 'primitive')} without positions left out": placeless,
+            f"{counted(missing, 'node')} left out, whose data are in a missing file": missing,
+            f"{vertices} without joint weights follow their first joint": self._doubtful,
+        }
+        self.notes = [note for note, count in told.items() if count]
 
     def _refuse_more(self, count: int, most: int, what: str) -> None:
         if count > most:
-            problem = f"has {count} {what} with instances, more than {most}"
-            raise self._document.error(problem, "export a part of it")
+            raise self._file.error(f"has {count} {what} with instances, more than {most}", "export a part of it")
 
-    def _read(self, place: int, allow_missing: bool) -> _Drawn | None:
-        """What a node draws; None where its data are in a file that is missing, if that is allowed."""
-        entry, name = self._tree.entry(place), f"node {self._tree.nodes[place]}"
-        try:
-            skin = self._skin(entry["skin"], name) if "skin" in entry else None
-            placed = Instances(self._document, self._accessors, entry, name)
-            if skin is not None and placed.given:
-                raise self._document.error(f"{name} has both a skin and instances", "leave one of them out")
-            primitives = self._meshes.primitives(entry["mesh"], name, skin is not None)
-            return _Drawn(place, primitives, skin, placed, self._meshes.weights(entry["mesh"], entry, name))
-        except MissingError:
-            if not allow_missing:
-                raise
-            self._missing += 1
-            return None
+    def _read(self, place: int, node: Entry) -> _Drawn:
+        skin = None
+        if "skin" in node:
+            entry = self._file.named(node, node.get("skin"), "skins")
+            if entry.name not in self._skins:
+                self._skins[entry.name] = Skin(self._accessors, self._tree, entry)
+            skin = self._skins[entry.name]
+        instances = Instances(self._accessors, node)
+        if skin is not None and instances.given:
+            raise node.error("has both a skin and instances", "leave one of them out")
+        mesh = self._file.named(node, node.get("mesh"), "meshes")
+        primitives = self._meshes.primitives(mesh, skin is not None)
+        weighted = next((entry for entry in (node, mesh) if "weights" in entry), None)
+        weights = weighted.numbers("weights", [0.0] * len(weighted.items("weights"))) if weighted else []
+        return place, primitives, skin, instances, weights
 
-    def _add(self, drawn: _Drawn) -> None:
-        """Add what a node draws."""
-        place, each = drawn.place, drawn.instances.matrices()
-        turned = self._mirrored[place : place + 1] & (drawn.skin is None)
-        if drawn.instances.given:
-            turned = mirrored(each) ^ turned
-        for primitive in drawn.primitives:
-            weights = drawn.weights if primitive.vertices.targets else []
-            block = Block(self.vertex_count, primitive.vertices, place, each, turned, drawn.skin, weights)
-            self._parts.append((self._shared(block), primitive))
+    def _add(
+        self,
+        place: int,
+        primitives: list[Primitive],
+        skin: Skin | None,
+        instances: Instances,
+        weights: list[float],
+        turned: Bools,
+    ) -> None:
+        """Add what the node at a place draws. ``turned``: whether its transform mirrors, [1]."""
+        each = instances.matrices()
+        turned = mirrored(each) ^ turned if instances.given else turned & (skin is None)
+        for primitive in primitives:
+            vertices, own = primitive.vertices, weights if primitive.vertices.targets else []
+            block = self._shared(Block(self.vertex_count, vertices, place, each, turned, skin, own))
+            self._parts.append((block, primitive))
             self.materials.update([] if primitive.material is None else [primitive.material])
 
     def _shared(self, block: Block) -> Block:
         """The block of the same vertices at the same place if there is one, else this one, which is then added."""
-        if self._document.all("animations"):
+        if self._file.all("animations"):
             where: Hashable = block.place
         elif block.skin is None:  # without animation, what stands at the same place stays there
             where = block.matrices(self._tree.world).tobytes()
@@ -151,43 +168,8 @@ class Model:
             self.blocks.append(block)
             self.vertex_count += block.count
             if block.skin is not None:
-                name = f"node {self._tree.nodes[block.place]}"
-                self._doubtful += check_influences(self._document, block.skin, block.vertices, name)
+                self._doubtful += block.skin.unweighted(block.vertices, self._tree.entries[block.place])
         return self._blocks[key]
-
-    def _skin(self, index: Any, name: str) -> Skin:
-        if str(index) not in self._skins:
-            self._skins[str(index)] = Skin.of(self._document, self._accessors, self._tree, index, name)
-        return self._skins[str(index)]
-
-    def notes(self) -> list[str]:
-        """What was left out or is doubtful."""
-        left, found = self._meshes.left_out, []
-        if left["no surface"]:
-            found.append(f"{counted(left['no surface'], 'primitive')} of points or lines left out")
-        if left["no positions"]:
-            found.append(f"{counted(left['no positions'], 'primitive')} without positions left out")
-        if self._missing:
-            found.append(f"{counted(self._missing, 'node')} left out, whose data are in a missing file")
-        if self._doubtful:
-            vertices = counted(self._doubtful, "vertex", "vertices")
-            found.append(f"{vertices} without joint weights follow their first joint")
-        return found
-
-    def carrying(self) -> set[int]:
-        """The places of the nodes whose transforms move what is drawn."""
-        found: set[int] = set()
-        for block in self.blocks:
-            found.update([block.place] if block.skin is None else block.skin.joints.tolist())
-        return self._tree.above(found)
-
-    def targets(self) -> dict[int, int]:
-        """Of the nodes that draw vertices with morph targets: how many targets."""
-        found: dict[int, int] = {}
-        for block in self.blocks:
-            if block.vertices.targets:
-                found[block.place] = max(found.get(block.place, 0), len(block.vertices.targets))
-        return found
 
     def faces(self) -> I32:
         """All triangles, int32 [triangle_count, 3]. Where a transform mirrors, the last two corners change places."""

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....arrays import Floats, Ints
-from .accessors import Accessors
-from .compressed import DRACO, Draco
-from .document import Document, Entry
-from .extensions import refuse_unknown
+from .accessors import Accessors, normal
+from .compressed import Draco
+from .entries import DRACO, Entry
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _NO_SURFACE = (0, 1, 2, 3)
@@ -56,145 +55,113 @@ class Meshes:
     left_out  of the meshes that were read: how many primitives hold "no surface", and how many "no positions"
     """
 
-    def __init__(self, document: Document, accessors: Accessors) -> None:
-        self._document = document
+    def __init__(self, accessors: Accessors) -> None:
         self._accessors = accessors
-        self._read: dict[tuple[int, bool], list[Primitive]] = {}
+        self._read: dict[tuple[str, bool], list[Primitive]] = {}
         self._vertices: dict[Hashable, Vertices] = {}
         self._corners: dict[Hashable, tuple[Ints, int]] = {}
         self.left_out: Counter[str] = Counter()
 
-    def primitives(self, mesh: Any, where: str, skinned: bool) -> list[Primitive]:
+    def primitives(self, mesh: Entry, skinned: bool) -> list[Primitive]:
         """The primitives of a mesh that have triangles. ``skinned``: whether joints and weights are needed."""
-        entry, name = self._document.get("meshes", mesh, where), f"mesh {mesh}"
-        if (mesh, skinned) not in self._read:
-            refuse_unknown(self._document, entry, name)
-            read = [
-                self._primitive(primitive, name, skinned)
-                for primitive in self._document.items(entry, "primitives", name)
-            ]
-            self._read[mesh, skinned] = [one for one in read if one is not None and len(one.corners)]
-        return self._read[mesh, skinned]
+        key = mesh.name, skinned
+        if key not in self._read:
+            mesh.refuse_unknown()
+            read = [self._primitive(primitive, skinned) for primitive in mesh.entries("primitives", "a primitive")]
+            self._read[key] = [one for one in read if one is not None and len(one.corners)]
+        return self._read[key]
 
-    def weights(self, mesh: Any, node: Entry, where: str) -> list[float]:
-        """The weights of the morph targets of a mesh at a node: those of the node, else of the mesh, else none."""
-        for entry in (node, self._document.get("meshes", mesh, where)):
-            if "weights" in entry:
-                count = len(self._document.items(entry, "weights", where))
-                return self._document.numbers(entry, "weights", where, (0.0,) * count)
-        return []
-
-    def _primitive(self, entry: Any, name: str, skinned: bool) -> Primitive | None:
-        document = self._document
-        if not isinstance(entry, dict):
-            raise document.error(f"{name}: a primitive is not an object")
-        mode = entry.get("mode", _TRIANGLES)
-        attributes = document.object(entry, "attributes", name)
+    def _primitive(self, entry: Entry, skinned: bool) -> Primitive | None:
+        mode, attributes = entry.get("mode", _TRIANGLES), entry.object("attributes")
         if mode in _NO_SURFACE:
             self.left_out["no surface"] += 1
             return None
-        refuse_unknown(document, entry, name)
+        entry.refuse_unknown()
         if "POSITION" not in attributes:
             self.left_out["no positions"] += 1
             return None
         if mode not in (_TRIANGLES, _STRIP, _FAN):
-            raise document.error(f"{name}: a primitive has the mode {mode!r}")
-        draco = self._compressed(entry, attributes, name)
-        vertices = self._vertices_of(entry, attributes, draco, name, skinned)
+            raise entry.error(f": a primitive has the mode {mode!r}")
+        said = entry.extension(DRACO)
+        draco = None  # of a primitive whose accessors have no data of their own
+        if "bufferView" not in self._accessors.file.named(entry, attributes.get("POSITION"), "accessors") and said:
+            draco = Draco(said, self._accessors.view(said))
+        vertices = self._vertices_of(entry, attributes, draco, skinned)
         count = len(vertices.positions)
         corners: Ints
         if draco is not None:
             corners, most = draco.faces, int(draco.faces.max(initial=0))
         elif "indices" in entry:
-            corners, most = self._indexed(entry["indices"], mode, name)
+            corners, most = self._indexed(entry, mode)
         else:
-            corners, most = self._cut(np.arange(count, dtype=np.uint32), mode, name), 0
+            corners, most = _cut(entry, np.arange(count, dtype=np.uint32), mode), 0
         if len(corners) and most >= count:
-            raise document.error(f"{name} names vertex {most}, but there are {count}")
+            raise entry.error(f"names vertex {most}, but there are {count}")
         material = entry.get("material")
         return Primitive(vertices, corners, material if type(material) is int else None)
 
-    def _compressed(self, entry: Entry, attributes: Entry, name: str) -> Draco | None:
-        """The Draco data of a primitive whose accessors have none of their own."""
-        said = self._document.extension(entry, DRACO, name)
-        position = self._document.get("accessors", attributes["POSITION"], name)
-        if said is None or "bufferView" in position:
-            return None
-        return Draco(self._document, name, said, self._accessors.view(said.get("bufferView"), name))
-
-    def _vertices_of(self, entry: Entry, attributes: Entry, draco: Draco | None, name: str, skinned: bool) -> Vertices:
-        document = self._document
-        targets = [
-            document.object({"target": target}, "target", name).get("POSITION")
-            for target in document.items(entry, "targets", name)
-        ]
-        influences = sorted(key for key in attributes if key.startswith("JOINTS_")) if skinned else []
+    def _vertices_of(self, entry: Entry, attributes: Entry, draco: Draco | None, skinned: bool) -> Vertices:
+        targets = entry.entries("targets", "target")
+        influences = sorted(key for key in attributes.values if key.startswith("JOINTS_")) if skinned else []
         if skinned and not influences:
-            raise document.error(f"{name} has a skin, but a primitive has no joints")
+            raise entry.error("has a skin, but a primitive has no joints")
         sets = [(key, key.replace("JOINTS_", "WEIGHTS_")) for key in influences]
         if any(weights not in attributes for _, weights in sets):
-            raise document.error(f"{name}: a primitive has joints without weights")
-        used = [attributes[name] for pair in sets for name in pair]
-        key = (str(attributes["POSITION"]), str(targets), str(used), draco and draco.key)
+            raise entry.error(": a primitive has joints without weights")
+        used = [attributes.get(name) for name in ("POSITION", *(name for pair in sets for name in pair))]
+        key = (str(used), str([target.get("POSITION") for target in targets]), draco and draco.key)
         if key not in self._vertices:
-            positions = self._attribute("POSITION", attributes, draco, name, 3)
-            self._vertices[key] = Vertices(
-                key,
-                positions,
-                tuple(None if index is None else self._target(index, len(positions), name) for index in targets),
-                *self._influences(sets, attributes, draco, name, len(positions)),
-            )
+            positions = self._attribute("POSITION", attributes, draco, 3)
+            count = len(positions)
+            moves = tuple(self._target(target, count) for target in targets)
+            joints = [self._attribute(key, attributes, draco, 4, whole=True) for key, _ in sets]
+            weights = [self._attribute(key, attributes, draco, 4) for _, key in sets]
+            if any(len(values) != count for values in (*joints, *weights)):
+                raise entry.error(": joints, weights and positions differ in number")
+            none: list[NDArray[Any]] = [np.zeros((count, 0), np.uint8)]
+            both = (np.concatenate(values or none, axis=1) for values in (joints, weights))
+            self._vertices[key] = Vertices(key, positions, moves, *both)
         return self._vertices[key]
 
     def _attribute(
-        self, key: str, attributes: Entry, draco: Draco | None, name: str, width: int, whole: bool = False
-    ) -> NDArray:
+        self, key: str, attributes: Entry, draco: Draco | None, width: int, whole: bool = False
+    ) -> NDArray[Any]:
         """One attribute [count, width]: floats, or with ``whole`` unsigned integers."""
-        layout = self._accessors.layout(attributes[key], name)
+        layout = self._accessors.layout(attributes, key)
         if draco is None or not draco.has(key):
             read = self._accessors.indices if whole else self._accessors.floats
-            return read(attributes[key], name, width)
+            return read(attributes, key, width)
         values = draco.attribute(key, layout.count, width)
         if layout.normalized:
-            return np.maximum(values / np.float64(np.iinfo(values.dtype).max), -1.0)
+            return normal(values)
         return values if whole else values.astype(np.float32, copy=False)
 
-    def _target(self, index: Any, count: int, name: str) -> Floats:
+    def _target(self, target: Entry, count: int) -> Floats | None:
         """The displacements of a morph target."""
-        found = self._accessors.layout(index, name).count
+        if target.get("POSITION") is None:
+            return None
+        found = self._accessors.layout(target, "POSITION").count
         if found != count:
-            raise self._document.error(f"{name}: a morph target has {found} vertices, its primitive {count}")
-        return self._accessors.floats(index, name, 3)
+            raise target.error(f": a morph target has {found} vertices, its primitive {count}")
+        return self._accessors.floats(target, "POSITION", 3)
 
-    def _influences(
-        self, sets: list[tuple[str, str]], attributes: Entry, draco: Draco | None, name: str, count: int
-    ) -> tuple[NDArray, NDArray]:
-        """Joints and weights [count, influences], four of each set."""
-        joints = [self._attribute(key, attributes, draco, name, 4, whole=True) for key, _ in sets]
-        weights = [self._attribute(key, attributes, draco, name, 4) for _, key in sets]
-        if any(len(values) != count for values in (*joints, *weights)):
-            raise self._document.error(f"{name}: joints, weights and positions differ in number")
-        if not sets:
-            return np.zeros((count, 0), np.uint8), np.zeros((count, 0), np.float32)
-        return np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
-
-    def _indexed(self, index: Any, mode: int, name: str) -> tuple[Ints, int]:
+    def _indexed(self, entry: Entry, mode: int) -> tuple[Ints, int]:
         """The triangles that an accessor of indices makes, and its largest index; once for all that use it."""
-        key = (str(index), mode)
+        key = (str(entry.get("indices")), mode)
         if key not in self._corners:
-            corners = self._accessors.indices(index, name)[:, 0]
-            self._corners[key] = self._cut(corners, mode, name), int(corners.max(initial=0))
+            corners = self._accessors.indices(entry, "indices")[:, 0]
+            self._corners[key] = _cut(entry, corners, mode), int(corners.max(initial=0))
         return self._corners[key]
 
-    def _cut(self, corners: Ints, mode: int, name: str) -> Ints:
-        """The triangles [triangle_count, 3] of a list, a strip or a fan of corners."""
-        if mode == _TRIANGLES:
-            if len(corners) % 3:
-                problem = f"{name}: a primitive has {len(corners)} corners, not a multiple of 3"
-                raise self._document.error(problem)
-            return corners.reshape(-1, 3)
-        i = np.arange(max(0, len(corners) - 2))
-        if mode == _FAN:
-            return np.stack([corners[i + 1], corners[i + 2], corners[i * 0]], axis=1)
-        odd = i % 2  # every second triangle of a strip is turned the other way round
-        return np.stack([corners[i], corners[i + 1 + odd], corners[i + 2 - odd]], axis=1)
+
+def _cut(entry: Entry, corners: Ints, mode: int) -> Ints:
+    """The triangles [triangle_count, 3] of a list, a strip or a fan of corners."""
+    if mode == _TRIANGLES:
+        if len(corners) % 3:
+            raise entry.error(f": a primitive has {len(corners)} corners, not a multiple of 3")
+        return corners.reshape(-1, 3)
+    i = np.arange(max(0, len(corners) - 2))
+    if mode == _FAN:
+        return np.stack([corners[i + 1], corners[i + 2], corners[i * 0]], axis=1)
+    odd = i % 2  # every second triangle of a strip is turned the other way round
+    return np.stack([corners[i], corners[i + 1 + odd], corners[i + 2 - odd]], axis=1)

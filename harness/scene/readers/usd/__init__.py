@@ -1,12 +1,11 @@
 """USD through the package usd-core: all that the stage draws, in the order of the stage, over its time.
 
-stage     opens it, and finds missing and used files
-prims     which prims have a place; transforms and visibility
-shapes    triangles of meshes; gprims: of spheres, cubes ...; skins: of what a skeleton bends
-drawing   what is drawn where; instancers: many times
-times     at which time codes
-views     its cameras and lights
-read      all of this together, with what it has approximated or left out
+stage       opens it, and finds missing and used files
+prims       which prims have a place; transforms and visibility
+shapes      triangles of meshes, of spheres, cubes ..., and of what a skeleton bends
+drawing     what is drawn where; instancers: many times
+views       its cameras and lights
+read        all of this together, at which time codes, with what it has approximated or left out
 """
 
 from dataclasses import replace

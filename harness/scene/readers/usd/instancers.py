@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,7 +14,8 @@ from pxr import UsdGeom
 from ....arrays import F64, I64
 from ..checks import broken
 from ..topology import Piece
-from .shapes import array, samples
+from .prims import samples, vary
+from .shapes import Shape, array
 
 MOST_INSTANCED = 1 << 25
 """Largest number of triangles including instances; through nested instancers a small file could have any number."""
@@ -41,11 +42,11 @@ class Placed:
 
     @staticmethod
     def joined(parts: Sequence[Placed]) -> Placed:
-        if not parts:
-            return Placed(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
         if len(parts) == 1:
             return parts[0]
-        return Placed(np.concatenate([p.shapes for p in parts]), np.concatenate([p.matrices for p in parts]))
+        none = Placed(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
+        all_parts = [none, *parts]
+        return Placed(np.concatenate([p.shapes for p in all_parts]), np.concatenate([p.matrices for p in all_parts]))
 
 
 class Prototype(Protocol):
@@ -62,11 +63,15 @@ class Prototype(Protocol):
 
 
 class Instancer:
-    """The instances of a prim: those that are neither inactive nor invisible, in the order of their arrays."""
+    """The instances of a prim: those that are neither inactive nor invisible, in the order of their arrays.
 
-    def __init__(self, path: Path, prim: Any, prototypes: Sequence[Prototype]) -> None:
-        self._path, self._prim, self._prototypes = path, UsdGeom.PointInstancer(prim), prototypes
-        own = self._prim
+    times, moves  as of :class:`.shapes.Shape`
+    """
+
+    def __init__(self, path: Path, prim: Any, prototypes: Sequence[Prototype], shapes: Sequence[Shape]) -> None:
+        """``shapes``: those of the stage."""
+        self._path, self._prototypes, self._shapes = path, prototypes, shapes
+        own = self._prim = UsdGeom.PointInstancer(prim)
         self._lengths = [
             own.GetPositionsAttr(),
             own.GetOrientationsAttr(),
@@ -79,12 +84,10 @@ class Instancer:
         ]
         read = [*self._lengths, own.GetProtoIndicesAttr(), own.GetInvisibleIdsAttr()]
         self.times = samples(read).union(*(prototype.times for prototype in prototypes))
-        self.moves = any(attribute and attribute.ValueMightBeTimeVarying() for attribute in read) or any(
-            prototype.moves for prototype in prototypes
-        )
+        self.moves = vary(read) or any(prototype.moves for prototype in prototypes)
 
-    def placed(self, time: float, triangles: Callable[[int], int]) -> Placed:
-        """The shapes of all instances, in the instancer's space. ``triangles(shape)``: how many a shape has.
+    def placed(self, time: float) -> Placed:
+        """The shapes of all instances, in the instancer's space.
 
         Raises :class:`UserError` if the arrays contradict each other or the instances have too many triangles.
         """
@@ -95,16 +98,19 @@ class Instancer:
         mask = np.array(self._prim.ComputeMaskAtTime(time), dtype=bool)
         chosen = np.flatnonzero(mask) if len(mask) else np.arange(len(which))
         which = which[chosen]
-        places = np.array(
-            self._prim.ComputeInstanceTransformsAtTime(
-                time, time, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-            )
-        ).reshape(-1, 4, 4)[chosen]
+        how = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+        places = np.array(self._prim.ComputeInstanceTransformsAtTime(time, time, *how)).reshape(-1, 4, 4)[chosen]
         own = [prototype.placed(time) for prototype in self._prototypes]
-        sizes = [sum(int(n) * triangles(k) for k, n in enumerate(np.bincount(p.shapes)) if n) for p in own]
-        self._require_few(which, sizes, "triangles", MOST_INSTANCED)
-        self._require_few(which, [len(p.shapes) for p in own], "meshes", MOST_INSTANCES)
         counts = np.array([len(p.shapes) for p in own])
+        sizes = [
+            sum(int(n) * len(self._shapes[shape].at(time)[1]) for shape, n in enumerate(np.bincount(p.shapes)) if n)
+            for p in own
+        ]
+        for each, what, most in ((sizes, "triangles", MOST_INSTANCED), (counts, "meshes", MOST_INSTANCES)):
+            total = int(np.bincount(which, minlength=len(own)) @ np.array(each, dtype=object))
+            if total > most:
+                problem = f"{self._prim.GetPath()}: {total} {what} with instances, more than {most}"
+                raise broken(self._path, problem, "export a part of it")
         drawn = Placed.joined(own)
         instance = np.repeat(np.arange(len(which)), counts[which])
         first = (np.cumsum(counts) - counts)[which]
@@ -130,16 +136,10 @@ class Instancer:
             problem = f"{name}: an instance names prototype {high if low >= 0 else low}"
             raise broken(self._path, f"{problem}, but there are {len(self._prototypes)}")
 
-    def _require_few(self, which: NDArray, each: list[int], what: str, most: int) -> None:
-        total = sum(int(n) * size for n, size in zip(np.bincount(which, minlength=len(each)), each, strict=True))
-        if total > most:
-            problem = f"{self._prim.GetPath()}: {total} {what} with instances, more than {most}"
-            raise broken(self._path, problem, "export a part of it")
 
-
-def mesh_of(placed: Placed, shape: Callable[[int], Piece]) -> Piece:
-    """All placed shapes as one mesh, in order, float64."""
-    own = {int(kind): shape(int(kind)) for kind in np.unique(placed.shapes)}
+def mesh_of(placed: Placed, shapes: Sequence[Shape], time: float) -> Piece:
+    """All placed shapes as one mesh at a time code, in order, float64."""
+    own = {kind: shapes[kind].at(time) for kind in np.unique(placed.shapes).tolist()}
     sizes = np.zeros((2, max(own, default=0) + 1), dtype=np.int64)
     for kind, (points, faces) in own.items():
         sizes[:, kind] = len(points), len(faces)

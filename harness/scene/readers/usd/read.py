@@ -1,5 +1,6 @@
 """What a stage draws, over the time codes that are wanted, as one mesh, and what reading it has approximated or left out."""
 
+import math
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -8,49 +9,66 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
-from ..checks import MAX_TRIANGLES, Loaded, Wanted, broken, checked
+from ..checks import MAX_TRIANGLES, Loaded, Wanted, broken, checked, some
 from ..topology import Piece, fixed_topology
 from . import views
 from .drawing import Drawing, Library
-from .gprims import RESOLUTION
 from .prims import DRAWN
-from .times import times
+from .shapes import RESOLUTION
 
 MOST_POSITIONS = 1 << 27
 """Largest number of vertices of all frames together: 3 GiB."""
+
+MOST_FRAMES = 1 << 20
+"""Largest number of frames of an animation, before some are chosen."""
+
+_SLACK = 1e-6
+"""Difference of time codes, in frames, that rounding explains."""
+
+_COUNTED = {
+    "tessellated": f"tessellated gprims: {{}} ({RESOLUTION})",
+    "cages": "subdivision surfaces read as their cages: {}",
+    "empty": "prototypes of instancers that draw nothing: {}",
+    "draw modes": "draw modes not used: {}",
+    "materials": "materials not read: {}",
+    "opacities": "opacities of materials and shapes not read: {}",
+}
+"""What is said of each count that is not 0."""
 
 
 def over_time(path: Path, stage: Any, wanted: Wanted, notes: list[str]) -> Loaded:
     """The mesh, its cameras and lights; what is approximated or left out is added to ``notes``."""
     library = Library(path)
     drawing = Drawing(library, stage.GetPseudoRoot().GetFilteredChildren(DRAWN), DRAWN)
-    at = times(path, stage, drawing.times, drawing.moves, wanted, notes)
-    drawing.prims.at(at.codes[0])
-    cameras = views.cameras(drawing.prims, at.codes[0], notes)
-    lights = views.lights(drawing.prims, at.codes[0], notes)
-    frames = _frames(path, drawing, at.codes)
-    there = [any(frame[i] is not None for frame in frames) for i in range(len(drawing.parts))]
+    codes, rate = _times(path, stage, drawing, wanted, notes)
+    drawing.at(codes[0])
+    cameras = views.cameras(drawing.nodes, codes[0], notes)
+    lights = views.lights(drawing.nodes, codes[0], notes)
+    frames = _frames(path, drawing, codes)
+    there = [any(piece is not None for piece in part) for part in zip(*frames, strict=True)]
     if not any(there):
-        seen = f" ({listed(library.left_out)} left out)" if library.left_out.total() else ""
+        seen = f" ({_listed(library.left_out)} left out)" if library.left_out.total() else ""
         raise broken(path, f"holds no visible mesh{seen}", "give a stage with meshes")
     fixed = fixed_topology(frames)
-    names = [str(drawing.prims.nodes[part.node].prim.GetPath()) for part in drawing.parts]
-    notes += approximations(stage, library)
-    notes += changes(
-        [names[i] for i in fixed.padded],
-        [names[i] for i in fixed.vanishing],
-        [name for name, shown in zip(names, there, strict=True) if not shown],
-    )
+    names = [str(part.node.prim.GetPath()) for part in drawing.parts]
+    absent = [i for i, shown in enumerate(there) if not shown]
+    notes += _approximations(stage, library)
+    for what, parts in (
+        ("topology changes, so that padded triangles vanish and appear", fixed.padded),
+        ("not in all frames", fixed.vanishing),
+        ("in no frame, empty or invisible", absent),
+    ):
+        notes += [f"{what}: {some([names[i] for i in parts])}"] if parts else []
     up = (0.0, 0.0, 1.0) if UsdGeom.GetStageUpAxis(stage) == "Z" else (0.0, 1.0, 0.0)
     mesh = checked(path, fixed.frames[0], fixed.faces, up)
-    (first,), later, rate = mesh.frames, fixed.frames[1:], at.rate
+    (first,), later = mesh.frames, fixed.frames[1:]
     if later and all(np.array_equal(frame, first, equal_nan=True) for frame in later):
         notes.append(f"{len(fixed.frames)} frames are alike: read as one")
         later, rate = (), None
     return replace(mesh, frames=(first, *later), rate=rate, cameras=cameras, lights=lights)
 
 
-def _frames(path: Path, drawing: Drawing, codes: tuple[float, ...]) -> list[list[Piece | None]]:
+def _frames(path: Path, drawing: Drawing, codes: list[float]) -> list[list[Piece | None]]:
     """The parts at each time code. Raises :class:`UserError` as soon as they have too many vertices or triangles."""
     frames: list[list[Piece | None]] = []
     positions = 0
@@ -68,23 +86,55 @@ def _frames(path: Path, drawing: Drawing, codes: tuple[float, ...]) -> list[list
     return frames
 
 
-_COUNTED = {
-    "tessellated": f"tessellated gprims: {{}} ({RESOLUTION})",
-    "cages": "subdivision surfaces read as their cages: {}",
-    "empty": "prototypes of instancers that draw nothing: {}",
-    "draw modes": "draw modes not used: {}",
-    "materials": "materials not read: {}",
-    "opacities": "opacities of materials and shapes not read: {}",
-}
-"""What is said of each count that is not 0."""
+def _times(
+    path: Path, stage: Any, drawing: Drawing, wanted: Wanted, notes: list[str]
+) -> tuple[list[float], float | None]:
+    """The time codes of the frames of a stage, and the frames a second, None where there is one frame.
+
+    It starts where the file says, else at the earliest sample of what is drawn, and ends likewise. There is a frame for each
+    time code, or as many a second as the file or ``wanted`` says. One frame, the start, if nothing moves.
+    """
+    start = _authored(stage, "startTimeCode", min(drawing.times, default=0.0))
+    end = max(start, _authored(stage, "endTimeCode", max(drawing.times, default=start)))
+    if not drawing.moves:
+        wanted.chosen(path, 1)
+        return [start], None
+    second = stage.GetTimeCodesPerSecond()
+    second = second if 0.0 < second < math.inf else 24.0
+    said = _authored(stage, "framesPerSecond", second)
+    rate = wanted.rate or (said if said > 0.0 else second)
+    step = second / rate
+    count = (end - start) / step if step > 0.0 else math.inf
+    if not count < MOST_FRAMES:
+        problem = f"its animation from {start:g} to {end:g} at {rate:g} frames a second has too many frames"
+        raise broken(path, problem, f"at most {MOST_FRAMES}: give a lower --rate")
+    frames = math.floor(count + _SLACK) + 1
+    chosen = wanted.chosen(path, frames)
+    codes = [start + k * step for k in chosen]
+    if len(codes) < frames:
+        notes.append(f"{len(codes)} of {frames} frames read")
+    outside = {code for code in drawing.times if not start - _SLACK * step <= code <= end + _SLACK * step}
+    if outside:
+        notes.append(f"samples at {len(outside)} time codes outside {start:g} to {end:g} not read")
+    place = (np.array(sorted(drawing.times - outside)) - start) / step
+    between = int((np.abs(place - place.round()) > _SLACK).sum())
+    if between:
+        notes.append(f"samples at {between} time codes between frames not read")
+    return codes, second / step / chosen.step if len(codes) > 1 else None
 
 
-def approximations(stage: Any, library: Library) -> list[str]:
+def _authored(stage: Any, name: str, otherwise: float) -> float:
+    """A number of the stage's metadata where the file gives it and it is finite."""
+    value = float(stage.GetMetadata(name)) if stage.HasAuthoredMetadata(name) else otherwise
+    return value if math.isfinite(value) else otherwise
+
+
+def _approximations(stage: Any, library: Library) -> list[str]:
     """What is read as something else or not at all, and the unit of length."""
     counts = library.counts
     notes = [text.format(counts[name]) for name, text in _COUNTED.items() if counts[name]]
     if library.left_out.total():
-        notes.append(f"left out: {listed(library.left_out)}")
+        notes.append(f"left out: {_listed(library.left_out)}")
     if counts["invisible"] or counts["unseen"]:
         notes.append(f"left out: {counts['invisible']} invisible, {counts['unseen']} of purpose guide or proxy")
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
@@ -92,22 +142,5 @@ def approximations(stage: Any, library: Library) -> list[str]:
     return notes
 
 
-def changes(padded: list[str], vanishing: list[str], absent: list[str]) -> list[str]:
-    """Parts that are not the same triangles in all frames, by name."""
-    notes = []
-    if padded:
-        notes.append(f"topology changes, so that padded triangles vanish and appear: {_some(padded)}")
-    if vanishing:
-        notes.append(f"not in all frames: {_some(vanishing)}")
-    if absent:
-        notes.append(f"in no frame, empty or invisible: {_some(absent)}")
-    return notes
-
-
-def listed(kinds: Counter[str]) -> str:
+def _listed(kinds: Counter[str]) -> str:
     return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()) if count)
-
-
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + more

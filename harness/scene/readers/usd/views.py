@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,34 +11,36 @@ from pxr import Gf, UsdGeom, UsdLux
 
 from ....arrays import F64
 from ...scene import Camera, Light, Spot, Vector
-from .prims import Node, Prims
+from .prims import Node
 
 _LIGHTS = (UsdLux.DistantLight, UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight, UsdLux.CylinderLight)
 """What can be a point, an area or a direction; a light with an extent stands at its centre."""
 
+_AREAS = {
+    UsdLux.RectLight: ("rectangle", 1.0, ("inputs:width", "inputs:height")),
+    UsdLux.DiskLight: ("disc", 2.0, ("inputs:radius",) * 2),
+    UsdLux.SphereLight: ("sphere", 2.0, ("inputs:radius",) * 3),
+}
+"""The shape of a light's area, and which attributes give its size along x, y and z, times a factor."""
+
 _LARGEST = float(np.finfo(np.float32).max)
 
 
-def cameras(prims: Prims, time: float, notes: list[str]) -> dict[str, Camera]:
-    """The cameras by name, or by path where another has the same name. ``prims`` are at ``time``."""
-    found = [(i, node) for i, node in enumerate(prims.nodes) if node.prim.IsA(UsdGeom.Camera)]
-    made = [(node, _camera(node.prim, prims.matrix(i), time)) for i, node in found]
-    _note_lost(notes, "cameras", (node for node, camera in made if camera is None))
+def cameras(nodes: Sequence[Node], time: float, notes: list[str]) -> dict[str, Camera]:
+    """The cameras by name, or by path where another has the same name. The nodes are at this time."""
+    made = [(node, _camera(node, time)) for node in nodes if node.prim.IsA(UsdGeom.Camera)]
+    _note_lost(notes, "cameras", made)
     moving = sum(node.changes for node, _ in made)
     if moving:
         notes.append(f"moving cameras read at the first frame: {moving}")
-    return _named([(node, camera) for node, camera in made if camera is not None])
+    return _named(made)
 
 
-def lights(prims: Prims, time: float, notes: list[str]) -> dict[str, Light]:
-    """The visible lights by name, or by path where another has the same name. ``prims`` are at ``time``."""
-    found = [
-        (i, node)
-        for i, node in enumerate(prims.nodes)
-        if node.prim.HasAPI(UsdLux.LightAPI) and node.drawn and prims.visible(i)
-    ]
-    made = [(node, _light(node.prim, prims.matrix(i), time)) for i, node in found]
-    _note_lost(notes, "lights", (node for node, light in made if light is None))
+def lights(nodes: Sequence[Node], time: float, notes: list[str]) -> dict[str, Light]:
+    """The visible lights by name, or by path where another has the same name. The nodes are at this time."""
+    shown = [node for node in nodes if node.prim.HasAPI(UsdLux.LightAPI) and node.drawn and node.visible]
+    made = [(node, _light(node, time)) for node in shown]
+    _note_lost(notes, "lights", made)
     near = [(node.prim, light) for node, light in made if light is not None and not light.directional]
     areas = sum(bool(light.shape) for _, light in near)
     points = sum(not light.shape and not _is_point(prim, time) for prim, light in near)
@@ -46,12 +48,12 @@ def lights(prims: Prims, time: float, notes: list[str]) -> dict[str, Light]:
         notes.append(f"lights with an area: {areas}; each shines from its middle unless it is given more targets")
     if points:
         notes.append(f"lights with an extent read as points: {points}")
-    return _named([(node, light) for node, light in made if light is not None])
+    return _named(made)
 
 
-def _camera(prim: Any, matrix: F64, time: float) -> Camera | None:
+def _camera(node: Node, time: float) -> Camera | None:
     """A camera, which looks along its -z; None where its transform or lens has no meaning."""
-    lens = UsdGeom.Camera(prim).GetCamera(time)
+    lens, matrix = UsdGeom.Camera(node.prim).GetCamera(time), node.matrix
     eye, up, back = matrix[3, :3], _unit(matrix[1, :3]), _unit(matrix[2, :3])
     fov = lens.GetFieldOfView(Gf.Camera.FOVVertical)
     height = lens.verticalAperture * Gf.Camera.APERTURE_UNIT
@@ -64,8 +66,9 @@ def _camera(prim: Any, matrix: F64, time: float) -> Camera | None:
     return Camera(_vector(eye), _vector(eye - back * distance), _vector(up), fov, height if flat else None)
 
 
-def _light(prim: Any, matrix: F64, time: float) -> Light | None:
+def _light(node: Node, time: float) -> Light | None:
     """A light, which shines along its -z; None for one that is no point or direction."""
+    prim, matrix = node.prim, node.matrix
     back, place = _unit(matrix[2, :3]), matrix[3, :3]
     distant = prim.IsA(UsdLux.DistantLight)
     if not any(map(prim.IsA, _LIGHTS)) or back is None or not np.isfinite(place).all():
@@ -75,16 +78,16 @@ def _light(prim: Any, matrix: F64, time: float) -> Light | None:
     strength = own.GetIntensityAttr().Get(time) * 2.0 ** own.GetExposureAttr().Get(time)
     if not (np.isfinite(color).all() and (color >= 0.0).all() and 0.0 <= strength < math.inf):
         return None
+    if distant:
+        return Light(_vector(back), True, _vector(color), float(strength), directional=True)
     spot = None
-    if prim.HasAPI(UsdLux.ShapingAPI) and not distant:
+    if prim.HasAPI(UsdLux.ShapingAPI):
         shaping = UsdLux.ShapingAPI(prim)
         angle = float(shaping.GetShapingConeAngleAttr().Get(time))
         if 0.0 < angle < 90.0:
             spot = Spot(_vector(-back), angle, falloff=max(0.0, float(shaping.GetShapingFocusAttr().Get(time))))
-    if distant:
-        return Light(_vector(back), True, _vector(color), float(strength), directional=True)
     light = Light(_vector(place), True, _vector(color), float(strength), spot)
-    return light if _is_point(prim, time) else _with_extent(light, prim, matrix, time)
+    return light if _is_point(prim, time) else _with_extent(light, prim, matrix, back, time)
 
 
 def _is_point(prim: Any, time: float) -> bool:
@@ -92,42 +95,35 @@ def _is_point(prim: Any, time: float) -> bool:
     return prim.IsA(UsdLux.SphereLight) and bool(UsdLux.SphereLight(prim).GetTreatAsPointAttr().Get(time))
 
 
-def _with_extent(light: Light, prim: Any, matrix: F64, time: float) -> Light:
+def _with_extent(light: Light, prim: Any, matrix: F64, back: F64, time: float) -> Light:
     """The light with the area of its prim; a point where it has none, or where a disc or a sphere is stretched."""
+    known = next((kind for kind in _AREAS if prim.IsA(kind)), None)
+    if known is None:
+        return light
+    shape, factor, names = _AREAS[known]
     with np.errstate(over="ignore", invalid="ignore"):
-        scale = np.linalg.norm(matrix[:3, :3], axis=1)
-    shape, sides, axes = "", np.zeros(2), 2
-    if prim.IsA(UsdLux.RectLight):
-        own = UsdLux.RectLight(prim)
-        shape, sides = "rectangle", np.array([own.GetWidthAttr().Get(time), own.GetHeightAttr().Get(time)])
-    elif prim.IsA(UsdLux.DiskLight):
-        shape, sides = "disc", np.full(2, 2.0 * UsdLux.DiskLight(prim).GetRadiusAttr().Get(time))
-    elif prim.IsA(UsdLux.SphereLight):
-        shape, sides, axes = "sphere", np.full(3, 2.0 * UsdLux.SphereLight(prim).GetRadiusAttr().Get(time)), 3
-    size = sides * scale[:axes]
-    flat = shape == "rectangle"
-    across, back = _unit(matrix[0, :3]), _unit(matrix[2, :3])
-    known = back is not None and (across is not None or not flat)
-    if not known or not 0.0 < size.min() <= size.max() < _LARGEST or not (flat or np.allclose(size, size[0])):
+        scale = np.linalg.norm(matrix[:3, :3], axis=1)[: len(names)]
+        size = scale * [factor * prim.GetAttribute(name).Get(time) for name in names]
+    flat, across = shape == "rectangle", _unit(matrix[0, :3])
+    even = flat or np.allclose(size, size[0])
+    if (flat and across is None) or not 0.0 < size.min() <= size.max() < _LARGEST or not even:
         return light
     return replace(
         light, shape=shape, size=(float(size[0]), float(size[1])) if flat else float(size[0]),
-        towards=None if shape == "sphere" or back is None else _vector(-back),
+        towards=None if shape == "sphere" else _vector(-back),
         across=_vector(across) if flat and across is not None else None,
     )  # fmt: skip
 
 
-def _named(made: list[tuple[Node, Any]]) -> dict[str, Any]:
-    names = [node.prim.GetName() for node, _ in made]
-    uses = Counter(names)
-    return {
-        name if uses[name] == 1 else str(node.prim.GetPath()): value
-        for name, (node, value) in zip(names, made, strict=True)
-    }
+def _named(made: Sequence[tuple[Node, Any]]) -> dict[str, Any]:
+    """What was made, by the name of its prim, or by its path where another has the same name."""
+    there = [(node.prim, value) for node, value in made if value is not None]
+    uses = Counter(prim.GetName() for prim, _ in there)
+    return {prim.GetName() if uses[prim.GetName()] == 1 else str(prim.GetPath()): value for prim, value in there}
 
 
-def _note_lost(notes: list[str], what: str, lost: Iterable[Node]) -> None:
-    kinds = [str(node.prim.GetTypeName()) for node in lost]
+def _note_lost(notes: list[str], what: str, made: Sequence[tuple[Node, Any]]) -> None:
+    kinds = [str(node.prim.GetTypeName()) for node, value in made if value is None]
     if kinds:
         notes.append(f"{what} not offered: {len(kinds)} ({', '.join(sorted(set(kinds)))})")
 
