@@ -114,7 +114,8 @@ class Frame:
             self.axes = wp.zeros(3, dtype=wp.vec3f)
             self.max_coordinate = wp.zeros(1, dtype=wp.float32)
             self.tangents = wp.zeros(2, dtype=wp.float32)
-            self.column = wp.zeros(width + AT_ONCE, dtype=wp.vec3f)[:width]
+            self.whole_column = wp.zeros(width + AT_ONCE, dtype=wp.vec3f)
+            self.column = self.whole_column[:width]
             self.row = wp.zeros(height, dtype=wp.vec3f)
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
             far = effects is not None and any(effects.directional)

@@ -79,7 +79,10 @@ class Run:
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
-            self.estimate = Estimate.of(parts, lambda: time.monotonic() - MACHINE.waited)
+            self.estimate = Estimate(
+                [Unit.of(scene, part) for part in parts for scene in part.scenes],
+                lambda: time.monotonic() - MACHINE.waited,
+            )
             records: list[Record] = []
             try:
                 for part in parts:

@@ -40,7 +40,7 @@ from ..machine.clocks import clock_state
 from ..machine.lock import MACHINE
 from ..measuring.measured_point import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
 from ..measuring.memory import give_back_memory, reset_peak_resident
-from ..measuring.timing import CompileClock, Sampling
+from ..measuring.timing import Sampling, compile_clock
 from .grader import Answers, Grader, hand_over, handed_path
 from .protocol import UNWRITABLE
 
@@ -178,7 +178,7 @@ class Worker:
         assert lit is not None
         if self.grader is None:
             self.grader = Grader(lit.prepared, lit.moments, lit.scene_argument, Path(folder), device, self.referees)
-        with CompileClock() as compiling, into_results():
+        with compile_clock() as compiling, into_results():
             frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
         return {"frames": frames, "compile_s": compiling.seconds}
 
