@@ -9,9 +9,7 @@ from ..scene.scene import AlphaMask
 OPAQUE, CLEAR = 1, 2
 """Bits of :func:`texels_near`: an opaque texel, a transparent texel."""
 
-
 ROUNDING = wp.constant(wp.float64(2.0**-50))
-
 
 HALF = wp.constant(wp.float64(0.5))
 

@@ -28,10 +28,8 @@ def find_device(name: str | None) -> str:
 
 def device_for(cls: type[Method], device: str) -> str:
     """The device a method runs on: the requested one if the method supports it, else the CPU (recorded)."""
-    kind = device.split(":")[0]
-    if kind not in cls.devices and "cpu" in cls.devices:
-        return "cpu"
-    return device
+    supported = device.split(":")[0] in cls.devices or "cpu" not in cls.devices
+    return device if supported else "cpu"
 
 
 def placed_method(
@@ -48,13 +46,15 @@ def device_title(device: str) -> str:
     return str(wp.get_device(device).name) if device.startswith("cuda") else cpu_model()
 
 
-@functools.cache
 def cpu_model() -> str:
     """The processor's name. (psutil does not give it; on Linux ``platform.processor`` is empty or only the type.)"""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.lower().startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
+    return cpu_facts().get("model name") or platform.processor() or platform.machine()
+
+
+@functools.cache
+def cpu_facts() -> dict[str, str]:
+    """What Linux says of the first processor, by names in small letters; empty on other systems."""
+    file = Path("/proc/cpuinfo")
+    text = file.read_text(encoding="utf-8") if file.exists() else ""
+    lines = (line.partition(":") for line in text.partition("\n\n")[0].splitlines())
+    return {name.strip().lower(): value.strip() for name, _, value in lines}

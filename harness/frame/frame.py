@@ -52,24 +52,21 @@ class Answers:
     shadowed: wp.array
     bounces: Any
 
-    def to_host(self) -> dict[str, NDArray]:
-        """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only if the scene has mirrors."""
-        result = {name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "shadowed")}
+    def arrays(self) -> dict[str, wp.array]:
+        """All answers by their names on the host; those of :data:`BOUNCED` only if the scene has mirrors."""
+        result = {name: getattr(self, name) for name in ("triangle", "t", "u", "v", "shadowed")}
         if self.bounces.active.size:
-            result |= {f"bounce_{name}": np.array(getattr(self.bounces, name).numpy()) for name in BOUNCED}
+            result |= {f"bounce_{name}": getattr(self.bounces, name) for name in BOUNCED}
         return result
+
+    def to_host(self) -> dict[str, NDArray]:
+        """Copies of all answers as numpy arrays."""
+        return {name: np.array(array.numpy()) for name, array in self.arrays().items()}
 
     def poison(self) -> None:
         """Fill with invalid values, so that an answer that was not written is detected."""
-        self.triangle.fill_(-77)
-        self.t.fill_(-77.0)
-        self.u.fill_(-77.0)
-        self.v.fill_(-77.0)
-        self.shadowed.fill_(77)
-        if self.bounces.active.size:
-            for name in BOUNCED:
-                array = getattr(self.bounces, name)
-                array.fill_(77 if array.dtype == wp.uint8 else -77)
+        for array in self.arrays().values():
+            array.fill_(77 if array.dtype == wp.uint8 else -77)
 
 
 class Frame:
@@ -95,73 +92,58 @@ class Frame:
     def __init__(
         self, prepared: Prepared, width: int, height: int, light_count: int, device: str, effects: Effects | None = None
     ):
-        limited = effects is not None and any(effects.has_receivers(i) for i in range(light_count))
-        bounces = effects.bounces if effects is not None else 0
-        self.prepared = prepared
-        self.device = device
-        self.width, self.height = width, height
-        self.pixels = width * height
+        effects = effects or Effects(shadows=())
+        limited = any(effects.has_receivers(i) for i in range(light_count))
+        bounces, colored = effects.bounces, effects.color
+        self.prepared, self.device = prepared, device
+        self.width, self.height, self.pixels = width, height, width * height
         self.light_count = light_count
-        self.triangle_count = prepared.triangle_count
-        self.vertex_count = prepared.vertex_count
+        self.triangle_count, self.vertex_count = prepared.triangle_count, prepared.vertex_count
+        self.orthographic = effects.orthographic
+        # At least one element each, so that the arrays of an empty mesh have addresses too.
+        triangles, vertices, lights = (max(1, n) for n in (self.triangle_count, self.vertex_count, light_count))
         with wp.ScopedDevice(device):
-            # At least one element each, so that the arrays of an empty mesh have addresses too.
-            self.points = wp.zeros(max(1, self.vertex_count), dtype=wp.vec3f)
-            self.triangles = wp.zeros(max(1, self.triangle_count), dtype=wp.vec3i)
-            self.weld = wp.zeros(max(1, self.vertex_count), dtype=wp.int32)
-            self.valid = wp.zeros(max(1, self.triangle_count), dtype=wp.uint8)
+            self.points = wp.zeros(vertices, dtype=wp.vec3f)
+            self.triangles = wp.zeros(triangles, dtype=wp.vec3i)
+            self.weld = wp.zeros(vertices, dtype=wp.int32)
+            self.valid = wp.zeros(triangles, dtype=wp.uint8)
             self.eye = wp.zeros(1, dtype=wp.vec3f)
             self.axes = wp.zeros(3, dtype=wp.vec3f)
             self.max_coordinate = wp.zeros(1, dtype=wp.float32)
             self.tangents = wp.zeros(2, dtype=wp.float32)
-            self.column = wp.zeros(width + AT_ONCE, dtype=wp.vec3f)[:width]
+            self.whole_column = wp.zeros(width + AT_ONCE, dtype=wp.vec3f)
+            self.column = self.whole_column[:width]
             self.row = wp.zeros(height, dtype=wp.vec3f)
-            self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
-            far = effects is not None and any(effects.directional)
-            self.proxy_positions = wp.zeros_like(self.lights) if far else self.lights
-            self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
+            self.lights = wp.zeros(lights, dtype=wp.vec3f)
+            self.proxy_positions = wp.zeros_like(self.lights) if any(effects.directional) else self.lights
+            self.spots = wp.zeros((lights, SPOT), dtype=wp.float64)
             self.receivers = wp.zeros((light_count, self.pixels) if limited else (0, 0), dtype=wp.uint8)
             self.reached = wp.zeros(light_count * (bounces + 1) if limited else 0, dtype=wp.int32)
             self.front_facing = wp.empty((0, 0), dtype=wp.uint8)
-            self.answers = Answers(
-                wp.zeros(self.pixels, dtype=wp.int32),
-                wp.zeros(self.pixels, dtype=wp.float32),
-                wp.zeros(self.pixels, dtype=wp.float32),
-                wp.zeros(self.pixels, dtype=wp.float32),
-                wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
-                bounce_arrays(bounces, light_count, self.pixels, limited),
-            )
-            self.mirror = wp.zeros(max(1, self.triangle_count) if bounces else 0, dtype=wp.uint8)
-        self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
-        colored = effects is not None and effects.color
-        with wp.ScopedDevice(device):
+            t, u, v = (wp.zeros(self.pixels, dtype=wp.float32) for _ in range(3))
+            closest, bits = wp.zeros(self.pixels, dtype=wp.int32), wp.zeros((lights, self.pixels), dtype=wp.uint8)
+            mirrored = bounce_arrays(bounces, light_count, self.pixels, limited)
+            self.answers = Answers(closest, t, u, v, bits, mirrored)
+            self.mirror = wp.zeros(triangles if bounces else 0, dtype=wp.uint8)
             self.color = wp.zeros(self.pixels if colored else 0, dtype=wp.vec3f)
-            self.tint = wp.zeros(max(1, self.triangle_count) if colored else 0, dtype=wp.vec3f)
+            self.tint = wp.zeros(triangles if colored else 0, dtype=wp.vec3f)
             self.lamps = wp.zeros((light_count, LAMP) if colored else (0, 0), dtype=wp.float64)
-        self.mesh = filled(Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=self.valid)
+            rays = Rays()
+            if self.orthographic:
+                start, way = (wp.zeros(self.pixels, dtype=wp.vec3f) for _ in range(2))
+                rays = filled(Rays, origin=start, direction=way, active=wp.ones(self.pixels, dtype=wp.uint8))
+        self.alpha = device_alpha(prepared.alpha if effects.alpha else None, device)
+        self.flags = wp.empty(0, dtype=wp.uint8, device=device)
+        self.mesh = self._mesh(self.valid)
         self.camera = filled(
             Camera, width=width, height=height, eye=self.eye, axes=self.axes, tangents=self.tangents,
             column=self.column, row=self.row,
         )  # fmt: skip
         a, of = self.answers, self.answers.bounces
-        self._hits = [filled(Hits, triangle=a.triangle, t=a.t, u=a.u, v=a.v)]
-        self.orthographic = effects is not None and effects.orthographic
-        with wp.ScopedDevice(device):
-            count = self.pixels if self.orthographic else 0
-            self._rays = [
-                filled(
-                    Rays,
-                    origin=wp.zeros(count, dtype=wp.vec3f),
-                    direction=wp.zeros(count, dtype=wp.vec3f),
-                    active=wp.ones(count, dtype=wp.uint8),
-                )
-                if self.orthographic
-                else Rays()
-            ]
+        self._hits, self._rays = [filled(Hits, triangle=a.triangle, t=a.t, u=a.u, v=a.v)], [rays]
         for b in range(bounces):
             self._hits.append(filled(Hits, triangle=of.triangle[b], t=of.t[b], u=of.u[b], v=of.v[b]))
             self._rays.append(filled(Rays, origin=of.origin[b], direction=of.direction[b], active=of.active[b]))
-        self.flags = wp.empty(0, dtype=wp.uint8, device=device)
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)
@@ -169,12 +151,11 @@ class Frame:
             self.weld.assign(prepared.weld)
         if bounces and self.triangle_count:
             self.mirror.assign(prepared.mirror)
-        if effects is not None and colored:
-            if self.triangle_count:
-                self.tint.assign(reflectances(prepared))
-            if light_count:
-                lights = (*per_target(prepared.scene.lights), *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
-                self.lamps.assign(lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count)))
+        if colored and self.triangle_count:
+            self.tint.assign(reflectances(prepared))
+        if colored and light_count:
+            shining = (*per_target(prepared.scene.lights), *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
+            self.lamps.assign(lamp_rows(shining[:light_count], (*effects.shadows, *(False,) * light_count)))
 
     def rays(self, bounce: int) -> Any:
         """The mirrored rays of a bounce, counted from 1 (:class:`.geometry.Rays`). Those of bounce 0 are the primary rays of
@@ -200,9 +181,10 @@ class Frame:
 
     def flagged_mesh(self, effects: Effects) -> Any:
         """The mesh; where the effects hold closed surfaces, ``valid`` has the bits of :mod:`..scene.closed`."""
-        if not effects.closed:
-            return self.mesh
-        return filled(Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=self.flags)
+        return self._mesh(self.flags) if effects.closed else self.mesh
+
+    def _mesh(self, valid: wp.array) -> Any:
+        return filled(Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=valid)
 
     def launch(
         self, kernel: wp.Kernel, threads: int, inputs: Sequence, outputs: Sequence = (), block: int = 256
@@ -237,11 +219,8 @@ class Frame:
                     self.flags = wp.zeros_like(self.valid)
                 self.flags.assign(flags)
         self.eye.assign(moment.eye.reshape(1, 3))
-        self.axes.assign(moment.axes)
-        self.max_coordinate.assign(moment.max_coordinate)
-        self.tangents.assign(moment.tangents)
-        self.column.assign(moment.column)
-        self.row.assign(moment.row)
+        for name in ("axes", "max_coordinate", "tangents", "column", "row"):
+            getattr(self, name).assign(getattr(moment, name))
         if self.light_count:
             self.lights.assign(moment.lights)
             if self.proxy_positions is not self.lights:

@@ -31,9 +31,8 @@ _KNOWN: weakref.WeakKeyDictionary[Prepared, F32] = weakref.WeakKeyDictionary()
 def reflectances(prepared: Prepared) -> F32:
     """Linear reflectance of each triangle, float32 [triangle_count, 3]. Not to be written to."""
     if prepared not in _KNOWN:
-        made = _reflectances(prepared)
-        made.flags.writeable = False
-        _KNOWN[prepared] = made
+        _KNOWN[prepared] = _reflectances(prepared)
+        _KNOWN[prepared].flags.writeable = False
     return _KNOWN[prepared]
 
 
@@ -43,13 +42,10 @@ def _reflectances(prepared: Prepared) -> F32:
     identity = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()
     digest = hashlib.sha256(identity).digest()
     base = HUES[digest[0] % len(HUES)]
-    piece = pieces(prepared)
     # A multiplicative hash of the piece number; two of its bytes vary the brightness and the warmth.
-    mixed = (piece.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
-    value = (mixed & np.uint64(255)).astype(np.float64) / 255 - 0.5
-    warmth = ((mixed >> np.uint64(8)) & np.uint64(255)).astype(np.float64) / 255 - 0.5
-    warm = np.array([1.0, 0.0, -1.0])
-    tint = base * (1 + 0.26 * value[:, None] + 0.16 * warmth[:, None] * warm)
+    mixed = (pieces(prepared).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
+    value, warmth = ((mixed >> np.uint64(shift) & np.uint64(255))[:, None] / 255 - 0.5 for shift in (0, 8))
+    tint = base * (1 + 0.26 * value + 0.16 * warmth * np.array([1.0, 0.0, -1.0]))
     return np.clip(tint, 0.05, 0.95).astype(np.float32)
 
 

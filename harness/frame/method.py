@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -44,6 +45,10 @@ class Method(Protocol):
     Trace: ClassVar[type]
 
     def __init__(self, build: Any, trace: Any) -> None: ...
+
+    @property
+    def finds_closed(self) -> bool:
+        """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
 
     def applies(self, scene: Scene, device: str) -> str | None:
         """None, or the reason why this method cannot trace this scene on this device."""
@@ -107,7 +112,6 @@ class BaseMethod:
 
     @property
     def finds_closed(self) -> bool:
-        """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
         return False
 
     def applies(self, scene: Scene, device: str) -> str | None:
@@ -166,26 +170,17 @@ class SimpleMethod(BaseMethod):
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self.prepare(frame)
+        build, primary = partial(self.build_structure, frame), partial(self.trace_primary, frame)
         passes = [
-            Pass("build", "build", ("points", "triangles"), ("structure",), lambda: self.build_structure(frame)),
-            Pass("primary rays", "trace", ("structure", "camera"), ("hits",), lambda: self.trace_primary(frame)),
+            Pass("build", "build", ("points", "triangles"), ("structure",), build),
+            Pass("primary rays", "trace", ("structure", "camera"), ("hits",), primary),
         ]
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"light {i}: shadow rays",
-                        "shadow",
-                        ("structure", "hits", f"light/{i}"),
-                        (f"shadowed/{i}",),
-                        lambda i=i: self.trace_shadow(frame, i),  # type: ignore[misc]
-                        effect=f"shadows/{i}",
-                    )
-                )
-        passes += traced_bounces(
-            effects,
-            ("structure",),
-            lambda b: self.trace_bounce(frame, b),
-            lambda i, b: self.trace_bounce_shadow(frame, i, b),
-        )
-        return passes
+        for i in (i for i, wanted in enumerate(effects.shadows) if wanted):
+            name, reads, launch = (
+                f"light {i}: shadow rays",
+                ("hits", f"light/{i}"),
+                partial(self.trace_shadow, frame, i),
+            )
+            passes.append(Pass(name, "shadow", ("structure", *reads), (f"shadowed/{i}",), launch, f"shadows/{i}"))
+        bounces = partial(self.trace_bounce, frame), partial(self.trace_bounce_shadow, frame)
+        return [*passes, *traced_bounces(effects, ("structure",), *bounces)]

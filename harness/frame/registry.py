@@ -35,7 +35,8 @@ NAME = re.compile(r"[\w-]{1,100}")
 
 def method_names() -> list[str]:
     """The names of all methods, built-in ones first."""
-    return [*built_in_names(), *(name for name in sorted(_entry_points()) if name not in built_in_names())]
+    built_in = built_in_names()
+    return [*built_in, *sorted(set(_entry_points()).difference(built_in))]
 
 
 def built_in_names() -> list[str]:
@@ -48,8 +49,8 @@ def _built_in() -> dict[str, str]:
     """The source of the package of each built-in method, by name: a method is imported when it is asked for."""
     folders = importlib.import_module(PACKAGE).__path__
     files = sorted(file for folder in folders for file in Path(folder).glob("*/__init__.py"))
-    sources = {file.parent.name: file.read_text(encoding="utf-8") for file in files}
-    return {name: text for name, text in sources.items() if "\nMETHOD = " in text}
+    sources = ((file.parent.name, file.read_text(encoding="utf-8")) for file in files)
+    return {name: text for name, text in sources if "\nMETHOD = " in text}
 
 
 def about(name: str) -> str:
@@ -156,14 +157,10 @@ def parameters(cls: type[Method]) -> list[Parameter]:
     found = []
     for block in (cls.Build(), cls.Trace()):
         kinds, meanings = typing.get_type_hints(type(block)), _meanings(type(block))
-        for entry in dataclasses.fields(block):
-            name, kind = entry.name, kinds[entry.name]
-            text = meanings.get(name, "")
-            found.append(
-                Parameter(
-                    name, getattr(block, name), getattr(kind, "__name__", str(kind)), text, _allowed(block, name, kind)
-                )
-            )
+        for name in (entry.name for entry in dataclasses.fields(block)):
+            kind = kinds[name]
+            called, meaning = getattr(kind, "__name__", str(kind)), meanings.get(name, "")
+            found.append(Parameter(name, getattr(block, name), called, meaning, _allowed(block, name, kind)))
     return found
 
 
@@ -207,9 +204,9 @@ def make_method(name: str, settings: dict[str, str] | None = None) -> Method:
         if key not in place:
             raise UserError(f"{name} has no parameter {key!r}" + (did_you_mean(key, place) if place else ""))
         given[place[key]][key] = text
-    made = {part: _replaced(name, block, given[part]) for part, block in blocks.items()}
+    build, trace = (_replaced(name, blocks[part], given[part]) for part in ("build", "trace"))
     with contextlib.chdir("."):
-        return cls(made["build"], made["trace"])
+        return cls(build, trace)
 
 
 def _replaced(method: str, block: Any, texts: dict[str, str]) -> Any:

@@ -56,27 +56,22 @@ class Session(PassRunner):
         limits: Limits | None = None,
     ):
         super().__init__(device, [])
-        self.method = method
+        self.method, self.limits = method, limits or Limits()
         self.effects = effects or Effects.of(prepared.scene)
-        self.limits = limits or Limits()
         count = len(self.effects.shadows) if light_count is None else light_count
         check_bits(self.effects, width * height, count, self.limits)
         self.frame = Frame(prepared, width, height, count, device, self.effects)
         self._memory = LimitedAllocator(device, self.limits.memory)
-        self.made: Moment | None = None
         self._sizes: Sizes | None = None
         self._wide: WeakKeyDictionary[Moment, bool] = WeakKeyDictionary()
         self._flags: WeakKeyDictionary[Moment, NDArray[np.uint8]] = WeakKeyDictionary()
         self._opened: NDArray[np.bool_] | None = None
-        self._outdated: set[Pass] = set()
         self.regrown = 0
-        self.planned: list[Pass] = []
-        self.all_passes: list[Pass] = []
         self._plan()
 
     def _plan(self) -> None:
-        self.made = None
-        self._outdated = set()
+        self.made: Moment | None = None
+        self._outdated: set[Pass] = set()
         with wp.ScopedDevice(self.device), self._memory.within():
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
@@ -91,8 +86,7 @@ class Session(PassRunner):
         if self.replays or not wp.get_device(self.device).is_cuda:
             # Launched one by one on a GPU, passes without a ray end sooner than the host learns of it.
             self.planned = skippable(self.planned, self.effects)
-        self.all_passes = live(self.planned, wanted_of(self.effects))
-        self.passes = self.all_passes
+        self.passes = self.all_passes = live(self.planned, wanted_of(self.effects))
 
     def _adapt(self, moment: Moment) -> None:
         """Plan again where a moment needs more digits than the one before, or no more of them (:mod:`..scene.width`)."""
@@ -109,8 +103,7 @@ class Session(PassRunner):
     def _finds_closed(self, moment: Moment) -> bool:
         """Whether there are closed surfaces that the method may use; marks their triangles (:mod:`..scene.closed`)."""
         effects = self.effects
-        wanted = getattr(self.method, "finds_closed", False) and any(effects.shadows)
-        if not wanted or effects.bounces or effects.orthographic:
+        if not self.method.finds_closed or not any(effects.shadows) or effects.bounces or effects.orthographic:
             return False
         if moment not in self._flags:
             parts = closed_parts_of(self.frame.prepared)
@@ -151,7 +144,7 @@ class Session(PassRunner):
         self.run()
         self._note_skipped()
         self.passes = self.all_passes
-        if self._grow():
+        if self.overflowed():
             self.run_complete()
         self.made = moment
         return changed
@@ -162,25 +155,16 @@ class Session(PassRunner):
         Shadow bits are not: they are cleared where no ray is traced.
         """
         wanted = set(wanted_of(self.effects))
-        launched: dict[wp.array, bool] = {}  # passes share conditions; each condition is read back once
-        for work in self.passes:
-            if work.only_if is None or wanted.issuperset(work.writes):
-                continue
-            if work.only_if not in launched:
-                launched[work.only_if] = bool(work.only_if.numpy()[0])
-            if launched[work.only_if]:
-                self._outdated.discard(work)
-            else:
-                self._outdated.add(work)
+        conditional = [work for work in self.passes if work.only_if is not None and not wanted.issuperset(work.writes)]
+        # Passes share conditions; each condition is read back once.
+        launched = {one: bool(one.numpy()[0]) for one in {work.only_if for work in conditional} if one is not None}
+        self._outdated.difference_update(conditional)
+        self._outdated.update(work for work in conditional if not launched[work.only_if])
 
     def _outdated_inputs(self, passes: Collection[Pass]) -> set[str]:
         """The outdated resources of the lights of ``passes``, which must be written again before these run."""
-        return {
-            name
-            for skipped in self._outdated
-            if any(work.only_if is skipped.only_if for work in passes)
-            for name in skipped.writes
-        }
+        conditions = {work.only_if for work in passes}
+        return {name for work in self._outdated if work.only_if in conditions for name in work.writes}
 
     def run_complete(self) -> None:
         """Run the frame until no buffer overflows, enlarging buffers after each run. Replays of the same frame then fit.
@@ -190,7 +174,7 @@ class Session(PassRunner):
         for _ in range(GROWTH_LIMIT):
             with self._memory.within():  # a method may allocate in its first frame
                 self.run()
-            if not self._grow():
+            if not self.overflowed():
                 self._note_skipped()
                 if self.passes is self.all_passes:
                     self.made = self.frame.host
@@ -203,7 +187,7 @@ class Session(PassRunner):
         for _ in range(GROWTH_LIMIT):
             self.poison()
             self.replay()
-            if not self._grow():
+            if not self.overflowed():
                 return
             self.run_complete()
         raise self._unsteady_needs()
@@ -213,13 +197,10 @@ class Session(PassRunner):
 
     def overflowed(self) -> bool:
         """Whether the last frame exceeded a capacity. If so, the capacity is raised and the frame must be run again."""
-        return self._grow()
-
-    def _grow(self) -> bool:
         needs = self.method.needs()
         if needs is None:
             return False
-        needed: NDArray[np.int64] = np.array(needs.numpy(), dtype=np.int64)
+        needed = np.array(needs.numpy(), dtype=np.int64)
         with self._memory.within():
             if not self.method.grow(needed):
                 return False

@@ -31,11 +31,11 @@ MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "ove
 
 
 def known_scene(folder: ResultsFolder, load: dict[str, Any]) -> dict[str, Any] | None:
-    """The cached facts of a scene, if it was loaded before with the same options, source files and code; else None."""
-    facts = (read_json(folder.path / "scenes.json") or {}).get(_scene_id(load))
+    """The facts of a scene, if it was loaded before with the same options, source files and code; None, too, where its
+    files cannot be read: the worker that is to make it says why."""
     try:
-        return checked(SceneFacts, facts)
-    except WrongFieldError:  # none, or not what a worker told
+        return checked(SceneFacts, (read_json(folder.path / "scenes.json") or {}).get(_scene_id(load)))
+    except (UserError, WrongFieldError):
         return None
 
 
@@ -54,8 +54,7 @@ def _scene_id(load: dict[str, Any]) -> str:
     code = closure_hash([*MAKING, *(f"{HARNESS}.scene.standins.{one}" for one in makers)])
     what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting", "view") if key in load}
     source = ChosenView.read(load.get("view")).resolved(name, folder).source
-    text = f"{what} {source} {code} {np.__version__}"
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return hashlib.sha256(f"{what} {source} {code} {np.__version__}".encode()).hexdigest()[:16]
 
 
 def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, Any]:

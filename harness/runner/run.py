@@ -79,7 +79,10 @@ class Run:
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
-            self.estimate = Estimate.of(parts, lambda: time.monotonic() - MACHINE.waited)
+            self.estimate = Estimate(
+                [Unit.of(scene, part) for part in parts for scene in part.scenes],
+                lambda: time.monotonic() - MACHINE.waited,
+            )
             records: list[Record] = []
             try:
                 for part in parts:
@@ -107,8 +110,9 @@ class Run:
         for done, lighting in enumerate(lightings, 1):
             own = self._lit(name, lighting, methods)
             jobs += own
-            waiting += [job for job in own if job.record is None]
-            self._ready([job for job in own if job.record is None])
+            fresh = [job for job in own if job.record is None]
+            waiting += fresh
+            self._ready(fresh)
             if waiting:
                 # Rounds are expected to take as long as all that comes before them.
                 of = len(lightings) / done
@@ -119,8 +123,7 @@ class Run:
             self._redraw([job for job in jobs if job.lighting is lighting])
         self.workers.clear()
         self.estimate.finish(len(waiting))
-        left = self.estimate.left()
-        if left is not None:
+        if (left := self.estimate.left()) is not None:
             self.report.left(left)
         return [job.record for job in jobs if job.record is not None]
 
@@ -151,8 +154,7 @@ class Run:
     ) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
         """Have one worker make the scene and the others read it. Its facts (None on failure); the workers that failed."""
         self.report.doing(f"{name}: making the scene", lighting.label)
-        began = time.monotonic()
-        starting = not all(self.workers.get(one).running for one in (GRADER, *methods))
+        began, starting = time.monotonic(), not all(self.workers.get(one).running for one in (GRADER, *methods))
         try:
             facts, lost = self.workers.make(name, lighting, methods)
         except WorkerError as error:
@@ -178,11 +180,11 @@ class Run:
 
         Scoring takes long, so each scoring process holds the machine lock itself and releases it between frames.
         """
-        for job in jobs:
+        unscored = [job for job in jobs if not job.journal.first("finished")]
+        for job in unscored:
             MACHINE.give_way()
-            if not job.journal.first("finished"):
-                self._attempt(job, "compiling and warming up", self._prepare)
-        waiting = [job for job in jobs if job.record is None and not job.journal.first("finished")]
+            self._attempt(job, "compiling and warming up", self._prepare)
+        waiting = [job for job in unscored if job.record is None]
         with MACHINE.released():
             for turn in itertools.zip_longest(*dealt(waiting, self.graders)):
                 asked = [(grader_name(number), job) for number, job in enumerate(turn, 1) if job is not None]
@@ -278,14 +280,9 @@ class Run:
         self._prepare(job)
         preset = self.options.preset
         frames = (job.journal.first("prepared") or {}).get("frames", ())
-        sampling = {
-            "samples": preset.samples,
-            "most": max(preset.most, preset.samples),
-            "deviation": preset.deviation,
-            "stage_samples": preset.stage_samples,
-            "budget_s": preset.budget_s / preset.rounds / max(1, len(frames)),
-            "costs_s": preset.costs_s,
-        }
+        sampling = {name: getattr(preset, name) for name in ("samples", "deviation", "stage_samples", "costs_s")}
+        sampling["most"] = max(preset.most, preset.samples)
+        sampling["budget_s"] = preset.budget_s / preset.rounds / max(1, len(frames))
         worker = self.workers.get(job.method)
         reply = self.workers.command(worker, do="round", key=job.point.key, sampling=sampling)
         self._note(job, {"event": "round", **where, **reply})
@@ -296,44 +293,40 @@ class Run:
             self.workers.ensure_loaded(grader, job)
         except WorkerError as error:
             self._ask_another(job, grader, error)
-            return
-        self.workers.send(self.workers.get(grader), **grade_command(self.options, self.folder, job))
+        else:
+            self.workers.send(self.workers.get(grader), **grade_command(self.options, self.folder, job))
 
     def _ask_another(self, job: Job, grader: str, error: WorkerError) -> None:
-        """Where the scoring process was killed, have another one score the answers, which are still there."""
+        """Where the scoring process was killed, have another one score the answers, which are still there; else give up."""
         killed = isinstance(error, WorkerLostError) and error.status == "failed"
         job.graders_lost += 1
         if killed and job.graders_lost < GRADERS_LOST:
             self._ask_grades(job, grader)
-        else:
-            self._ungraded(job, error)
+            return
+        # Scoring failed: the times remain valid, and ``--retry`` measures the point again.
+        unscored = {"score": None, "unscored": f"{SCORING_FAILED}: {error.reason}"}
+        answered = (job.journal.first("prepared") or {}).get("frames", ())
+        graded = [{"frame": frame["frame"], **unscored} for frame in answered]
+        self._note(job, {"event": "finished", "frames": graded})
 
     def _take_grades(self, job: Job, grader: str) -> None:
         """Note the scores."""
         while not job.journal.first("finished"):
             try:
-                reply = self.workers.reply(self.workers.get(grader), self.options.preset.timeout_s)
+                reply = self.workers.reply(self.workers.get(grader))
             except WorkerError as error:
                 self._ask_another(job, grader, error)
             else:
                 self.estimate.once += reply["compile_s"]
                 self._note(job, {"event": "finished", "frames": reply["frames"]})
 
-    def _ungraded(self, job: Job, error: WorkerError) -> None:
-        """Record that scoring failed: the times remain valid, and ``--retry`` measures the point again."""
-        unscored = {"score": None, "unscored": f"{SCORING_FAILED}: {error.reason}"}
-        answered = (job.journal.first("prepared") or {}).get("frames", ())
-        graded = [{"frame": frame["frame"], **unscored} for frame in answered]
-        self._note(job, {"event": "finished", "frames": graded})
-
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:
         """Write the record of a job."""
-        options, made_in = self.options, self.environment
         try:
-            record = as_read(options.record(job.point, job.journal.events, made_in, status, reason))
+            record = as_read(self.options.record(job.point, job.journal.events, self.environment, status, reason))
         except ValueError as error:
             why = f"its rounds make no record: {one_line(error)}"
-            record = options.record(job.point, (), made_in, "failed", why)
+            record = self.options.record(job.point, (), self.environment, "failed", why)
         self.folder.keep_record(record, job.journal)
         job.record = record
         self.report.done(job.steps)

@@ -18,7 +18,7 @@ from shadowbench.harness.runner.machine import clocks
 from shadowbench.harness.runner.measuring import measured_point, timing
 from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
-from shadowbench.harness.runner.measuring.timing import CompileClock, Sampling, sample_frame, stop_reason
+from shadowbench.harness.runner.measuring.timing import Sampling, compile_clock, sample_frame, stop_reason
 from shadowbench.harness.runner.planning.planned_point import orders
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
@@ -246,11 +246,11 @@ def test_a_compile_is_counted_and_the_clock_leaves_no_trace():
         out[wp.tid()] = wp.float32(wp.static(time.time_ns() % 1000003))
 
     out = wp.zeros(1, dtype=wp.float32, device="cpu")
-    with CompileClock() as clock:
+    with compile_clock() as clock:
         wp.launch(fresh, dim=1, inputs=[out], device="cpu")
     assert 0.0 < clock.seconds < 60.0
     compiled = clock.seconds
-    with CompileClock() as clock:
+    with compile_clock() as clock:
         wp.launch(fresh, dim=1, inputs=[out], device="cpu")
     assert clock.seconds < compiled / 10
     assert type(wp.get_module(__name__)).load is before

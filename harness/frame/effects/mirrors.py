@@ -8,6 +8,7 @@ the plane of its triangle, moved off the surface to the side that the ray came f
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import warp as wp
 
@@ -106,31 +107,16 @@ def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
     """The passes that make the rays of each bounce from the hits of the previous bounce."""
 
     def launch(bounce: int) -> None:
-        before = bounce - 1
-        wp.launch(
-            specialised(mirror_kernel, Switches(bounced=frame.tabled(before))),
-            dim=frame.pixels,
-            inputs=[frame.camera, frame.mesh, frame.mirror, frame.hits(before), frame.rays(before)],
-            outputs=[frame.rays(bounce)],
-            device=frame.device,
-        )
+        kernel = specialised(mirror_kernel, Switches(bounced=frame.tabled(bounce - 1)))
+        seen = frame.hits(bounce - 1), frame.rays(bounce - 1)
+        frame.launch(kernel, frame.pixels, [frame.camera, frame.mesh, frame.mirror, *seen], [frame.rays(bounce)])
 
-    return [
-        Pass(
-            f"bounce {b}: rays",
-            "trace",
-            (
-                "points",
-                "triangles",
-                "surfaces",
-                *(("hits", "camera") if b == 1 else (f"hits/{b - 1}", f"rays/{b - 1}")),
-            ),
-            (f"rays/{b}",),
-            lambda b=b: launch(b),  # type: ignore[misc]
-            effect="mirror",
-        )
-        for b in range(1, effects.bounces + 1)
-    ]
+    passes = []
+    for b in range(1, effects.bounces + 1):
+        before = ("hits", "camera") if b == 1 else (f"hits/{b - 1}", f"rays/{b - 1}")
+        reads = ("points", "triangles", "surfaces", *before)
+        passes.append(Pass(f"bounce {b}: rays", "trace", reads, (f"rays/{b}",), partial(launch, b), effect="mirror"))
+    return passes
 
 
 def traced_bounces(
@@ -148,30 +134,12 @@ def traced_bounces(
     of_light   of_light(light): the resources of the method that only its shadow rays read
     """
     passes = []
-    structure = (*structure, *effects.surface_reads())
     for b in range(1, effects.bounces + 1):
-        passes.append(
-            Pass(
-                f"bounce {b}: mirrored rays",
-                "trace",
-                (*structure, f"rays/{b}"),
-                (f"hits/{b}",),
-                lambda b=b: trace(b),  # type: ignore[misc]
-                effect="mirror",
-            )
-        )
-        for i, wanted in enumerate(effects.shadows):
-            if not wanted:
-                continue
-            reads = (*structure, *of_light(i), f"rays/{b}", f"hits/{b}", f"light/{i}", *effects.receiver_reads(i, b))
-            passes.append(
-                Pass(
-                    f"bounce {b}, light {i}: shadow rays",
-                    "shadow",
-                    reads,
-                    (f"shadowed/{i}/{b}",),
-                    lambda i=i, b=b: shadow(i, b),  # type: ignore[misc]
-                    effect="mirror",
-                )
-            )
+        reads = (*structure, *effects.surface_reads(), f"rays/{b}")
+        name = f"bounce {b}: mirrored rays"
+        passes.append(Pass(name, "trace", reads, (f"hits/{b}",), partial(trace, b), effect="mirror"))
+        for i in (i for i, wanted in enumerate(effects.shadows) if wanted):
+            own = (*reads, *of_light(i), f"hits/{b}", f"light/{i}", *effects.receiver_reads(i, b))
+            name = f"bounce {b}, light {i}: shadow rays"
+            passes.append(Pass(name, "shadow", own, (f"shadowed/{i}/{b}",), partial(shadow, i, b), effect="mirror"))
     return passes

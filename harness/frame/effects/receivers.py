@@ -200,13 +200,8 @@ def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> l
         frame.front_facing = wp.zeros(shape, dtype=wp.uint8, device=frame.device)
 
     def launch(first: int, number: int) -> None:
-        wp.launch(
-            facing_kernel,
-            dim=number,
-            inputs=[first, light, frame.camera, frame.mesh, frame.lights],
-            outputs=[frame.front_facing],
-            device=frame.device,
-        )
+        inputs = [first, light, frame.camera, frame.mesh, frame.lights]
+        frame.launch(facing_kernel, number, inputs, [frame.front_facing])
 
     together = in_ranges(launch, frame.triangle_count, threads, frame.device)
     name, reads = f"light {light}: facing triangles", ("points", "triangles", "camera", f"light/{light}")
@@ -220,16 +215,10 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
     each = 1 if wp.get_device(frame.device).is_cuda else EACH
 
     def launch(first: int, number: int) -> None:
-        wp.launch(
-            specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce), wide=effects.wide)),
-            dim=-(-number // each),
-            inputs=[
-                first, number, each, light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots,
-                front_facing, frame.hits(bounce), frame.rays(bounce),
-            ],
-            outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
-            device=frame.device,
-        )  # fmt: skip
+        kernel = specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce), wide=effects.wide))
+        scene = frame.camera, frame.mesh, frame.lights, frame.spots, front_facing
+        inputs = [first, number, each, light, effects.facing, *scene, frame.hits(bounce), frame.rays(bounce)]
+        frame.launch(kernel, -(-number // each), inputs, [frame.masks(bounce), reached, frame.bits(bounce)])
 
     together = in_ranges(launch, frame.pixels, threads, frame.device)
 

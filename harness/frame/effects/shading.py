@@ -12,6 +12,7 @@ The picture shows the answers of a method: the triangle gives the normal, t the 
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -24,7 +25,7 @@ from ...scene.prepared import Prepared
 from ...scene.scene import Light
 from ...scene.spotlight import SPOT
 from ...scene.targets import per_target
-from ..frame import Frame
+from ..frame import BOUNCED, Frame
 from ..geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, parallel_ray, ray_of
 from ..materials import lamp_rows, reflectances
 from ..schedule.passes import Pass
@@ -180,18 +181,10 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
     )
 
     def launch() -> None:
-        wp.launch(
-            specialised(
-                color_kernel, Switches(bounced=effects.bounces > 0, orthographic=effects.orthographic)
-            ),
-            dim=frame.pixels,
-            inputs=[
-                0, effects.bounces, frame.camera, frame.mesh, looks, frame.hits(0), frame.answers.shadowed,
-                frame.answers.bounces,
-            ],
-            outputs=[frame.color],
-            device=frame.device,
-        )  # fmt: skip
+        kernel = specialised(color_kernel, Switches(bounced=effects.bounces > 0, orthographic=effects.orthographic))
+        answers = frame.hits(0), frame.answers.shadowed, frame.answers.bounces
+        inputs = [0, effects.bounces, frame.camera, frame.mesh, looks, *answers]
+        frame.launch(kernel, frame.pixels, inputs, [frame.color])
 
     lit = [i for i, wanted in enumerate(effects.shadows) if wanted]
     reads = ["hits", "camera", "points", "triangles", "surfaces", *(f"light/{i}" for i in range(frame.light_count))]
@@ -216,37 +209,32 @@ def shaded(
         scalar = {wp.vec3f: np.float32, wp.vec3i: np.int32}.get(kind) or wp.dtype_to_numpy(kind)
         return wp.array(np.ascontiguousarray(values, dtype=scalar), dtype=kind, device=device, copy=False)
 
+    def filled_from(struct: Any, **fields: Any) -> Any:
+        """A struct with arrays of the host, which get the types that it declares."""
+        arrays = {name: values for name, values in fields.items() if isinstance(values, np.ndarray)}
+        kinds = {name: struct.vars[name].type.dtype for name in arrays}
+        return filled(struct, **fields | {name: on_device(arrays[name], kind) for name, kind in kinds.items()})
+
     pixels = moment.width * moment.height
     bits = np.asarray(answers["shadowed"]).reshape(-1, pixels)
     lights = per_target(lights)
     lamps = lamp_rows(lights, [light.shadows and i < len(bits) for i, light in enumerate(lights)])
     spots = np.zeros((max(1, len(lights)), SPOT))
-    given = min(len(spots), len(moment.spots))
-    spots[:given] = moment.spots[:given]
+    spots[: len(moment.spots)] = moment.spots[: len(spots)]
     bounces = len(answers.get("bounce_active", ()))
-    mirrored = filled(
-        Bounces, **{name: on_device(answers[f"bounce_{name}"], kind) for name, kind in BOUNCED if bounces}
+    mirrored = filled_from(
+        Bounces, **{one: answers[f"bounce_{one}"] for one in BOUNCED if bounces and f"bounce_{one}" in answers}
     )
-    looks = filled(
-        Looks,
-        up=unit_up(prepared.scene.camera.up),
-        count=prepared.triangle_count,
-        tint=on_device(reflectances(prepared), wp.vec3f),
-        lights=on_device(moment.lights, wp.vec3f),
-        spots=on_device(spots, wp.float64),
-        lamps=on_device(lamps, wp.float64),
-    )
-    camera = filled(
-        Camera,
-        width=moment.width,
-        height=moment.height,
-        eye=on_device(moment.eye.reshape(1, 3), wp.vec3f),
-        axes=on_device(moment.axes, wp.vec3f),
-        column=on_device(moment.column, wp.vec3f),
-        row=on_device(moment.row, wp.vec3f),
-    )
-    mesh = filled(Mesh, points=on_device(moment.points, wp.vec3f), triangles=on_device(prepared.faces, wp.vec3i))
-    hits = filled(Hits, triangle=on_device(answers["triangle"], wp.int32), t=on_device(answers["t"], wp.float32))
+    looks = filled_from(
+        Looks, up=unit_up(prepared.scene.camera.up), count=prepared.triangle_count, tint=reflectances(prepared),
+        lights=moment.lights, spots=spots, lamps=lamps,
+    )  # fmt: skip
+    camera = filled_from(
+        Camera, width=moment.width, height=moment.height, eye=moment.eye.reshape(1, 3), axes=moment.axes,
+        column=moment.column, row=moment.row,
+    )  # fmt: skip
+    mesh = filled_from(Mesh, points=moment.points, triangles=prepared.faces)
+    hits = filled_from(Hits, triangle=answers["triangle"], t=answers["t"])
     inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]
     kernel = specialised(color_kernel, Switches(bounced=bounces > 0, orthographic=moment.orthographic))
 
@@ -256,10 +244,3 @@ def shaded(
         return color.numpy()
 
     return colors
-
-
-BOUNCED = (
-    ("origin", wp.vec3f), ("direction", wp.vec3f), ("active", wp.uint8),
-    ("triangle", wp.int32), ("t", wp.float32), ("shadowed", wp.uint8),
-)  # fmt: skip
-"""The arrays of mirrored rays that the kernel reads: name and type."""

@@ -38,7 +38,7 @@ def named(kernel: wp.Kernel) -> tuple[str, ...]:
 
 @functools.cache
 def switches_of(function: types.FunctionType) -> frozenset[str]:
-    """The switches that the source of a kernel or a function, and of all that it calls, branches on."""
+    """The same of a function, given as Python's."""
     called = (overload for other in called_by(function).values() for overload in overloads_of(other))
     return own_switches(function).union(*(switches_of(overload.func) for overload in called))
 
@@ -48,9 +48,8 @@ def own_switches(function: types.FunctionType) -> frozenset[str]:
     """The switches that the source of a kernel or a function itself branches on."""
     if "effects" not in function.__code__.co_names:
         return frozenset()
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    nodes = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute))
-    return frozenset(node.attr for node in nodes if is_effects(node.value))
+    nodes = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function))))
+    return frozenset(node.attr for node in nodes if isinstance(node, ast.Attribute) and is_effects(node.value))
 
 
 def is_effects(node: ast.AST) -> bool:

@@ -19,15 +19,11 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
     and if concurrent passes use a resource that one of them writes.
     """
     passes = _moved_forward(passes)
-    made = {name for work in passes for name in work.writes}
     early = [work for work in passes if work.hints.early and work.only_if is None]
-    for work in early:
-        if not made.isdisjoint(work.reads):
-            raise ValueError(f"pass {work.name!r} cannot run early: it reads what another pass of the frame writes")
     rest = [work for work in passes if work not in early]
+    _refuse_early(passes, early)
     refuse_shared(passes)
     refuse_shared(rest)
-    _refuse_early(passes, early)
     branches: dict[tuple[int, ...], list[Pass]] = {}
     for work in early:
         branches.setdefault(work.hints.parallel, []).append(work)
@@ -44,12 +40,14 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
 
 
 def _refuse_early(passes: Sequence[Pass], early: Sequence[Pass]) -> None:
-    """ValueError if an early pass writes what a pass before it uses, or one of another branch: they run at the same time."""
-    for k, work in enumerate(passes):
-        if work not in early:
-            continue
-        others = [other for other in early if other.hints.parallel != work.hints.parallel]
-        for other in (*(before for before in passes[:k] if before not in early), *others):
+    """ValueError if an early pass reads the output of another pass, or writes what a pass before it uses, or one of another
+    branch: they run at the same time."""
+    made = {name for work in passes for name in work.writes}
+    for work in early:
+        if not made.isdisjoint(work.reads):
+            raise ValueError(f"pass {work.name!r} cannot run early: it reads what another pass of the frame writes")
+        before = [other for other in passes[: passes.index(work)] if other not in early]
+        for other in (*before, *(other for other in early if other.hints.parallel != work.hints.parallel)):
             shared = set(work.writes).intersection((*other.reads, *other.writes))
             if shared and not (work.adds and other.adds):
                 raise ValueError(

@@ -41,12 +41,11 @@ class Step:
 
 def wanted_of(effects: Effects) -> tuple[str, ...]:
     """The resources that are the outputs of a frame."""
-    bits = tuple(f"shadowed/{i}" for i, wanted in enumerate(effects.shadows) if wanted)
-    bounces: tuple[str, ...] = ()
+    lit = [i for i, wanted in enumerate(effects.shadows) if wanted]
+    wanted = ["hits", *(f"shadowed/{i}" for i in lit)]
     for b in range(1, effects.bounces + 1):
-        bits_b = (f"shadowed/{i}/{b}" for i, wanted in enumerate(effects.shadows) if wanted)
-        bounces += (f"rays/{b}", f"hits/{b}", *bits_b)
-    return ("hits", *bits, *bounces, *(("color",) if effects.color else ()))
+        wanted += [f"rays/{b}", f"hits/{b}", *(f"shadowed/{i}/{b}" for i in lit)]
+    return (*wanted, "color") if effects.color else tuple(wanted)
 
 
 def inputs_of(light_count: int) -> tuple[str, ...]:
@@ -58,23 +57,19 @@ def arranged(passes: Sequence[Pass], added: Sequence[Pass]) -> list[Pass]:
     """``passes`` and those of the harness, ``added``, each as early as possible after the passes whose output it reads."""
     result = list(passes)
     for extra in added:
-        place = 0
-        for k, work in enumerate(result):
-            if set(work.writes) & set(extra.reads):
-                place = k + 1
-        result.insert(place, extra)
+        after = [k for k, work in enumerate(result, 1) if not set(work.writes).isdisjoint(extra.reads)]
+        result.insert(max(after, default=0), extra)
     return result
 
 
 def live(passes: Sequence[Pass], wanted: Collection[str]) -> list[Pass]:
     """The passes that the ``wanted`` resources depend on, directly or indirectly, in order."""
-    needed = set(wanted)
-    kept: list[Pass] = []
+    needed, kept = set(wanted), list[Pass]()
     for work in reversed(passes):
-        if needed & set(work.writes):
-            needed |= set(work.reads)
-            kept.append(work)
-    return kept[::-1]
+        if not needed.isdisjoint(work.writes):
+            needed.update(work.reads)
+            kept.insert(0, work)
+    return kept
 
 
 def stale(passes: Sequence[Pass], changed: Collection[str]) -> list[Pass]:
@@ -87,22 +82,15 @@ def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
 
     A pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs.
     """
-    dirty = dict.fromkeys(changed, "")
-    why: dict[Pass, str] = {}
-    found = True
-    while found:
-        found = False
-        for work in (part for whole in passes for part in whole.apart or (whole,)):
-            if work in why:
-                continue
-            cause = next((name for name in work.reads if name in dirty), None)
-            if cause is not None:
-                why[work] = f"{cause} changed"
-            else:
-                cause = next((name for name in work.writes if name in dirty), None)
-                if cause is None:
-                    continue
-                why[work] = f"{cause} is written again"
-            dirty.update(dict.fromkeys(work.writes, ""))
-            found = True
+    dirty, why = set(changed), dict[Pass, str]()
+    parts = [part for whole in passes for part in whole.apart or (whole,)]
+    before = -1
+    while len(why) > before:
+        before = len(why)
+        for work in (part for part in parts if part not in why):
+            causes = [f"{name} changed" for name in work.reads if name in dirty]
+            causes += [f"{name} is written again" for name in work.writes if name in dirty]
+            if causes:
+                why[work] = causes[0]
+                dirty.update(work.writes)
     return [Step.of(work, why) for work in passes]

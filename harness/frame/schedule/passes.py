@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the parts of a frame are read where nothing is launched
@@ -102,22 +103,19 @@ def joined(name: str, apart: tuple[Pass, ...], launch: Callable[[], None]) -> Pa
 def run_passes(passes: Sequence[Pass]) -> None:
     """Launch every pass in order. Neighbouring passes with the same condition form one conditional branch."""
     for only_if, group in itertools.groupby(passes, key=condition):
-        together = list(group)
+        launch = partial(launch_all, list(group))
         if only_if is None:
-            launch_all(together)
+            launch()
         else:
             import warp as wp
 
-            wp.capture_if(only_if, lambda together=together: launch_all(together))
+            wp.capture_if(only_if, launch)
 
 
 def condition(work: Pass) -> wp.array | None:
     """The condition of a pass; None if it cannot be part of a conditional branch of the graph being captured."""
-    if work.only_if is not None and work.scratch:
-        device = work.only_if.device
-        if device.is_cuda and device.stream.is_capturing:
-            return None
-    return work.only_if
+    device = work.only_if.device if work.only_if is not None and work.scratch else None
+    return None if device is not None and device.is_cuda and device.stream.is_capturing else work.only_if
 
 
 def launch_all(passes: Sequence[Pass]) -> None:

@@ -75,17 +75,13 @@ def in_ranges(launch: Callable[[int, int], None], count: int, threads: int, devi
 
 def launch_parts(launches: Sequence[Launch], compiled: bool) -> None:
     """Launch several parts, each in a thread of its own if their kernels are compiled; else one after another."""
-    if compiled and len(launches) > 1:
-        _run(launches)
+    if not compiled or len(launches) < 2:
+        for part in launches:
+            part()
         return
-    for part in launches:
-        part()
-
-
-def _run(launches: Sequence[Launch]) -> None:
-    pool = _pool(len(launches) - 1)
     # The stack waits for every part, even if another one fails.
     with contextlib.ExitStack() as ends:
+        pool = _pool(len(launches) - 1)
         for part in launches[1:]:
             ends.callback(_finish, part, pool.submit(part))
         launches[0]()

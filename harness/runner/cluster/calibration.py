@@ -4,8 +4,7 @@ shard."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 from statistics import median
 
@@ -25,19 +24,8 @@ SAMPLES = Sampling(samples=15, most=15, stage_samples=0)
 LIMIT = 0.02
 """Cards whose calibration differs by more than this share are not merged."""
 
-
-@dataclass(frozen=True)
-class Size:
-    """Size of the kernels: ``threads`` that each do ``steps`` dependent multiply-adds; ``words`` of 4 bytes that are read
-    and written."""
-
-    threads: int
-    steps: int
-    words: int
-
-
-GPU = Size(1 << 22, 4096, 1 << 26)
-CPU = Size(1 << 12, 1024, 1 << 22)
+GPU, CPU = (1 << 22, 4096, 1 << 26), (1 << 12, 1024, 1 << 22)
+"""Sizes of the kernels: threads, dependent multiply-adds of each; words of 4 bytes that are read and written."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +37,7 @@ class Calibration:
 
     def apart(self, other: Calibration) -> float:
         """The larger of the two relative differences, 0.02 for 2 %."""
-        pairs = ((self.arithmetic_ms, other.arithmetic_ms), (self.memory_ms, other.memory_ms))
-        return max(max(a, b) / min(a, b) - 1.0 for a, b in pairs)
+        return max(max(a, b) / min(a, b) - 1.0 for a, b in zip(astuple(self), astuple(other), strict=True))
 
 
 @wp.kernel
@@ -71,21 +58,18 @@ def copy_plus_one(values: wp.array(dtype=wp.float32), result: wp.array(dtype=wp.
 
 
 def calibrate(device: str) -> Calibration:
-    """Time the two kernels on a device. The caller holds the locks that a measurement there needs."""
-    size = GPU if device.startswith("cuda") else CPU
-    with wp.ScopedDevice(device):
-        few = wp.empty(size.threads, dtype=wp.float32)
-        values, result = wp.zeros(size.words, dtype=wp.float32), wp.empty(size.words, dtype=wp.float32)
-    arithmetic = _frame_of(device, partial(wp.launch, multiply_add, size.threads, [size.steps], [few]))
-    memory = _frame_of(device, partial(wp.launch, copy_plus_one, size.words, [values], [result]))
+    """Time the two kernels on a device, as frames of one launch. The caller holds the locks that a measurement needs."""
+    threads, steps, words = GPU if device.startswith("cuda") else CPU
+    few, result = (wp.empty(count, dtype=wp.float32, device=device) for count in (threads, words))
+    values = wp.zeros(words, dtype=wp.float32, device=device)
+    launches = (
+        partial(wp.launch, multiply_add, threads, [steps], [few]),
+        partial(wp.launch, copy_plus_one, words, [values], [result]),
+    )
+    frames = [PassRunner(device, [Pass("calibrate", "build", (), ("result",), launch)]) for launch in launches]
     until = time.perf_counter() + WARM_S
     while time.perf_counter() < until:
-        arithmetic.run()
-        memory.run()
+        for frame in frames:
+            frame.run()
         wp.synchronize_device(device)
-    return Calibration(*(median(sample_frame(one, SAMPLES).total_ms) for one in (arithmetic, memory)))
-
-
-def _frame_of(device: str, launch: Callable[[], None]) -> PassRunner:
-    """A frame of one launch, which is timed as any frame is."""
-    return PassRunner(device, [Pass("calibrate", "build", (), ("result",), launch)])
+    return Calibration(*(median(sample_frame(frame, SAMPLES).total_ms) for frame in frames))

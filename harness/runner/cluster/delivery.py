@@ -12,9 +12,7 @@ from ..known_scenes import forget_unmade, is_unmade, known_scene, unmade_scene
 from ..planning.planned_point import describe_method
 from ..planning.run_options import Options
 from ..workers.protocol import load_command
-from .spool import Files, allowed
-
-SCENES = "scenes.json"
+from .spool import SCENES, Files, allowed
 
 
 def known_files(folder: ResultsFolder, options: Options) -> Files:
@@ -41,9 +39,8 @@ def write(folder: ResultsFolder, files: Files) -> list[Record]:
 
     A record is checked by the schema before it is stored; storing it removes a journal that an earlier run left.
     """
-    for name in files:
-        if not allowed(name):
-            raise UserError(f"{name}: a worker delivered a file of this name, which no results folder has")
+    if odd := [name for name in files if not allowed(name)]:
+        raise UserError(f"{odd[0]}: a worker delivered a file of this name, which no results folder has")
     records = [record_in(content, name) for name, content in files.items() if name.startswith("records/")]
     with folder.writing():
         for name, content in files.items():
@@ -66,14 +63,11 @@ def failed(folder: ResultsFolder, options: Options, device: tuple[str, str], rea
     records = []
     (name,) = options.preset.scenes
     for lighting in options.preset.lightings:
-        try:
-            facts = known_scene(folder, load_command(options, folder, lighting, name))
-        except UserError:
-            facts = None
+        facts = known_scene(folder, load_command(options, folder, lighting, name))
         for entry in options.preset.methods:
             method = describe_method(entry, "cpu")
             if device[0] != "cpu" and not method.get("broken"):
-                method = {**method, "device": device[0], "asked_device": device[0], "device_name": device[1]}
+                method |= {"device": device[0], "asked_device": device[0], "device_name": device[1]}
             point = options.point(entry, facts or unmade_scene(options, name, lighting), method)
             kept = folder.record(point.key)
             if kept is None:

@@ -41,7 +41,11 @@ FIRST_S = 120.0
 PATIENCE_S = 60.0
 """Seconds to wait for a worker when none is left: a nanny starts its worker again."""
 
+CLEAN_S = 5.0
+"""Seconds to wait at the end for a worker to remove what it has delivered."""
+
 GONE = "it ended, or does not answer"
+OTHER_CODE = "it has other source files of shadowbench than this machine; install the same version"
 
 
 @dataclass(eq=False)
@@ -54,30 +58,31 @@ class Seat:
     """
 
     process: str
-    worker: Worker | None = None
     task: Any = None
+    worker: Worker | None = None
     shard: Shard | None = None
 
 
 @dataclass(eq=False)
 class ClusterRun:
-    """Measures the points of an experiment on a pool of workers; :meth:`go` returns their records in the declared order."""
+    """Measures the points of an experiment on a pool of workers; :meth:`go` returns their records in the declared order.
+
+    seats    the workers by address; ``joined``: whether some have not been compared with the others
+    keys     the keys of the points of each finished shard
+    alone    since when there is no worker
+    """
 
     pool: Pool
     options: Options
     report: Silent
     run: str = field(default_factory=lambda: os.urandom(6).hex())
     seats: dict[str, Seat] = field(default_factory=dict)
-    """By address."""
+    joined: bool = False
     refused: list[str] = field(default_factory=list)
     keys: dict[int, tuple[str, ...]] = field(default_factory=dict)
-    """The keys of the points of each finished shard."""
-    joined: bool = False
-    """Whether there are workers that have not been compared with the others."""
     began: float = field(default_factory=time.monotonic)
     looked: float = -1e9
     alone: float | None = None
-    """Since when there is no worker."""
     cleaning: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -88,11 +93,11 @@ class ClusterRun:
 
         Raises :class:`UserError`, with what is finished and how to continue, if the scheduler is lost or no worker is left.
         """
-        options, scenes = self.options, self._shards()
+        options = self.options
         scratch.remove_abandoned()
         with self.folder.locked(), self.folder.writing():
-            self.ledger = Ledger(options.out, self.run)
-            self.todo, self.count = scenes, len(scenes)
+            self.ledger, self.todo = Ledger(options.out, self.run), self._shards()
+            self.count = len(self.todo)
             self.report.steps(self.count)
             points = sum(points_of(part) for part in options.preset.parts())
             self.report.note(
@@ -105,10 +110,12 @@ class ClusterRun:
                 while len(self.keys) < self.count:
                     self._turn()
                     time.sleep(POLL_S)
-                self._clean()
             except SchedulerLostError:
                 self.ledger.note("scheduler lost", finished=len(self.keys), shards=self.count)
                 raise self._ended("the connection to the scheduler was lost") from None
+            for one in self.cleaning:
+                with contextlib.suppress(Exception):  # its worker is gone
+                    one.result(timeout=CLEAN_S)
             self.report.doing("updating scores at pixels where several methods differ")
             records = [self.folder.record(key) for number in range(self.count) for key in self.keys[number]]
             return charged_records(self.folder, [record for record in records if record is not None])
@@ -121,7 +128,7 @@ class ClusterRun:
             for scene in part.scenes:
                 options = replace(self.options, preset=replace(part, scenes=(scene,)), experiment=named)
                 shards.append(Shard(len(shards), options, self.run, wait=MACHINE.wait))
-        return sorted(shards, key=lambda one: -expected_work(one.scene, one.options.preset))
+        return sorted(shards, key=lambda one: -expected_work(one.about["scene"], one.options.preset))
 
     def _turn(self) -> None:
         """Check the workers, collect finished shards, hand out the next ones."""
@@ -155,8 +162,7 @@ class ClusterRun:
                         seat.task.cancel()
                     self._lost(seat.shard, seat.worker, GONE)
         for address in there.keys() - self.seats.keys():
-            task = self._submit(introduce, self.pool.device, address)
-            self.seats[address] = Seat(there[address], task=task)
+            self.seats[address] = Seat(there[address], self._submit(introduce, self.pool.device, address))
         if any(seat.worker or seat.task for seat in self.seats.values()):
             self.alone = None
         elif self.alone is None:
@@ -168,30 +174,30 @@ class ClusterRun:
 
     def _admit(self, seat: Seat, worker: Worker) -> None:
         """Add a worker to the run if it runs the same code."""
-        facts = {name: getattr(worker, name) for name in ("card", "host", "device_name", "warp", "python")}
-        fits = worker.code == code_hash()
-        reason = "" if fits else "it has other source files of shadowbench than this machine; install the same version"
-        self.ledger.note("card", **facts, calibration=asdict(worker.calibration), refused=reason)
-        if fits:
-            seat.worker, self.joined = worker, True
-        else:
+        reason = "" if worker.code == code_hash() else OTHER_CODE
+        facts = {name: value for name, value in asdict(worker).items() if name not in ("code", "held")}
+        self.ledger.note("card", **facts, refused=reason)
+        if reason:
             self._refuse(f"card {worker.card}", reason)
+        else:
+            seat.worker, self.joined = worker, True
 
     def _compare(self) -> None:
         """Choose the reference if the folder has none, and drop the cards that are too far from it."""
         self.joined = False
         workers = [seat.worker for seat in self.seats.values() if seat.worker is not None]
         if workers and not any(self.ledger.reference(one.device_name) for one in workers):
-            chosen = reference_of(workers)
-            facts = {"device_name": chosen.device_name, "calibration": asdict(chosen.calibration)}
-            self.ledger.note("reference", card=chosen.card, **facts)
+            one = reference_of(workers)
+            self.ledger.note(
+                "reference", card=one.card, device_name=one.device_name, calibration=asdict(one.calibration)
+            )
         for seat in self.seats.values():
-            if (one := seat.worker) is None:
+            if (worker := seat.worker) is None:
                 continue
-            reference = self.ledger.reference(one.device_name)
+            reference = self.ledger.reference(worker.device_name)
             if reference is None:
-                self._drop(seat, f"it is another product ({one.device_name}) than the reference")
-            elif one.card != reference[0] and (gap := one.calibration.apart(reference[1])) > LIMIT:
+                self._drop(seat, f"it is another product ({worker.device_name}) than the reference")
+            elif worker.card != reference[0] and (gap := worker.calibration.apart(reference[1])) > LIMIT:
                 self._drop(seat, _too_far(gap))
 
     def _drop(self, seat: Seat, reason: str) -> None:
@@ -214,7 +220,7 @@ class ClusterRun:
     def _give(self, address: str, seat: Seat, worker: Worker) -> None:
         """Hand the worker a shard: one that was begun on this card of its machine, else the largest."""
         begun = (one for one in self.todo if spool.name_of(one.options, worker.card) in worker.held)
-        shard = next(begun, self.todo[0])
+        seat.shard = shard = next(begun, self.todo[0])
         self.todo.remove(shard)
         sent = replace(
             shard,
@@ -222,8 +228,8 @@ class ClusterRun:
             reference=self.ledger.reference(worker.device_name),
             beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
-        seat.task, seat.shard = self._submit(measure, sent, address), shard
-        self.report.doing(f"{shard.scene}: on card {worker.card}")
+        seat.task = self._submit(measure, sent, address)
+        self.report.doing(f"{shard.about['scene']}: on card {worker.card}")
 
     def _finished(self, address: str, seat: Seat) -> None:
         """Take what a worker's task has given."""
@@ -244,13 +250,15 @@ class ClusterRun:
         if shard is None:
             self._admit(seat, result)
         else:
-            self._take(address, seat, shard, result)
+            self._take(seat, shard, result)
+            forgetting = self.pool.client.submit(spool.forget, result.folder, workers=[address], pure=False, retries=0)
+            self.cleaning.append(forgetting)
 
-    def _take(self, address: str, seat: Seat, shard: Shard, outcome: Outcome) -> None:
+    def _take(self, seat: Seat, shard: Shard, outcome: Outcome) -> None:
         """Store the results of a worker. Those of a card that differs too much from the others go into a folder of their
         own."""
         points = {n: asdict(p) for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
-        about = {**shard.about, "card": outcome.card, **points}
+        about = {**shard.about, "card": outcome.card, **points, "points": len(outcome.keys)}
         gap = outcome.apart
         reference = self.ledger.reference(outcome.device_name)
         if outcome.after and reference and reference[0] != outcome.card:
@@ -258,15 +266,13 @@ class ClusterRun:
         if gap > LIMIT:
             if outcome.keys:
                 delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
-            self.ledger.note("apart", **about, apart=round(gap, 4), points=len(outcome.keys))
+            self.ledger.note("apart", **about, apart=round(gap, 4))
             self._drop(seat, _too_far(gap))
             self.todo.append(shard)
         else:
             records = delivery.write(self.folder, outcome.files)
-            self.ledger.note("shard", **about, points=len(outcome.keys), attempt=shard.attempt)
+            self.ledger.note("shard", **about, attempt=shard.attempt)
             self._done(shard, outcome.keys, records)
-        forgetting = self.pool.client.submit(spool.forget, outcome.folder, workers=[address], pure=False, retries=0)
-        self.cleaning.append(forgetting)
 
     def _done(self, shard: Shard, keys: tuple[str, ...], new: list[Record]) -> None:
         for record in new:
@@ -278,16 +284,14 @@ class ClusterRun:
         """A worker is lost. Its shard, if any, goes to another one, at most :data:`ATTEMPTS` times in total."""
         if shard is None or worker is None:
             return
-        card = worker.card
-        self.ledger.note("lost", **shard.about, card=card, attempt=shard.attempt, reason=reason)
-        gone = f"{shard.scene}: the worker on card {card} was lost ({reason})"
+        self.ledger.note("lost", **shard.about, card=worker.card, attempt=shard.attempt, reason=reason)
+        gone = f"{shard.about['scene']}: the worker on card {worker.card} was lost ({reason})"
         if shard.attempt < ATTEMPTS:
             self.report.note(f"{gone}; its points are measured again where there is room")
             self.todo.insert(0, replace(shard, attempt=shard.attempt + 1))
             return
         self.report.note(f"{gone}, the last of {ATTEMPTS} attempts; its points count as failed")
-        names = [event["device_name"] for event in self.ledger.events("card")]
-        device = self.options.device, names[-1] if names else ""
+        device = self.options.device, self.ledger.events("card")[-1]["device_name"]
         why = f"its worker was lost {shard.attempt} times: {reason}"
         records = delivery.failed(self.folder, shard.options, device, why)
         self._done(shard, tuple(record.key for record in records), records)
@@ -298,12 +302,6 @@ class ClusterRun:
             _, message = event
             if message.get("run") == self.run:
                 self.report.doing("measuring", f"card {message['card']}: {message['doing']}")
-
-    def _clean(self) -> None:
-        """Wait a moment for the workers to remove what was delivered."""
-        end = time.monotonic() + 5.0
-        while time.monotonic() < end and any(one.status == "pending" for one in self.cleaning):
-            time.sleep(POLL_S)
 
     def _ended(self, what: str) -> UserError:
         done = f"{len(self.keys)} of {self.count} scenes are finished and in {self.options.out}"

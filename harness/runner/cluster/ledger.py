@@ -24,25 +24,22 @@ class Ledger:
         self._journal, self.run = Journal(folder / NAME), run
 
     def note(self, event: str, **facts: Any) -> None:
-        """Add an event."""
         self._journal.append({"event": event, "run": self.run, "noted": time.time(), **facts})
 
-    def events(self, kind: str) -> list[dict[str, Any]]:
-        """The events of a kind, in their order, of this and earlier runs."""
-        return [event for event in self._journal.events if event["event"] == kind]
+    def events(self, *kinds: str) -> list[dict[str, Any]]:
+        """The events of some kinds, in their order, of this and earlier runs."""
+        return [event for event in self._journal.events if event["event"] in kinds]
 
     def reference(self, device_name: str) -> tuple[str, Calibration] | None:
         """The card that all others of this product are compared with, and the median of its calibration points."""
         chosen = next((e["card"] for e in self.events("reference") if e["device_name"] == device_name), None)
         if chosen is None:
             return None
-        own = [
-            event[when]
-            for event in self._journal.events
-            for when in ("before", "after", "calibration")
-            if event.get("card") == chosen and event["event"] in ("reference", "card", "shard") and when in event
-        ]
-        return chosen, Calibration(*(median(point[name] for point in own) for name in ("arithmetic_ms", "memory_ms")))
+        own = [event for event in self.events("reference", "card", "shard") if event.get("card") == chosen]
+        points = [event[when] for event in own for when in ("before", "after", "calibration") if when in event]
+        return chosen, Calibration(
+            *(median(point[name] for point in points) for name in ("arithmetic_ms", "memory_ms"))
+        )
 
 
 def reference_of(workers: list[Worker]) -> Worker:
@@ -58,15 +55,14 @@ def reference_of(workers: list[Worker]) -> Worker:
 
 def merging_refused(folders: Iterable[Path]) -> str:
     """Why the results of some folders cannot be merged: their cards are too far apart, in one line; "" if they can."""
-    found: dict[str, tuple[Path, str, Calibration]] = {}
+    found: dict[str, tuple[Path, tuple[str, Calibration]]] = {}
     for folder in folders:
         ledger = Ledger(folder, "")
         for name in {event["device_name"] for event in ledger.events("reference")}:
-            card, own = ledger.reference(name) or ("", None)
-            if own is None:
+            if (own := ledger.reference(name)) is None:
                 continue
-            other, known, calibration = found.setdefault(name, (folder, card, own))
-            if card != known and (gap := own.apart(calibration)) > LIMIT:
+            other, known = found.setdefault(name, (folder, own))
+            if own[0] != known[0] and (gap := own[1].apart(known[1])) > LIMIT:
                 limit = f"{gap:.1%} (the limit is {LIMIT:.0%})"
                 return f"the cards of {other} and {folder} differ by {limit}, and are not merged"
     return ""

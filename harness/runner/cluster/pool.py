@@ -21,6 +21,8 @@ CONNECT_S = 10.0
 RESOURCES = {"cuda": "GPU", "cpu": "CPU"}
 """The resource that a worker declares, and a shard takes, by the kind of device: exactly one of it."""
 
+LOGS = ("distributed", "tornado", "asyncio", "bokeh")
+
 
 class SchedulerLostError(Exception):
     """The scheduler has ended or can no longer be reached."""
@@ -46,10 +48,7 @@ class Pool:
         return {RESOURCES[self.kind]: 1}
 
     def workers(self) -> dict[str, str]:
-        """The address of every worker that measures, with the id of its process.
-
-        Raises :class:`SchedulerLostError` if the scheduler does not answer.
-        """
+        """The address of every worker that measures, with the id of its process."""
         return {
             address: str(one.get("id", ""))
             for address, one in self.info().items()
@@ -57,14 +56,14 @@ class Pool:
         }
 
     def info(self) -> dict[str, Any]:
-        """The scheduler's information on every worker."""
-        if self.client.status != "running":
-            raise SchedulerLostError
-        try:
-            # Not `scheduler_info`: it returns what the client keeps, which its own updates replace by one without workers.
-            workers: dict[str, Any] = self.client.sync(self.client.scheduler.identity, n_workers=-1)["workers"]
-        except (OSError, TimeoutError, KeyError, ValueError) as error:
-            raise SchedulerLostError from error
+        """The scheduler's information on every worker. Raises :class:`SchedulerLostError` if it does not answer."""
+        workers: dict[str, Any] = {}
+        if self.client.status == "running":
+            try:
+                # Not `scheduler_info`: the client's own updates replace what that returns by one without workers.
+                workers = self.client.sync(self.client.scheduler.identity, n_workers=-1)["workers"]
+            except (OSError, TimeoutError, KeyError, ValueError) as error:
+                raise SchedulerLostError from error
         if self.client.status != "running":
             raise SchedulerLostError
         return workers
@@ -88,40 +87,35 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
         import dask
         import distributed
     except ImportError as error:
-        raise UserError(
-            f"--cluster needs Dask ({error.name} is missing): {install('shadowbench-rt[cluster]')}"
-        ) from None
-    if cluster != LOCAL and ":" not in cluster:  # Dask would look for a host of this name for a while
+        needed = install("shadowbench-rt[cluster]")
+        raise UserError(f"--cluster needs Dask ({error.name} is missing): {needed}") from None
+    local = cluster == LOCAL
+    if not local and ":" not in cluster:  # Dask would look for a host of this name for a while
         raise UserError(f"--cluster {cluster}: give {LOCAL}, or the address of a scheduler, such as tcp://HOST:8786")
     _quiet()
-    settings: dict[str, Any] = {
-        "distributed.comm.timeouts.connect": CONNECT_S,
-        "distributed.scheduler.allowed-failures": 0,
-    }
-    if cluster == LOCAL:
-        settings |= {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
-        settings["temporary-directory"] = str(scratch.folder())  # Dask leaves files there
+    settings: dict[str, Any] = {"comm.timeouts.connect": CONNECT_S, "scheduler.allowed-failures": 0}
+    if local:
+        settings |= {"scheduler.http.routes": [], "worker.http.routes": []}
     with contextlib.ExitStack() as open_:
-        open_.enter_context(dask.config.set(settings))
-        if cluster == LOCAL:
+        open_.enter_context(dask.config.set({f"distributed.{name}": value for name, value in settings.items()}))
+        address: Any = cluster
+        if local:
+            open_.enter_context(dask.config.set({"temporary-directory": str(scratch.folder())}))  # for Dask's files
             cards = _cards(kind)
-            workers = open_.enter_context(_local(distributed, cards))
-            address: Any = workers
             kind = "cuda" if cards else "cpu"
-        else:
-            address = cluster
+            address = open_.enter_context(_local(distributed, cards))
         try:
             client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise UserError(
                 f"--cluster {cluster}: no Dask scheduler answers there; start one with `dask scheduler`, or give its address"
             ) from error
-        open_.callback(_closed, client)
-        pool = Pool(client, cluster, kind or "cuda", cluster == LOCAL)
+        open_.callback(_closed, client, timeout=2)
+        pool = Pool(client, cluster, kind or "cuda", local)
         try:
             if kind is None and not pool.workers():
                 pool.kind = "cpu"
-            if not pool.local and not pool.workers():
+            if not local and not pool.workers():
                 raise UserError(_no_worker(pool, kind))
         except SchedulerLostError:
             raise UserError(f"--cluster {cluster}: the scheduler does not answer any more") from None
@@ -129,13 +123,10 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
 
 
 def _no_worker(pool: Pool, kind: str | None) -> str:
-    wanted = RESOURCES[kind] if kind else "GPU"
-    there = len(pool.info())
+    wanted, there = RESOURCES[kind or "cuda"], len(pool.info())
     what = f"none of its {there} workers has one thread and the resource {wanted}=1" if there else "it has no worker"
-    return (
-        f"--cluster {pool.address}: {what}; start workers with "
-        f"`dask worker {pool.address} --nthreads 1 --resources {wanted}=1`"
-    )
+    start = f"dask worker {pool.address} --nthreads 1 --resources {wanted}=1"
+    return f"--cluster {pool.address}: {what}; start workers with `{start}`"
 
 
 def _cards(kind: str | None) -> list[str]:
@@ -157,39 +148,31 @@ def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
     try:
         security = distributed.Security.temporary()
     except ImportError as error:
-        raise UserError(
-            f"--cluster local needs cryptography for its connections ({error}): {install('shadowbench-rt[cluster]')}"
-        ) from None
+        needed = install("shadowbench-rt[cluster]")
+        raise UserError(f"--cluster local needs cryptography for its connections ({error}): {needed}") from None
     common = {"host": "127.0.0.1", "security": security, "dashboard": False, "dashboard_address": "127.0.0.1:0"}
-    options = {**common, "nthreads": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
-    specs: dict[Any, Any] = {}
+    about = {"security": security, "silence_logs": logging.CRITICAL}
+    options = {**common, **about, "nthreads": 1, "memory_limit": 0}
+    workers: dict[Any, Any] = {}
     for number, card in enumerate(cards or [""]):
-        env = {**QUIET_WORKERS, **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
-        resources = {RESOURCES["cuda" if card else "cpu"]: 1}
-        specs[number] = {"cls": distributed.Nanny, "options": {**options, "env": env, "resources": resources}}
+        env = {"DASK_LOGGING__DISTRIBUTED": "critical", **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
+        own = {"env": env, "resources": {RESOURCES["cuda" if card else "cpu"]: 1}}
+        workers[number] = {"cls": distributed.Nanny, "options": {**options, **own}}
     scheduler = {"cls": distributed.Scheduler, "options": {**common, "port": 0}}
-    about = {"security": security, "silence_logs": logging.CRITICAL, "shutdown_on_close": False}
     try:
-        cluster = distributed.SpecCluster(scheduler=scheduler, workers=specs, **about)
+        cluster = distributed.SpecCluster(scheduler=scheduler, workers=workers, shutdown_on_close=False, **about)
     except RuntimeError as error:
         raise UserError(f"--cluster local: a worker ended as it started ({error}); try again") from error
     try:
         yield cluster
     finally:
-        with contextlib.suppress(Exception):
-            cluster.close(timeout=10)
+        _closed(cluster, timeout=10)
         scratch.remove_abandoned()  # of workers that were killed
 
 
-QUIET_WORKERS = {"DASK_LOGGING__DISTRIBUTED": "critical"}
-
-
-def _closed(client: Any) -> None:
+def _closed(one: Any, timeout: float) -> None:
     with contextlib.suppress(Exception):  # a scheduler that has ended cannot be told
-        client.close(timeout=2)
-
-
-LOGS = ("distributed", "tornado", "asyncio", "bokeh")
+        one.close(timeout=timeout)
 
 
 def _quiet() -> None:

@@ -69,13 +69,10 @@ class Shard:
     wait: bool = True
 
     @property
-    def scene(self) -> str:
-        return self.options.preset.scenes[0]
-
-    @property
     def about(self) -> dict[str, str]:
         """Its scene and size, as the log has them."""
-        return {"scene": self.scene, "size": f"{self.options.preset.width}x{self.options.preset.height}"}
+        preset = self.options.preset
+        return {"scene": preset.scenes[0], "size": f"{preset.width}x{preset.height}"}
 
 
 @dataclass(frozen=True)
@@ -104,21 +101,17 @@ def code_hash() -> str:
     Of their bytes: every worker waits for it, and to tell code from comments takes seconds.
     """
     files = {
-        f"{package}/{path.relative_to(root).as_posix()}": path
+        f"{package}/{path.relative_to(root).as_posix()}": path.read_text(encoding="utf-8")
         for package, root in project().items()
         for path in root.rglob("*.py")
         if "template" not in path.parts
     }
-    known = [[name, digest(path.read_text(encoding="utf-8"))] for name, path in sorted(files.items())]
-    return digest(known)[:16]
+    return digest(files)[:16]
 
 
 def host_id() -> str:
     """A hash that identifies this machine while it runs: on Linux its kernel's, which containers share."""
-    try:
-        return digest(BOOT.read_text(encoding="ascii").strip())[:8]
-    except OSError:
-        return digest(platform.node())[:8]
+    return digest(BOOT.read_text(encoding="ascii").strip() if BOOT.exists() else platform.node())[:8]
 
 
 def card_id(device: str) -> str:
@@ -132,22 +125,13 @@ def introduce(device: str) -> Worker:
     card = card_id(device)
     with MachineLock(of=card).exclusive():
         calibration = _calibrated(device)
-    return Worker(
-        card=card,
-        host=host_id(),
-        device_name=device_title(device),
-        code=code_hash(),
-        warp=wp.__version__,
-        python=platform.python_version(),
-        calibration=calibration,
-        held=tuple(spool.held()),
-    )
+    versions = wp.__version__, platform.python_version()
+    return Worker(card, host_id(), device_title(device), code_hash(), *versions, calibration, tuple(spool.held()))
 
 
 def _calibrated(device: str) -> Calibration:
     """A calibration point in the turn that a measurement on the device has."""
-    turn = MACHINE.shared() if device.startswith("cuda") else MACHINE.exclusive()
-    with turn:
+    with MACHINE.shared() if device.startswith("cuda") else MACHINE.exclusive():
         return calibrate(device)
 
 
@@ -157,17 +141,14 @@ class Relay(Silent):
     def __init__(self, shard: Shard, card: str):
         self.about = {"run": shard.run, "card": card}
 
-    def _send(self, text: str) -> None:
-        from distributed import get_worker
-
-        get_worker().log_event(TOPIC, {**self.about, "doing": text})
-
     def note(self, text: str) -> None:
         if text.startswith("waiting"):  # short ones are many, where the host times methods on several cards in turn
-            self._send(text)
+            self.doing(text)
 
     def doing(self, what: str, who: str = "") -> None:
-        self._send(f"{what} ({who})" if who else what)
+        from distributed import get_worker
+
+        get_worker().log_event(TOPIC, {**self.about, "doing": f"{what} ({who})" if who else what})
 
 
 def measure(shard: Shard) -> Outcome:
@@ -178,24 +159,24 @@ def measure(shard: Shard) -> Outcome:
     """
     start_warp()
     device, MACHINE.wait = shard.options.device, shard.wait
-    card, title = card_id(device), device_title(device)
+    card = card_id(device)
     name = spool.name_of(shard.options, card)
     folder = spool.shard_folder(name)
     options = dataclasses.replace(shard.options, out=folder)
     relay, lock = Relay(shard, card), MachineLock(of=card)
     lock.say = relay.note
     graders = max(1, min(GRADERS, (os.cpu_count() or 1) // 2 // shard.beside))
+    before = after = None
     with lock.exclusive():
         spool.fill(folder, shard.known)
-        before = after = None
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
             if shard.reference is not None and shard.reference[0] != card:
                 apart = before.apart(shard.reference[1])
                 if apart > LIMIT:
-                    return Outcome(card, title, name, before, apart=apart)
+                    return Outcome(card, device_title(device), name, before, apart=apart)
         records = Run(options, relay, name=shard.run, card=card, graders=graders).go()
         if before is not None:
             after = _calibrated(device)
     keys = tuple(record.key for record in records)
-    return Outcome(card, title, name, before, after, keys=keys, files=spool.fresh(folder, shard.known))
+    return Outcome(card, device_title(device), name, before, after, 0.0, keys, spool.fresh(folder, shard.known))

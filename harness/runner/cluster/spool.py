@@ -31,10 +31,9 @@ NAME = re.compile("[0-9a-f]{16}")
 KEPT_S = 14 * 24 * 3600.0
 """Seconds after which results that were not fetched are removed."""
 
+SCENES = "scenes.json"
 DELIVERED = ("records", "environments", "images", "maps", "answers", "truth")
 """Folders of a results folder that are delivered; of ``truth``, the exact references, which are large, only the disputes."""
-
-SINGLE = ("scenes.json",)
 
 Files = dict[str, bytes]
 
@@ -44,15 +43,13 @@ def root() -> Path:
 
     Raises :class:`UserError` where no such folder can be made that is closed to others.
     """
-    if given := os.environ.get(PLACE):
-        place = Path(os.path.abspath(given))
+    given = os.environ.get(PLACE)
+    place, pattern = Path(os.path.abspath(given or tempfile.gettempdir())), PREFIX if given else f"{PREFIX}-*"
+    if given:
         (place / PREFIX).mkdir(mode=0o700, parents=True, exist_ok=True)
-        own = _own(place, PREFIX)
-    else:
-        place = Path(tempfile.gettempdir())
-        if not _own(place, f"{PREFIX}-*"):
-            tempfile.mkdtemp(prefix=f"{PREFIX}-{time.time_ns():020}-")
-        own = _own(place, f"{PREFIX}-*")
+    elif not _own(place, pattern):
+        tempfile.mkdtemp(prefix=f"{PREFIX}-{time.time_ns():020}-")
+    own = _own(place, pattern)
     if not own:
         raise UserError(f"{place}: it has no folder {PREFIX} that is closed to others; set {PLACE} to another folder")
     return own[0]  # the oldest: two workers that begin at the same time have one
@@ -80,7 +77,7 @@ def name_of(options: Options, card: str) -> str:
     """The name of a shard's folder: the same for the same points on the same card, in whichever run."""
     asked = {
         "experiment": options.experiment.name,
-        "preset": [options.preset_name, plain(dataclasses.asdict(options.preset))],
+        "preset": [options.preset_name, dataclasses.asdict(options.preset)],
         "options": [options.scene_dir, options.seed, options.save_answers, options.score, options.view.facts()],
         "device": options.device,
         "card": card,
@@ -113,22 +110,13 @@ def fill(folder: Path, files: Files) -> None:
 
 def fresh(folder: Path, known: Files) -> Files:
     """The files to be delivered: those that were not sent, or that have changed since."""
-    paths = [folder / name for name in SINGLE]
-    for part in DELIVERED:
-        pattern = "disputes-*.npz" if part == "truth" else "*"
-        paths += sorted((folder / part).glob(pattern))
-    found: Files = {}
-    for path in paths:
-        name = path.relative_to(folder).as_posix()
-        if path.is_file() and not path.name.startswith("."):
-            content = path.read_bytes()
-            if known.get(name) != content:
-                found[name] = content
-    return found
+    patterns = (SCENES, *(f"{part}/disputes-*.npz" if part == "truth" else f"{part}/*" for part in DELIVERED))
+    paths = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]
+    files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths if path.name[0] != "."}
+    return {name: content for name, content in files.items() if known.get(name) != content}
 
 
 def allowed(name: str) -> bool:
     """Whether a delivered file may be written into the results folder under this name."""
     path = PurePosixPath(name)
-    inside = len(path.parts) == 2 and path.parts[0] in DELIVERED and path.parts[1] not in (".", "..")
-    return name in SINGLE or inside
+    return name == SCENES or (len(path.parts) == 2 and path.parts[0] in DELIVERED and path.parts[1] not in (".", ".."))

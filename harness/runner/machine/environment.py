@@ -1,5 +1,6 @@
 """The environment of a measurement: machine, driver, versions, commit. Stored once, referenced by its id."""
 
+import contextlib
 import hashlib
 import importlib.metadata
 import os
@@ -16,7 +17,8 @@ import warp as wp
 
 from ...files import digest, write_atomic
 from ...frame.cards import has_ray_tracing_units
-from ...frame.devices import cpu_model
+from ...frame.devices import cpu_facts, cpu_model
+from ...frame.schedule.threads import processors
 from ...results.folder import read_json
 
 PACKAGES = ("warp-lang", "numpy", "embreex", "trimesh", "pandas", "scipy", "pillow", "usd-core", "slangpy")
@@ -29,7 +31,7 @@ GPU_FIELDS = ("name", "driver_version", "memory.total", "clocks.max.sm", "clocks
 def environment() -> dict[str, Any]:
     """The environment, with an ``id`` that is a hash of all the rest."""
     facts: dict[str, Any] = {
-        "cpu": {"model": cpu_model(), "cores": os.cpu_count(), "usable_cores": usable_cores(), "flags": cpu_flags()},
+        "cpu": {"model": cpu_model(), "cores": os.cpu_count(), "usable_cores": processors(), "flags": cpu_flags()},
         "memory_bytes": psutil.virtual_memory().total,
         "os": system(),
         "python": platform.python_version(),
@@ -40,10 +42,8 @@ def environment() -> dict[str, Any]:
         "git": git_state(),
     }
     if facts["gpus"]:
-        facts["cuda"] = {
-            "toolkit": _version(wp.get_cuda_toolkit_version),
-            "driver": _version(wp.get_cuda_driver_version),
-        }
+        asked = {"toolkit": wp.get_cuda_toolkit_version, "driver": wp.get_cuda_driver_version}
+        facts["cuda"] = {name: _version(read) for name, read in asked.items()}
     return {"id": digest(facts)[:16], **facts}
 
 
@@ -63,32 +63,20 @@ def system() -> str:
 
 def cpu_flags() -> str:
     """A hash of the processor's instruction sets; empty if the system does not list them (psutil does not)."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return ""
-    flags = next((line.split(":", 1)[1] for line in lines if line.lower().startswith(("flags", "features"))), "")
+    flags = cpu_facts().get("flags") or cpu_facts().get("features") or ""
     return hashlib.sha256(" ".join(sorted(flags.split())).encode()).hexdigest()[:16] if flags else ""
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else (os.cpu_count() or 1)
 
 
 def gpus() -> list[dict[str, Any]]:
     """One entry per CUDA device, with the data of Warp and nvidia-smi; empty without devices."""
-    found = [
-        {"alias": device.alias, "name": device.name, "arch": device.arch, "sms": device.sm_count}
-        | {"ray_tracing_units": has_ray_tracing_units(device.arch, device.name)}
-        for device in wp.get_cuda_devices()
-    ]
+    devices = wp.get_cuda_devices()
     # The UUID matches the two lists. It is not stored, because it identifies a single card.
-    by_number = {row.pop("uuid"): row for row in asked_of_driver("uuid", *GPU_FIELDS)} if found else {}
-    for entry, device in zip(found, wp.get_cuda_devices(), strict=True):
-        entry["smi"] = by_number.get(device.uuid)
-    return found
+    told = {row.pop("uuid"): row for row in asked_of_driver("uuid", *GPU_FIELDS)} if devices else {}
+    return [
+        {"alias": device.alias, "name": device.name, "arch": device.arch, "sms": device.sm_count}
+        | {"ray_tracing_units": has_ray_tracing_units(device.arch, device.name), "smi": told.get(device.uuid)}
+        for device in devices
+    ]
 
 
 def asked_of_driver(*fields: str, device: str = "") -> list[dict[str, str]]:
@@ -108,10 +96,8 @@ def packages() -> dict[str, str]:
     """Installed versions of the packages that affect measurements, and of this one."""
     versions = {DISTRIBUTION: shadowbench.__version__}
     for name in PACKAGES:
-        try:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
     return versions
 
 

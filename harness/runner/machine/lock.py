@@ -63,12 +63,9 @@ class MachineLock:
     """
 
     def __init__(self, folder: Path | None = None, of: str = ""):
-        self.folder = folder
-        self.of = of
+        self.folder, self.of = folder, of
         self.say: Callable[[str], None] = _to_stderr
-        self.wait = True
-        self.held = FREE
-        self.waited = 0.0
+        self.held, self.wait, self.waited = FREE, True, 0.0
         self._beside = False
         self._files: tuple[int, int] | None = None
 
@@ -137,18 +134,15 @@ class MachineLock:
             self._change(before)
 
     def _change(self, kind: int, wait: bool | None = None) -> None:
-        if kind == self.held:
-            return
-        wait = self.wait if wait is None else wait
-        files = self._open()
+        files = self._open() if kind != self.held else None
         if files is not None:
             gate, turn = files
             _unlock(turn)
             self.held = FREE
             if kind:
                 try:
-                    self._lock(gate, kind, wait)
-                    self._lock(turn, kind, wait)
+                    for file in files:
+                        self._lock(file, kind, self.wait if wait is None else wait)
                 finally:
                     _unlock(gate)
         self.held = kind
@@ -191,15 +185,12 @@ def in_the_way(file: int) -> tuple[str, str]:
 
 
 def holders(file: int) -> list[psutil.Process]:
-    """The other processes that hold a lock on a file, from Linux's list of locks; empty on other systems.
-
-    psutil does not provide this.
-    """
+    """The other processes that hold a lock on a file, from Linux's list of locks, which psutil does not provide; empty on
+    other systems."""
     found: list[psutil.Process] = []
     number = os.fstat(file).st_ino
     with contextlib.suppress(OSError, ValueError, psutil.Error):
-        for line in Path("/proc/locks").read_text().splitlines():
-            words = line.split()
+        for words in map(str.split, Path("/proc/locks").read_text().splitlines()):
             if words[1] == "FLOCK" and words[5].endswith(f":{number}") and int(words[4]) != os.getpid():
                 found.append(psutil.Process(int(words[4])))
     return found
@@ -209,10 +200,8 @@ def _locked(file: int, kind: int) -> bool:
     """Try to lock the file without waiting. On a file system without locks this always succeeds."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, BlockingIOError)
     return True
 
 

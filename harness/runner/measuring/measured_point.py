@@ -8,6 +8,7 @@ import hashlib
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,13 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...errors import CapacityRejected, UserError, one_line
-from ...frame.frame import AT_ONCE
 from ...frame.method import Method
 from ...frame.room import fewer_that_fit
 from ...frame.session import Session
 from ...scene.effects import Effects, Limits
 from ...scene.moment import Moment
 from ...scene.prepared import Prepared
+from ...scene.scene import Scene
 from .costs import MissingError, energy, in_flight, require_streams
 from .memory import (
     ALLOWED_GROWTH,
@@ -33,7 +34,7 @@ from .memory import (
     reset_peak_resident,
     resident_bytes,
 )
-from .timing import CompileClock, FrameSamples, Sampling, sample_frame
+from .timing import Sampling, compile_clock, sample_frame
 
 Answers = dict[str, NDArray]
 
@@ -74,39 +75,36 @@ class MeasuredPoint:
         self.moments, self.device, self.changed = moments, spec["device"], changed
         self.limits = Limits(**({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {}))
         self._own = own_bytes(prepared, *size)
-        self._another = lambda: Session(make(), prepared, *size, self.device, limits=self.limits)
         self._second: Session | None = None
+        self.hashes: dict[int, dict[str, str]] = {}
 
-        def planned(scene: Prepared) -> None:
+        def planned(scene: Prepared, method: Method | None = None) -> Session:
+            return Session(method or make(), scene, *size, self.device, limits=self.limits)
+
+        def within_limit(scene: Prepared) -> None:
             with bounded(self.limits.memory, own_bytes(scene, *size)):
-                Session(make(), scene, *size, self.device, limits=self.limits)
+                planned(scene)
 
+        self._planned = partial(planned, prepared)
         try:
             with bounded(self.limits.memory, self._own):
-                self._prepare(make, prepared, size, spec, answered)
+                self._prepare(make(), prepared.scene, spec, answered)
         except CapacityRejected as error:
-            raise CapacityRejected(f"{error}{fewer_that_fit(prepared, planned)}") from error
+            raise CapacityRejected(f"{error}{fewer_that_fit(prepared, within_limit)}") from error
 
     def _prepare(
-        self,
-        make: Callable[[], Method],
-        prepared: Prepared,
-        size: tuple[int, int],
-        spec: Mapping[str, Any],
-        answered: Callable[[Method, int, Answers], None],
+        self, method: Method, scene: Scene, spec: Mapping[str, Any], answered: Callable[[Method, int, Answers], None]
     ) -> None:
-        method, moments, limits = make(), self.moments, self.limits
-        reason = method.applies(prepared.scene, self.device)
-        if reason:
+        moments, limits = self.moments, self.limits
+        if reason := method.applies(scene, self.device):
             raise SkippedError(reason)
-        self.hashes: dict[int, dict[str, str]] = {}
         held: dict[int, int] = {}
         counted, first, baseline = [], None, resident_bytes()
         tracker = Memory()
         tracker.start()
         start = time.perf_counter()
-        with CompileClock() as compiling:
-            self.session = session = Session(method, prepared, *size, self.device, limits=limits)
+        with compile_clock() as compiling:
+            self.session = session = self._planned(method)
             frames = list(moments)
             while len(held) < len(frames):
                 frame = frames[len(held)]
@@ -132,7 +130,7 @@ class MeasuredPoint:
             del self.session, session, method, answers
             give_back_memory()
             tracker.start()
-            self.session = session = Session(make(), prepared, *size, self.device, limits=limits)
+            self.session = session = self._planned()
             for frame in frames:
                 session.answers(moments[frame])
             tracker.pause()
@@ -161,36 +159,11 @@ class MeasuredPoint:
 
     def round(self, sampling: Sampling) -> dict[str, Any]:
         """One round of samples of every frame. Raises :class:`UnsteadyError` if a timed frame gives other answers."""
-        with bounded(self.limits.memory, self._own):
-            return self._round(sampling)
-
-    def _round(self, sampling: Sampling) -> dict[str, Any]:
-        started, spent = time.time(), 0.0
-        frames: list[dict[str, Any]] = []
+        started = time.time()
         before, resident = peak_resident_bytes(), resident_bytes()
         reset_peak_resident()
-        for frame, memory in self.memory.items():
-            measured, wrong = self._fitting_samples(frame, sampling)
-            spent += measured.spent_s
-            frames.append(
-                {
-                    "frame": frame,
-                    "started": measured.started,
-                    "total_ms": measured.total_ms,
-                    "wall_ms": measured.wall_ms,
-                    **measured.row,
-                    "passes": measured.passes,
-                    "stopped_by": measured.stopped_by,
-                    "regrown": self.session.regrown,
-                    "memory_bytes": memory,
-                    "memory_source": self.memory_source,
-                }
-            )
-            if wrong:
-                where = f"frame {frame}: {', '.join(wrong)}"
-                raise UnsteadyError(f"the timed frames gave other answers than the frame that was judged ({where})")
-            if sampling.costs_s:
-                frames[-1]["costs"] = self._costs(frame, float(np.median(measured.total_ms)), sampling.costs_s)
+        with bounded(self.limits.memory, self._own):
+            frames = [self._sampled(frame, sampling) for frame in self.memory]
         # Kernels are compiled by now: growth is memory that the method allocates inside a frame.
         peak = peak_resident_bytes()
         extra = peak - resident if peak - resident > ALLOWED_GROWTH else 0
@@ -200,15 +173,14 @@ class MeasuredPoint:
                 one |= {"memory_bytes": one["memory_bytes"] + extra, "memory_source": PROCESS}
         return {
             "started": started,
-            "spent_s": spent,
+            "spent_s": sum(one.pop("spent_s") for one in frames),
             "method": {"built": self.session.method.built()},
             "frames": frames,
             "peak_rss_bytes": max(before, peak),
         }
 
-    def _fitting_samples(self, frame: int, sampling: Sampling) -> tuple[FrameSamples, list[str]]:
-        """Samples of frames without overflow, and the names of the answers that differ from those that were judged. If a
-        buffer had to grow, the samples are discarded and taken again."""
+    def _sampled(self, frame: int, sampling: Sampling) -> dict[str, Any]:
+        """Samples of a frame without overflow. If a buffer had to grow, the samples are discarded and taken again."""
         session = self.session
         for _ in range(3):
             self._load(session, self.moments[frame])
@@ -218,8 +190,17 @@ class MeasuredPoint:
                 session.run_complete()
                 continue
             wrong = differing(session, self.hashes[frame])
-            if session.regrown == before:
-                return measured, wrong
+            if session.regrown != before:
+                continue
+            if wrong:
+                where = f"frame {frame}: {', '.join(wrong)}"
+                raise UnsteadyError(f"the timed frames gave other answers than the frame that was judged ({where})")
+            own = dict(vars(measured))
+            own |= own.pop("row")
+            if sampling.costs_s:
+                own["costs"] = self._costs(frame, float(np.median(measured.total_ms)), sampling.costs_s)
+            memory = {"memory_bytes": self.memory[frame], "memory_source": self.memory_source}
+            return {"frame": frame, **own, "regrown": before, **memory}
         raise RuntimeError(f"{session.method.name}: {UNSTEADY_NEEDS}")
 
     def _load(self, session: Session, moment: Moment) -> None:
@@ -250,7 +231,7 @@ class MeasuredPoint:
         """Milliseconds of a frame alone in flight, and of one of two, whose answers must be those that are judged."""
         require_streams(self.session)
         try:
-            self._second = self._second or self._another()
+            self._second = self._second or self._planned()
             self._second.answers(self.moments[frame])
         except (CapacityRejected, RuntimeError) as error:
             if not isinstance(error, CapacityRejected) and "allocate" not in str(error):
@@ -285,8 +266,7 @@ PROCESS = "process growth"
 def frame_bytes(session: Session) -> int:
     """Bytes of the arrays that the harness gives a method, which do not count as the method's memory."""
     given = session.frame
-    beyond = AT_ONCE * given.column.strides[0]  # room behind the columns, which their array does not tell
-    return array_bytes(given, given.answers, given.answers.bounces, given.alpha) + beyond
+    return array_bytes(given, given.answers, given.answers.bounces, given.alpha)
 
 
 def own_bytes(prepared: Prepared, width: int, height: int) -> int:
@@ -318,12 +298,12 @@ def _require(limits: Limits, *held: int) -> None:
 
 def hashes(answers: Answers) -> dict[str, str]:
     """A hash of the bits of each array."""
+
+    def digest(values: NDArray) -> str:
+        return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()
+
     with ThreadPoolExecutor(len(answers)) as pool:
-        return dict(zip(answers, pool.map(_digest, answers.values()), strict=True))
-
-
-def _digest(values: NDArray) -> str:
-    return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()
+        return dict(zip(answers, pool.map(digest, answers.values()), strict=True))
 
 
 def differing(session: Session, known: Mapping[str, str]) -> list[str]:
@@ -352,10 +332,9 @@ def affordable_frames(frames: list[int], session: Session, seconds: float, runs:
     start = time.perf_counter()
     session.run()
     wp.synchronize_device(session.device)
-    seconds = time.perf_counter() - start
-    count = int(budget_s / (seconds * runs))
+    count = int(budget_s / ((time.perf_counter() - start) * runs))
     # The first one ran already.
-    return frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), min(count, len(frames)))]
+    return frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), count)]
 
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:

@@ -11,7 +11,6 @@ import resource
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import psutil
 import warp as wp
@@ -27,22 +26,23 @@ class Memory:
     """
 
     def __init__(self) -> None:
-        self._resident = 0
+        from warp._src.context import runtime
+
+        self._core, self._resident = runtime.core, 0
 
     def start(self) -> None:
         """Reset the counters and start counting."""
-        core = _core()
-        core.wp_alloc_tracker_enable(1)
-        core.wp_alloc_tracker_reset()
+        self._core.wp_alloc_tracker_enable(1)
+        self._core.wp_alloc_tracker_reset()
         self._resident = resident_bytes()
 
     def pause(self) -> None:
         """Stop counting."""
-        _core().wp_alloc_tracker_enable(0)
+        self._core.wp_alloc_tracker_enable(0)
 
     def peak(self) -> int:
         """Maximum number of bytes that Warp's allocators have held since :meth:`start`."""
-        return int(_core().wp_alloc_tracker_get_peak_bytes())
+        return int(self._core.wp_alloc_tracker_get_peak_bytes())
 
     def growth(self, peak: int = 0) -> int:
         """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp.
@@ -50,12 +50,6 @@ class Memory:
         ``peak``: resident memory of the process at an earlier time, which counts where it is more than now.
         """
         return max(0, resident_bytes() - self._resident, peak - self._resident)
-
-
-def _core() -> Any:
-    from warp._src.context import runtime
-
-    return runtime.core
 
 
 def resident_bytes() -> int:
@@ -156,6 +150,6 @@ def _status(field: str) -> int | None:
 
 
 def array_bytes(*holders: object) -> int:
-    """Bytes of the Warp arrays among the attributes of some objects; an array with two names is counted once."""
-    arrays = {id(a): a for holder in holders for a in vars(holder).values() if isinstance(a, wp.array)}
-    return sum(a.capacity for a in arrays.values())
+    """Bytes of the Warp arrays among the attributes of some objects; an array and its beginning are counted once."""
+    arrays = (a for holder in holders for a in vars(holder).values() if isinstance(a, wp.array))
+    return sum({a.ptr: a.capacity for a in sorted(arrays, key=lambda a: a.capacity)}.values())

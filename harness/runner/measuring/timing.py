@@ -14,8 +14,9 @@ import contextlib
 import gc
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,9 @@ from ...frame.schedule.runner import PassRunner
 MOST_PREFIXES = 150
 """Passes of a captured frame up to which each is timed: the prefixes of n passes launch n^2 / 2. With 842 passes, of a frame
 with 64 lights, they took 100 seconds."""
+
+ROW = 20
+"""Most frames that :func:`_row` launches."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Sampling:
 
 @dataclass
 class FrameSamples:
-    """The samples of one frame in one round, milliseconds.
+    """The samples of one frame in one round, milliseconds, rounded to nanoseconds, which is finer than any clock used.
 
     ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair per sample.
     ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``. ``row``: see :func:`_row`. ``spent_s``: seconds of
@@ -63,19 +67,19 @@ class FrameSamples:
     wall_ms: list[float] = field(default_factory=list)
     passes: list[dict[str, Any]] = field(default_factory=list)
     stopped_by: str = ""
-    started: float = 0.0
+    started: float = field(default_factory=time.time)
     spent_s: float = 0.0
     row: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, pairs: list[tuple[float, float]]) -> None:
-        """Add samples of whole frames, rounded to nanoseconds, which is finer than any clock used."""
+        """Add samples of whole frames."""
         self.total_ms += [round(total, 6) for total, _ in pairs]
         self.wall_ms += [round(wall, 6) for _, wall in pairs]
 
 
 def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
     """Measure passes (of a session whose frame fits its buffers). Garbage collection is disabled meanwhile."""
-    result, began = FrameSamples(started=time.time()), time.perf_counter()
+    result, began = FrameSamples(), time.perf_counter()
     with _quiet(session):
         take = _whole_frames(session)
         deadline = time.perf_counter() + 0.75 * sampling.budget_s
@@ -92,18 +96,14 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
         result.row = _row(session, sampling.budget_s, result.wall_ms[-1])
         result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
         deadline = time.perf_counter() + 0.25 * sampling.budget_s
-        for _ in range(sampling.stage_samples if _told_apart(session) else 0):
+        prefixes = len(session.passes) if session.replays else 0
+        for _ in range(sampling.stage_samples if prefixes <= MOST_PREFIXES else 0):
             for step, ms in zip(result.passes, _stages(session), strict=True):
                 step["ms"].append(round(ms, 6))
             if time.perf_counter() > deadline:
                 break
     result.spent_s = time.perf_counter() - began
     return result
-
-
-def _told_apart(session: PassRunner) -> bool:
-    """Whether the passes of a frame can be timed one by one in a reasonable time."""
-    return len(session.passes) <= MOST_PREFIXES or not (session.replays and wp.get_device(session.device).is_cuda)
 
 
 def stop_reason(total_ms: list[float], sampling: Sampling, in_time: bool) -> str:
@@ -125,9 +125,8 @@ Take = Callable[[int], list[tuple[float, float]]]
 def _take_batch(take: Take, count: int, deadline: float, result: FrameSamples) -> bool:
     """Take ``count`` samples; False if the deadline passed before all were taken."""
     # Short frames together, so that the device's queue stays full; long ones one by one, to stay within the budget.
-    first = take(1) if not result.total_ms else []
-    pairs = first
-    lasts = max([w for _, w in first] + result.wall_ms, default=0.0) / 1e3
+    pairs = [] if result.total_ms else take(1)
+    lasts = max([wall for _, wall in pairs] + result.wall_ms, default=0.0) / 1e3
     while len(pairs) < count and time.perf_counter() + lasts < deadline:
         room = max(1, int((deadline - time.perf_counter()) / max(lasts, 1e-6)))
         pairs = pairs + take(min(count - len(pairs), room))
@@ -141,8 +140,7 @@ def _whole_frames(session: PassRunner) -> Take:
     if not device.is_cuda:
         return lambda count: [(ms, ms) for ms in (_clock(session.run) for _ in range(count))]
     if session.replays:
-        graph = session.graph()
-        return lambda count: _replay_whole(device, graph, count)
+        return partial(_replay_whole, device, partial(wp.capture_launch, session.graph()))
     return lambda count: [_eager_whole(device, session) for _ in range(count)]
 
 
@@ -152,33 +150,34 @@ def _clock(launch: Callable[[], None]) -> float:
     return (time.perf_counter() - start) * 1e3
 
 
-def _events(device: Any, count: int) -> list[Any]:
-    return [wp.Event(device, enable_timing=True) for _ in range(count)]
-
-
-def _replay_whole(device: Any, graph: Any, count: int) -> list[tuple[float, float]]:
+def _between_events(device: Any, launches: Sequence[Callable[[], None]], ahead: Callable[[], None]) -> list[float]:
+    """Milliseconds of the device for each of some launches in a row; ``ahead``: what is done before the first."""
     with wp.ScopedDevice(device):
-        # One replay ahead keeps the queue full, so that no idle time lies between the events.
-        events = _events(device, count + 1)
-        wp.capture_launch(graph)
+        events = [wp.Event(device, enable_timing=True) for _ in range(len(launches) + 1)]
+        ahead()
         wp.record_event(events[0])
-        for event in events[1:]:
-            wp.capture_launch(graph)
+        for launch, event in zip(launches, events[1:], strict=True):
+            launch()
             wp.record_event(event)
         wp.synchronize_device(device)
-        total = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
-        wall = []
-        for _ in range(count):
-            start = time.perf_counter()
-            wp.capture_launch(graph)
-            wp.synchronize_device(device)
-            wall.append((time.perf_counter() - start) * 1e3)
-    return list(zip(total, wall, strict=True))
+        return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
+
+
+def _replay_whole(device: Any, replay: Callable[[], None], count: int) -> list[tuple[float, float]]:
+    # One replay ahead keeps the queue full, so that no idle time lies between the events.
+    total = _between_events(device, [replay] * count, replay)
+
+    def alone() -> None:
+        replay()
+        wp.synchronize_device(device)
+
+    with wp.ScopedDevice(device):
+        return [(ms, _clock(alone)) for ms in total]
 
 
 def _eager_whole(device: Any, session: PassRunner) -> tuple[float, float]:
     with wp.ScopedDevice(device):
-        before, after = _events(device, 2)
+        before, after = (wp.Event(device, enable_timing=True) for _ in range(2))
         wp.synchronize_device(device)
         start = time.perf_counter()
         wp.record_event(before)
@@ -189,10 +188,6 @@ def _eager_whole(device: Any, session: PassRunner) -> tuple[float, float]:
         return wp.get_event_elapsed_time(before, after, synchronize=False), wall
 
 
-ROW = 20
-"""Most frames that :func:`_row` launches."""
-
-
 def _row(session: PassRunner, budget_s: float, lasts_ms: float) -> dict[str, list[float]]:
     """Of frames that the host launches pass by pass on a GPU, milliseconds of one: ``submitted_ms`` of the host, to submit
     it; ``row_ms`` of the device, where :data:`ROW` follow one another without a wait. Of other frames: nothing."""
@@ -200,49 +195,29 @@ def _row(session: PassRunner, budget_s: float, lasts_ms: float) -> dict[str, lis
     if not device.is_cuda or session.replays:
         return {}
     count = max(1, min(ROW, int(0.25e3 * budget_s / max(lasts_ms, 1e-3))))
-    with wp.ScopedDevice(device):
-        before, after = _events(device, 2)
-        session.run()  # the device is at work when the first event comes
-        wp.record_event(before)
-        submitted = sum(_clock(session.run) for _ in range(count))
-        wp.record_event(after)
-        wp.synchronize_device(device)
-        row = wp.get_event_elapsed_time(before, after, synchronize=False)
-    return {"submitted_ms": [round(submitted / count, 6)], "row_ms": [round(row / count, 6)]}
+    submitted: list[float] = []
+    launch = partial(submitted.extend, (_clock(session.run) for _ in range(count)))
+    # With a frame ahead the device is at work when the first event comes.
+    (row,) = _between_events(device, [launch], session.run)
+    return {"submitted_ms": [round(sum(submitted) / count, 6)], "row_ms": [round(row / count, 6)]}
 
 
 def _stages(session: PassRunner) -> list[float]:
     """One sample of every pass, in milliseconds."""
-    device = wp.get_device(session.device)
+    device, launches = wp.get_device(session.device), [step.run for step in session.passes]
     if not device.is_cuda:
         with wp.ScopedDevice(device):
-            return [_clock(step.run) for step in session.passes]
-    count = len(session.passes)
-    if not count:
-        return []
-    if session.replays:
-        graphs = [session.graph(upto=k) for k in range(1, count + 1)]
-        with wp.ScopedDevice(device):
-            events = _events(device, count + 1)
-            # Each graph once ahead: its first launch uploads it, which is not the time of its last pass.
-            for graph in graphs:
-                wp.capture_launch(graph)
-            wp.record_event(events[0])
-            for graph, event in zip(graphs, events[1:], strict=True):
-                wp.capture_launch(graph)
-                wp.record_event(event)
-            wp.synchronize_device(device)
-            prefix = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
-        return [float(ms) for ms in np.diff(prefix, prepend=0.0)]
-    with wp.ScopedDevice(device):
-        events = _events(device, count + 1)
-        wp.synchronize_device(device)
-        wp.record_event(events[0])
-        for step, event in zip(session.passes, events[1:], strict=True):
-            step.run()
-            wp.record_event(event)
-        wp.synchronize_device(device)
-        return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
+            return [_clock(launch) for launch in launches]
+    if not session.replays:
+        return _between_events(device, launches, partial(wp.synchronize_device, device))
+    graphs = [partial(wp.capture_launch, session.graph(upto=k)) for k in range(1, len(launches) + 1)]
+
+    def upload() -> None:
+        """Each graph once ahead: its first launch uploads it, which is not the time of its last pass."""
+        for graph in graphs:
+            graph()
+
+    return [float(ms) for ms in np.diff(_between_events(device, graphs, upload), prepend=0.0)]
 
 
 @contextlib.contextmanager
@@ -259,32 +234,32 @@ def _quiet(session: PassRunner) -> Iterator[None]:
             gc.enable()
 
 
-class CompileClock:
-    """Seconds that Warp spends on compiling and loading kernel modules while the clock runs (a context manager).
+@dataclass
+class Compiling:
+    """Seconds that Warp has spent on compiling and loading kernel modules."""
 
-    Warp loads a module at its first launch; this wraps that one function, and puts it back.
-    """
+    seconds: float = 0.0
 
-    def __init__(self) -> None:
-        self.seconds = 0.0
-        self._depth = 0
 
-    def __enter__(self) -> CompileClock:
-        self._kind = type(wp.get_module(__name__))
-        self._load = load = self._kind.load
+@contextlib.contextmanager
+def compile_clock() -> Iterator[Compiling]:
+    """Count inside. Warp loads a module at its first launch; this wraps that one function, and puts it back."""
+    kind, spent, depth = type(wp.get_module(__name__)), Compiling(), 0
+    load = kind.load
 
-        def timed(module: Any, *args: Any, **kwargs: Any) -> Any:
-            start = time.perf_counter()
-            self._depth += 1
-            try:
-                return load(module, *args, **kwargs)
-            finally:
-                self._depth -= 1
-                if not self._depth:
-                    self.seconds += time.perf_counter() - start
+    def timed(module: Any, *args: Any, **kwargs: Any) -> Any:
+        nonlocal depth
+        start = time.perf_counter()
+        depth += 1
+        try:
+            return load(module, *args, **kwargs)
+        finally:
+            depth -= 1
+            if not depth:
+                spent.seconds += time.perf_counter() - start
 
-        self._kind.load = timed  # type: ignore[method-assign]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._kind.load = self._load  # type: ignore[method-assign]
+    kind.load = timed  # type: ignore[method-assign]
+    try:
+        yield spent
+    finally:
+        kind.load = load  # type: ignore[method-assign]

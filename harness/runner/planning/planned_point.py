@@ -25,11 +25,10 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
 
     Raises :class:`UserError` as :func:`describe_method` does for any of them.
     """
-    result = list(entries)
+    result, known = list(entries), {entry.method for entry in entries}
     for text in texts:
         method, key, value = _parsed(text)
-        if method not in {entry.method for entry in entries}:
-            known = {entry.method for entry in entries}
+        if method not in known:
             raise UserError(f"--set {text!r}: {method!r} is not one of the methods to run{did_you_mean(method, known)}")
         result = [
             dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e for e in result
@@ -66,32 +65,27 @@ def describe_method(entry: Entry, device: str) -> dict[str, Any]:
     Raises :class:`UserError` for an unknown method or parameter, or a value of a wrong type.
     """
     facts: dict[str, Any] = {
-        "name": entry.method,
-        "title": entry.method,
-        "label": entry.label or entry.method,
-        "settings": dict(entry.settings),
-        "parameters": {},
-        "capturable": None,
-        "device": device,
-        "asked_device": device,
+        "name": entry.method, "title": entry.method, "label": entry.label or entry.method,
+        "settings": dict(entry.settings), "parameters": {}, "capturable": None, "device": device, "asked_device": device,
         "source_sha256": "",
-    }
+    }  # fmt: skip
     try:
         method = registry.make_method(entry.method, dict(entry.settings))
         cls = type(method)
-        place = device_for(cls, device)
-        own = {
-            **facts,
-            "title": cls.title or entry.method,
-            "label": entry.label or cls.title or entry.method,
-            "parameters": {name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
-            "capturable": bool(method.capturable),
-            "known_inexact": getattr(method, "known_inexact", None),
-            "device": place,
-            "source_sha256": source_hash(cls),
-        }
-        require_storable(plain(own))
-        facts = checked(MethodFacts, plain(own))
+        own = plain(
+            {
+                **facts,
+                "title": cls.title or entry.method,
+                "label": entry.label or cls.title or entry.method,
+                "parameters": {name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
+                "capturable": bool(method.capturable),
+                "known_inexact": getattr(method, "known_inexact", None),
+                "device": device_for(cls, device),
+                "source_sha256": source_hash(cls),
+            }
+        )
+        require_storable(own)
+        facts = checked(MethodFacts, own)
     except UserError:
         raise
     except Exception as error:  # a package may fail in any way; this affects only its own points
@@ -124,9 +118,8 @@ def make_point(
     experiment: str, preset: Preset, entry: Entry, scene: dict[str, Any], method: dict[str, Any], seed: int
 ) -> Point:
     """The point of a method on a scene, whose facts a worker gave (see :func:`.scene.facts.scene_facts`)."""
-    source = scene.get("source") or {}
+    source, of_preset = scene.get("source") or {}, vars(preset)
     of_files = {"files_sha256": source.get("sha256"), "asked": source.get("asked")}
-    of_preset = vars(preset)
     configuration = {
         "schema": SCHEMA,
         "experiment": experiment,
@@ -165,10 +158,5 @@ def orders(count: int, rounds: int, seed: int) -> list[list[int]]:
     The orders are rows of a cyclic Latin square over a random first order. Every second row is reversed, so that
     neighbours change.
     """
-    first = np.random.default_rng(seed).permutation(count).tolist()
-    result = []
-    for number in range(rounds):
-        shift = (number // 2) % count if count else 0
-        row = first[shift:] + first[:shift]
-        result.append(row[::-1] if number % 2 else row)
-    return result
+    first = np.random.default_rng(seed).permutation(count)
+    return [np.roll(first, -(number // 2))[:: 1 - 2 * (number % 2)].tolist() for number in range(rounds)]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import UserError
 from ...frame.devices import device_title
 from ...results.folder import ResultsFolder
 from ...results.throttled import CROWDED
@@ -23,7 +22,7 @@ from .time_estimate import expected_work, guess
 @dataclass(frozen=True)
 class Planned:
     """A point: ``status`` of its record, "" where it is to be measured; ``sampling_s`` its record's time of samples;
-    ``guess`` its seconds by :func:`.workload.guess`, from a measured rate or None.
+    ``guess`` its seconds by :func:`.time_estimate.guess`, from a measured rate or None.
     """
 
     scene: str
@@ -47,28 +46,18 @@ def survey(options: Options) -> list[Planned]:
         own = dataclasses.replace(options, preset=part)
         methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
         for scene in part.scenes:
+            work = expected_work(scene, part)
             for lighting in part.lightings:
-                try:
-                    facts = known_scene(folder, load_command(own, folder, lighting, scene))
-                except UserError:
-                    facts = None  # the run reports the file when it comes to it, and measures the others
+                facts = known_scene(folder, load_command(own, folder, lighting, scene))
+                seconds = functools.partial(guess, scene, part, lighting.targets, options.device)
                 for entry, method in methods:
-                    record = None
-                    if facts:
-                        record = folder.record(own.point(entry, facts, method).key)
-                    again = record is not None and options.retry and record.says_nothing
-                    rounds = record.rounds or () if record is not None else ()
-                    found.append(
-                        Planned(
-                            facts["name"] if facts else Path(scene).stem,
-                            lighting.label,
-                            entry.label or entry.method,
-                            "" if record is None or again else record.status,
-                            sum(one.get("spent_s", 0.0) for one in rounds),
-                            expected_work(scene, part),
-                            functools.partial(guess, scene, part, lighting.targets, options.device),
-                        )
-                    )
+                    record = folder.record(own.point(entry, facts, method).key) if facts else None
+                    done = record is not None and not (options.retry and record.says_nothing)
+                    status = record.status if record is not None and done else ""
+                    sampled = sum(one.get("spent_s", 0.0) for one in (record and record.rounds) or ())
+                    name = facts["name"] if facts else Path(scene).stem
+                    label = entry.label or entry.method
+                    found.append(Planned(name, lighting.label, label, status, sampled, work, seconds))
     return found
 
 
@@ -96,14 +85,12 @@ def duration(seconds: float) -> str:
 def announcement(options: Options, points: list[Planned]) -> str:
     """The plan of a run, in one line."""
     to_do, scenes = sum(p.to_do for p in points), len({p.scene for p in points})
-    count = f"{numbered(len(points), 'point')} on {numbered(scenes, 'scene')}"
     name = f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}"
-    there = len(points) - to_do
-    untimed = untimed_s(options)
+    there, untimed = len(points) - to_do, untimed_s(options)
     if not to_do and not untimed:
         return f"{name}: nothing to measure, {there} of {len(points)} points are already in {options.out}"
     seconds, known = seconds_left(points)
-    text = f"{name}: {count}, results go to {options.out}"
+    text = f"{name}: {numbered(len(points), 'point')} on {numbered(scenes, 'scene')}, results go to {options.out}"
     if there:
         text += f"; {there} of them {'is' if there == 1 else 'are'} already measured"
     text += f". This may take {'about' if known else 'roughly'} {duration(seconds + untimed)}"

@@ -21,56 +21,58 @@ PIXEL = 1.75
 BYTES = 50
 """Bytes of a mesh file per triangle, roughly."""
 
-OVERHEAD = 2.0
-"""The total time of a point over that of its samples, roughly: loading, warming up, checking the answers."""
-
-ONCE_S = 1.0
-"""Seconds of a point whatever its size, roughly: it is prepared, and its answers are written and read."""
-
-SCENE_S = 2.0
-"""Seconds of a scene with one lighting, shared by its points, roughly: it is made, and its exact reference computed."""
-
-CPU_S = 7.5e-7
-"""Seconds of one frame per unit of work on two CPU cores, roughly; a median over methods."""
-
-REFERENCE_S = 8.0
-"""Seconds of the exact reference per frame and 2^20 pixels on the host of a GPU, roughly. It is computed once for all
-methods of a scene with one lighting, so it is most of the time of an experiment with a single method."""
-
-ANSWERS_S = 1.0
-"""Seconds per point, frame and 2^20 pixels of a run on a GPU, roughly: answers are copied, written, read and compared."""
-
-ROUND_S = 0.1
-"""Seconds of the samples of a point per frame and round on a GPU, roughly; they do not depend on the scene."""
-
-COSTS = 2.2
-"""Seconds for each that a preset asks for its costs: idle, replayed, alone and together in flight."""
-
 UNKNOWN = 100_000
 """Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
 
+# All that follows are rough seconds, measured on two cores and an H200.
+
+OVERHEAD = 2.0
+"""The total time of a point over that of its samples: loading, warming up, checking the answers."""
+
+ONCE_S = 1.0
+"""Of a point whatever its size: it is prepared, and its answers are written and read."""
+
+SCENE_S = 2.0
+"""Of a scene with one lighting, shared by its points: it is made, and its exact reference computed."""
+
+CPU_S = 7.5e-7
+"""Of one frame per unit of work on two CPU cores; a median over methods."""
+
+REFERENCE_S = 8.0
+"""Of the exact reference per frame and 2^20 pixels on the host of a GPU. It is computed once for all methods of a scene
+with one lighting, so it is most of the time of an experiment with a single method."""
+
+ANSWERS_S = 1.0
+"""Per point, frame and 2^20 pixels of a run on a GPU: answers are copied, written, read and compared."""
+
+ROUND_S = 0.1
+"""Of the samples of a point per frame and round on a GPU; they do not depend on the scene."""
+
+COSTS = 2.2
+"""For each second that a preset asks for its costs: idle, replayed, alone and together in flight."""
+
 
 def expected_triangles(scene: str) -> int:
-    """Triangles of a scene, of a file roughly. ``scene`` as on the command line."""
+    """Triangles of a scene, given as on the command line; of a file as a PLY's header says, else as its size tells."""
     path = Path(scene)
     triangles = TRIANGLES.get(scene) or balls.count_of(scene)
-    if triangles is None:
-        triangles = in_file(path) if path.suffix != ".toml" and path.is_file() else UNKNOWN
-    return triangles
-
-
-def in_file(path: Path) -> int:
-    """Triangles of a file: as a PLY's header says, else as its size tells."""
+    if triangles is not None:
+        return triangles
+    if path.suffix == ".toml" or not path.is_file():
+        return UNKNOWN
     with path.open("rb") as stream:
         told = re.search(rb"^ply\b.*?^element face (\d{1,9})\s", stream.read(4096), re.DOTALL | re.MULTILINE)
     return int(told[1]) if told else path.stat().st_size // BYTES
 
 
+def frames_of(scene: str, preset: Preset) -> int:
+    return preset.frames if scene in ANIMATED else 1
+
+
 def expected_work(scene: str, preset: Preset) -> float:
     """The work of one method on a scene with one lighting, in triangles. ``scene`` as on the command line."""
-    triangles = expected_triangles(scene)
-    frames = preset.frames if scene in ANIMATED else 1
-    return frames * preset.rounds * (triangles + PIXEL * preset.width * preset.height)
+    pixels = preset.width * preset.height
+    return frames_of(scene, preset) * preset.rounds * (expected_triangles(scene) + PIXEL * pixels)
 
 
 def guess(scene: str, preset: Preset, lights: int, device: str, rate: float | None = None) -> float:
@@ -80,17 +82,18 @@ def guess(scene: str, preset: Preset, lights: int, device: str, rate: float | No
     GPU. ``lights``: how many lights or targets replace the scene's own; 0: none. ``rate``: measured seconds of samples per
     unit of work.
     """
-    frames = preset.frames if scene in ANIMATED else 1
-    shared, methods, more = SCENE_S, max(1, len(preset.methods)), (1 + max(1, lights)) / 2
-    work = expected_work(scene, preset)
+    frames, work = frames_of(scene, preset), expected_work(scene, preset)
+    more = (1 + max(1, lights)) / 2
     if device.startswith("cuda"):
         pixels = more * frames * preset.width * preset.height / 2**20
-        shared += REFERENCE_S * pixels
+        shared = SCENE_S + REFERENCE_S * pixels
         sampling = (ROUND_S + COSTS * preset.costs_s) * frames * preset.rounds if rate is None else rate * work
-        return ONCE_S + shared / methods + ANSWERS_S * pixels + min(sampling, preset.budget_s)
-    runs = 1 + preset.samples + preset.stage_samples + 1
-    seconds = CPU_S * runs * work * more if rate is None else OVERHEAD * rate * work
-    return ONCE_S + shared / methods + min(seconds, OVERHEAD * preset.budget_s)
+        own = ANSWERS_S * pixels + min(sampling, preset.budget_s)
+    else:
+        runs = 1 + preset.samples + preset.stage_samples + 1
+        shared, seconds = SCENE_S, CPU_S * runs * work * more if rate is None else OVERHEAD * rate * work
+        own = min(seconds, OVERHEAD * preset.budget_s)
+    return ONCE_S + shared / max(1, len(preset.methods)) + own
 
 
 def points_of(preset: Preset) -> int:
@@ -105,12 +108,8 @@ def steps_of(preset: Preset) -> int:
 
 @dataclass(frozen=True)
 class Unit:
-    """The points of a scene, of all methods with all lightings.
-
-    work    of each point (:func:`expected_work`)
-    points  how many there are
-    most_s  most seconds that the samples of a point may take, from its budget
-    """
+    """The points of a scene, of all methods with all lightings: work of each (:func:`expected_work`), how many there are,
+    and the most seconds that the samples of one may take, from its budget."""
 
     work: float
     points: int
@@ -129,7 +128,7 @@ class Estimate:
     A point takes a fixed time (its scene is made, it is prepared, its answers are checked) and a time in proportion to
     its work, which its budget limits. Both are fitted to what was measured.
 
-    units  those to be measured, in any order
+    to_do  the units to be measured, in any order
     clock  seconds, in which waiting for other runs does not count
     once   seconds of the unit under way that are spent once for all: starting processes, compiling; they do not count
     """
@@ -137,11 +136,6 @@ class Estimate:
     def __init__(self, units: Sequence[Unit], clock: Callable[[], float] = time.monotonic):
         self.to_do, self.clock, self.once = list(units), clock, 0.0
         self._measured: list[tuple[Unit, float]] = []
-
-    @classmethod
-    def of(cls, parts: Sequence[Preset], clock: Callable[[], float]) -> Estimate:
-        """For all scenes of some presets."""
-        return cls([Unit.of(scene, part) for part in parts for scene in part.scenes], clock)
 
     def begin(self, unit: Unit) -> None:
         """A unit is under way from now on."""

@@ -12,7 +12,7 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,6 @@ from typing import IO, Any
 import numpy as np
 import psutil
 import warp as wp
-from numpy.typing import NDArray
 
 from ...errors import CapacityRejected, UserError, one_line
 from ...files import plain
@@ -40,7 +39,7 @@ from ..machine.clocks import clock_state
 from ..machine.lock import MACHINE
 from ..measuring.measured_point import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
 from ..measuring.memory import give_back_memory, reset_peak_resident
-from ..measuring.timing import CompileClock, Sampling
+from ..measuring.timing import Sampling, compile_clock
 from .grader import Answers, Grader, hand_over, handed_path
 from .protocol import UNWRITABLE
 
@@ -77,13 +76,11 @@ class Worker:
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
         """Carry out one command and return its reply. ``share``: hold the machine lock, because the parent does not."""
         kind, share = command.pop("do"), command.pop("share", False)
-        actions: dict[str, Callable[..., dict[str, Any]]] = {
-            "load": self.load, "prepare": self.prepare, "round": self.round,
-            "grade": self.grade, "free": self.free,
-        }  # fmt: skip
+        actions = {one.__name__: one for one in (self.load, self.prepare, self.round, self.grade, self.free)}
         os.chdir(self.home)  # a method may have gone elsewhere
         with MACHINE.shared() if share else contextlib.nullcontext():
-            return actions[kind](**command)
+            reply: dict[str, Any] = actions[kind](**command)  # type: ignore[operator]
+            return reply
 
     def load(
         self,
@@ -119,12 +116,10 @@ class Worker:
             start = time.perf_counter()
         base, base_s = self.base[of]
         prepared = lights.applied(base)
-        moments = {
-            frame: prepared.moment(frame, width, height) for frame in spread_frames(prepared.frame_count, frames)
-        }
+        wanted = spread_frames(prepared.frame_count, frames)
+        moments = {frame: prepared.moment(frame, width, height) for frame in wanted}
         load_s = base_s + time.perf_counter() - start
-        self.last = Lit(prepared, moments, (width, height), scene, lights.changed)
-        self.lit[lights.label] = self.last
+        self.lit[lights.label] = self.last = Lit(prepared, moments, (width, height), scene, lights.changed)
         facts = {**scene_facts(prepared, moments), "lighting": lighting}
         if chosen.text():
             facts["view"] = chosen.text()
@@ -143,12 +138,12 @@ class Worker:
         def answered(method: Method, frame: int, given: Answers) -> None:
             if not answers:
                 return
-            counted = tests_of(method) if point.get("maps") else None
+            tests_per_pixel = getattr(method, "tests_per_pixel", None) if point.get("maps") else None
+            tests = None if tests_per_pixel is None else tests_per_pixel()[0]
             with into_results():
                 hand_over(handed_path(Path(folder), point["key"], frame), given)
-                if counted is not None:
-                    moment, path = lit.moments[frame], map_path(Path(folder), point["key"], frame)
-                    write_map(path, counted.reshape(moment.height, moment.width))
+                if tests is not None:
+                    write_map(map_path(Path(folder), point["key"], frame), tests.reshape(lit.size[::-1]))
 
         if not self.points:
             reset_peak_resident()
@@ -162,39 +157,27 @@ class Worker:
         # Clocks are read after the samples, because reading them disturbs a GPU.
         return {**point.round(Sampling(**sampling)), "clock": clock_state(point.device)}
 
-    def grade(
-        self,
-        key: str,
-        folder: str,
-        device: str,
-        save_answers: bool,
-        score: bool,
-        picture: str,
-        shows: str,
-        wrong_maps: bool,
-    ) -> dict[str, Any]:
-        """Score answers that a method's worker handed over (a command for the scoring processes)."""
+    def grade(self, folder: str, device: str, **asked: Any) -> dict[str, Any]:
+        """Score answers that a method's worker handed over, as ``asked`` of :meth:`.Grader.grade`."""
         lit = self.last
         assert lit is not None
         if self.grader is None:
             self.grader = Grader(lit.prepared, lit.moments, lit.scene_argument, Path(folder), device, self.referees)
-        with CompileClock() as compiling, into_results():
-            frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
+        with compile_clock() as compiling, into_results():
+            frames = self.grader.grade(**asked)
         return {"frames": frames, "compile_s": compiling.seconds}
 
     def free(self, key: str | None = None, light: str | None = None) -> dict[str, Any]:
         """Free one point, and the lighting ``light`` with it, or the scene and all of its points."""
-        made = None
+        device = "cpu"
         if key is None:
             self._forget_lightings()
             self.base.clear()
             self.referees.clear()
-        else:
-            made = self.points.pop(key, None)
-            if light is not None:
-                self.lit.pop(light, None)
-        device = "cpu" if made is None else made.device
-        del made
+        elif key in self.points:
+            device = self.points.pop(key).device
+        if light is not None:
+            self.lit.pop(light, None)
         give_back_memory()
         return {"room": room(device)}
 
@@ -221,12 +204,6 @@ def is_within(moment: Moment) -> bool:
     return len(corners) > 0 and bool((corners.min(axis=0) < eye).all() and (eye < corners.max(axis=0)).all())
 
 
-def tests_of(method: Any) -> NDArray | None:
-    """The number of tests of each pixel of the last frame, if the method counts them (``tests_per_pixel``)."""
-    counted = getattr(method, "tests_per_pixel", None)
-    return None if counted is None else counted()[0]
-
-
 class UnwritableError(Exception):
     """The results folder cannot be written: it is full, or read-only."""
 
@@ -247,19 +224,22 @@ def answer_line(worker: Worker, line: str) -> str:
     try:
         return json.dumps({"ok": True, **plain(worker.do(json.loads(line)))})
     except Exception as error:
-        status, reason = refusal(error)
-        return json.dumps({"error": status, "reason": reason})
+        expected = next((kind for kind in EXPECTED if isinstance(error, kind)), None)
+        if expected is None:
+            traceback.print_exception(error)
+        status, before = EXPECTED[expected] if expected else ("failed", f"{type(error).__name__}: ")
+        return json.dumps({"error": status, "reason": before + one_line(error)})
 
 
-def refusal(error: Exception) -> tuple[str, str]:
-    """The status and the reason of a command that failed."""
-    known = {CapacityRejected: "rejected", SkippedError: "skipped", UnwritableError: UNWRITABLE}
-    expected = (*known, UserError, UnsteadyError, MemoryError)
-    if isinstance(error, expected):
-        reason = f"out of memory: {one_line(error)}" if isinstance(error, MemoryError) else one_line(error)
-        return next((status for kind, status in known.items() if isinstance(error, kind)), "failed"), reason
-    traceback.print_exception(error)
-    return "failed", f"{type(error).__name__}: {one_line(error)}"
+EXPECTED: dict[type[Exception], tuple[str, str]] = {
+    CapacityRejected: ("rejected", ""),
+    SkippedError: ("skipped", ""),
+    UnwritableError: (UNWRITABLE, ""),
+    UserError: ("failed", ""),
+    UnsteadyError: ("failed", ""),
+    MemoryError: ("failed", "out of memory: "),
+}
+"""Errors that say what is wrong: the status of the point, and what stands before their text."""
 
 
 def serve(commands: IO[str], replies: IO[str]) -> None:

@@ -18,15 +18,12 @@ from ...scene.prepared import Prepared
 from ..machine.lock import MACHINE
 from ..measuring.measured_point import Answers, hashes
 
+NOT_REQUESTED = "not requested; shadowbench score DIR adds it"
+
 
 def hand_over(path: Path, answers: Answers) -> None:
     """Write the answers of a frame for the grader: an .npz file, written atomically."""
     write_arrays(path, answers, compressed=False)
-
-
-def answer_path(folder: Path, key: str, frame: int) -> Path:
-    """The file of the saved answers of a frame of a point."""
-    return folder / "answers" / f"{key}-{frame}.npz"
 
 
 def handed_path(folder: Path, key: str, frame: int) -> Path:
@@ -52,7 +49,7 @@ class Grader:
         self._scores: dict[tuple[Any, ...], Any] = {}
 
     def grade(
-        self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
+        self, key: str, save_answers: bool, score: bool, picture: str, shows: str, wrong_maps: bool = False
     ) -> list[dict[str, Any]]:
         """The score of every frame, or the reason why there is none.
 
@@ -61,31 +58,31 @@ class Grader:
         """
         from ...report.picture import scene_picture, shown_in
 
-        frames = []
-        last = list(self.moments)[-1]
+        frames, drawing, last = [], Path(picture), max(self.moments)
+        drawn = shown_in(drawing) == shows
+        handed = {frame: handed_path(self.folder, key, frame) for frame in self.moments}
         # Frames beyond the point's time budget were not measured.
-        drawn = shown_in(picture) == shows
-        there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
-        for frame in there:
+        handed = {frame: path for frame, path in handed.items() if path.exists()}
+        middle = [*handed][len(handed) // 2] if handed else None
+        for frame, path in handed.items():
             MACHINE.give_way()
-            with np.load(handed_path(self.folder, key, frame)) as stored:
-                answers = {name: stored[name] for name in stored.files}
-            unscored = "not requested; shadowbench score DIR adds it"
-            graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": unscored}
+            with np.load(path) as stored:
+                answers = dict(stored)
+            graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": NOT_REQUESTED}
             graded["hits"] = hits(answers["triangle"])
             graded["shadow_rays"] = shadow_rays(answers, self.effects)
             if score:
                 graded.update(self._score(key, frame, answers, wrong_maps and frame == last))
             if save_answers or graded["score"] is None:
                 self._save_answers(key, frame, answers)
-            if not drawn and frame == there[len(there) // 2]:
-                picture.parent.mkdir(parents=True, exist_ok=True)
+            if not drawn and frame == middle:
+                drawing.parent.mkdir(parents=True, exist_ok=True)
                 lights = self.prepared.lights(frame)
-                scene_picture(self.prepared, self.moments[frame], answers, lights, picture, shows)
+                scene_picture(self.prepared, self.moments[frame], answers, lights, drawing, shows)
             frames.append(graded)
         # Not before: should this process be killed, another one has all frames to score.
-        for frame in there:
-            handed_path(self.folder, key, frame).unlink()
+        for path in handed.values():
+            path.unlink()
         return frames
 
     def _score(self, key: str, frame: int, answers: Answers, wrong_map: bool) -> dict[str, Any]:
@@ -95,16 +92,11 @@ class Grader:
             from ...report.flip import keep_wrong
             from ...results.disputes import write_disputes
         except ImportError as error:
-            missing = error.name or str(error)
-            reason = (
-                f"no exact reference: {missing} is not installed; shadowbench score adds it on a machine that has it"
-            )
-            return {"score": None, "unscored": reason}
+            missing = f"no exact reference: {error.name or error} is not installed"
+            return {"score": None, "unscored": f"{missing}; shadowbench score adds it on a machine that has it"}
         if frame not in self._judges:
-            references = self.folder / "truth"
-            self._judges[frame] = Judge.of(
-                self.prepared, self.moments[frame], self.effects, references, self.device, self.referees.get(frame)
-            )
+            given = self.effects, self.folder / "truth", self.device, self.referees.get(frame)
+            self._judges[frame] = Judge.of(self.prepared, self.moments[frame], *given)
         judge = self._judges[frame]
         self.referees[frame] = judge.referee
         looks: dict[str, Any] = {}
@@ -120,15 +112,15 @@ class Grader:
         return {"score": scored.score.to_json(), "unscored": None, **looks}
 
     def _save_answers(self, key: str, frame: int, answers: Answers) -> None:
+        path = self.folder / "answers" / f"{key}-{frame}.npz"
         try:
             from ...judge.answer_files import save_raw
         except ImportError:
             # Without the packages of the reference the format of saved answers is not available: save plain arrays.
-            hand_over(answer_path(self.folder, key, frame), answers)
+            hand_over(path, answers)
             return
-        path = answer_path(self.folder, key, frame)
-        extra = {"key": key, "frame": frame}
-        save_raw(path, self.prepared, self.moments[frame], answers, self.scene_argument, self.effects, extra)
+        about = self.scene_argument, self.effects, {"key": key, "frame": frame}
+        save_raw(path, self.prepared, self.moments[frame], answers, *about)
 
 
 def hits(triangles: NDArray) -> int:

@@ -37,8 +37,7 @@ class WorkerError(Exception):
 
     def __init__(self, status: str, reason: str):
         super().__init__(reason)
-        self.status = status
-        self.reason = reason
+        self.status, self.reason = status, reason
 
 
 class WorkerLostError(WorkerError):
@@ -48,17 +47,15 @@ class WorkerLostError(WorkerError):
 class Remote:
     """One worker process. It starts with the first command, and again with the first command after it has ended.
 
-    ``generation`` counts the starts; points prepared in an earlier generation are lost.
+    ``generation`` counts the starts; points prepared in an earlier generation are lost. ``command``: what was sent last.
     """
 
     def __init__(self, name: str, log: Path):
-        self.name = name
-        self.log = log
+        self.name, self.log = name, log
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
-        self._asked, self._command = 0.0, ""
-        self._log_start = 0
-        self.generation = 0
+        self._asked, self.command = 0.0, ""
+        self._log_start = self.generation = 0
 
     @property
     def running(self) -> bool:
@@ -68,13 +65,11 @@ class Remote:
     def send(self, **command: Any) -> None:
         """Send a command without waiting; :meth:`receive` must follow."""
         process = self._process or self._start()
-        self._asked, self._command = time.monotonic(), command["do"]
-        try:
+        self._asked, self.command = time.monotonic(), command["do"]
+        with contextlib.suppress(OSError):  # the worker has died; receive() reports it
             assert process.stdin is not None
             process.stdin.write(json.dumps(command) + "\n")
             process.stdin.flush()
-        except OSError:
-            pass  # the worker has died; receive() reports it
 
     def receive(self, timeout: float) -> dict[str, Any]:
         """The reply to the last command, within ``timeout`` seconds. Waiting for the machine lock does not count.
@@ -87,9 +82,10 @@ class Remote:
             self._asked = math.inf if reply["waiting"] else time.monotonic()
             reply = self._reply(timeout)
         if "error" in reply:
-            raise WorkerError(*_said(reply))
+            status = reply["error"] if reply["error"] in (*STATUSES, UNWRITABLE) else "failed"
+            raise WorkerError(status, str(reply.get("reason", "")).encode(errors="replace").decode())
         try:
-            check_reply(self._command, reply)
+            check_reply(self.command, reply)
         except ValueError as error:
             raise WorkerError("failed", f"no record can hold what the worker replied: {error}") from error
         return reply
@@ -167,12 +163,6 @@ class Remote:
         with contextlib.suppress(OSError):
             assert process.stdin is not None
             process.stdin.close()
-
-
-def _said(reply: dict[str, Any]) -> tuple[str, str]:
-    """The status and the reason of a command that failed."""
-    status = reply["error"] if reply["error"] in (*STATUSES, UNWRITABLE) else "failed"
-    return status, str(reply.get("reason", "")).encode(errors="replace").decode()
 
 
 def _follow(process: subprocess.Popen[str], replies: queue.Queue[str | None]) -> None:

@@ -10,8 +10,14 @@ from ...results.folder import ResultsFolder
 from ...scene.overrides import Lighting
 from ..machine.lock import MACHINE
 from ..planning.run_options import Job, Options
-from .handle import Remote, WorkerError, WorkerLostError
-from .protocol import LOAD_S, UNWRITABLE, load_command, prepare_command
+from .handle import Remote, WorkerError
+from .protocol import UNWRITABLE, load_command, prepare_command
+
+LOAD_S = 300.0
+"""Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""
+
+ROOM = 0.2
+"""Share of the memory of the device, and of the host, that is kept free by freeing other points."""
 
 
 def grader_name(number: int) -> str:
@@ -19,11 +25,13 @@ def grader_name(number: int) -> str:
     return f"grading.{number}"
 
 
+def grades(name: str) -> bool:
+    """Whether this is the name of a worker that scores answers."""
+    return "." in name
+
+
 GRADER = grader_name(1)
 """The one that also makes the scenes."""
-
-ROOM = 0.2
-"""Share of the memory of the device, and of the host, that is kept free by freeing other points."""
 
 
 class Workers:
@@ -47,19 +55,19 @@ class Workers:
 
     def command(self, worker: Remote, **command: Any) -> dict[str, Any]:
         """Send a command and wait for its reply."""
-        timeout = self.options.preset.timeout_s
         self.send(worker, **command)
-        return self.reply(worker, max(timeout, LOAD_S) if command["do"] == "load" else timeout)
+        return self.reply(worker)
 
     def send(self, worker: Remote, **command: Any) -> None:
         """Send a command. It runs under the machine lock of this process, else under the worker's."""
         with self.folder.writing():
             worker.send(**command, share=not MACHINE.held)
 
-    def reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
+    def reply(self, worker: Remote) -> dict[str, Any]:
         """The reply to the command sent last. Raises :class:`~.errors.UserError` if the folder cannot be written."""
+        timeout = self.options.preset.timeout_s
         try:
-            return worker.receive(timeout)
+            return worker.receive(max(timeout, LOAD_S) if worker.command == "load" else timeout)
         except WorkerError as error:
             if error.status == UNWRITABLE:
                 raise self.folder.unwritable(error.reason) from error
@@ -71,11 +79,9 @@ class Workers:
             return {}
         try:
             return self.command(worker, **command)
-        except WorkerLostError:
-            pass
         except WorkerError:
             worker.stop()
-        return {}
+            return {}
 
     # --- scenes ---
 
@@ -86,15 +92,13 @@ class Workers:
         """
         with self.folder.writing():
             self.folder.shared_scene().parent.mkdir(parents=True, exist_ok=True)
-        made = self._load(GRADER, scene, lighting, make=True)
-        lost = {}
-        asked = [(method, self.get(method)) for method in sorted(methods)]
-        for method, worker in asked:
-            self.send(worker, **self._load_command(method, scene, lighting))
-        for method, worker in asked:
+        self._ask_to_load(GRADER, scene, lighting, make=True)
+        made, lost = self._loads(GRADER, lighting), {}
+        for method in sorted(methods):
+            self._ask_to_load(method, scene, lighting)
+        for method in sorted(methods):
             try:
-                self.reply(worker, max(LOAD_S, self.options.preset.timeout_s))
-                self._loaded[method, lighting.label] = worker.generation
+                self._loads(method, lighting)
             except WorkerError as error:
                 lost[method] = error
         return {**made["scene"], "load_s": made["load_s"]}, lost
@@ -103,19 +107,21 @@ class Workers:
         """Have a worker load the scene of a job with its lighting, unless it has."""
         worker = self.get(name)
         if not worker.running or self._loaded.get((name, job.lighting.label)) != worker.generation:
-            self._load(name, job.scene, job.lighting)
+            self._ask_to_load(name, job.scene, job.lighting)
+            self._loads(name, job.lighting)
 
-    def _load(self, name: str, scene: str, lighting: Lighting, make: bool = False) -> dict[str, Any]:
-        worker = self.get(name)
-        if grades(name):
+    def _ask_to_load(self, name: str, scene: str, lighting: Lighting, make: bool = False) -> None:
+        """A grader scores one lighting after another and forgets the one before; a method's worker measures all in turn."""
+        alone = grades(name)
+        if alone:
             self._loaded = {known: start for known, start in self._loaded.items() if known[0] != name}
-        reply = self.command(worker, **self._load_command(name, scene, lighting, make))
-        self._loaded[name, lighting.label] = worker.generation
-        return reply
+        self.send(self.get(name), **load_command(self.options, self.folder, lighting, scene, make), alone=alone)
 
-    def _load_command(self, name: str, scene: str, lighting: Lighting, make: bool = False) -> dict[str, Any]:
-        # A grader scores one lighting after another; a method's worker measures all in turn.
-        return {**load_command(self.options, self.folder, lighting, scene, make), "alone": grades(name)}
+    def _loads(self, name: str, lighting: Lighting) -> dict[str, Any]:
+        """What a worker that was asked to load replies."""
+        reply = self.reply(self.get(name))
+        self._loaded[name, lighting.label] = self.get(name).generation
+        return reply
 
     # --- points ---
 
@@ -129,25 +135,20 @@ class Workers:
         reply = self.command(worker, **prepare_command(self.options, job, answers))
         job.generation, job.answers = worker.generation, reply.pop("answers")
         self._held[job] = None
-        self._make_room(job, reply.pop("room"))
-        return reply
-
-    def _make_room(self, job: Job, room: float) -> None:
-        """Free other points until a share of :data:`ROOM` of the memory is free, or only ``job`` is left."""
+        room = reply.pop("room")
         for other in [one for one in self._held if one is not job]:
-            if room >= ROOM:
-                return
-            room = self.free(other).get("room", room)
+            if room < ROOM:
+                room = self.free(other).get("room", room)
+        return reply
 
     def free(self, job: Job) -> dict[str, Any]:
         """Free a point, and its lighting where its worker holds no other point with that; its worker's reply, if any."""
         self._held.pop(job, None)
         job.generation = 0
-        place = (job.method, job.lighting.label)
-        last = all((one.method, one.lighting.label) != place for one in self._held)
-        if last:
+        place, light = (job.method, job.lighting.label), None
+        if all((one.method, one.lighting.label) != place for one in self._held):
             self._loaded.pop(place, None)
-        light = job.lighting.label if last else None
+            light = job.lighting.label
         return self._tell(self.get(job.method), do="free", key=job.point.key, light=light)
 
     def clear(self) -> None:
@@ -166,8 +167,3 @@ class Workers:
         for path in (self.folder.path / "journal").glob("scene-*.npz"):
             if path.stem.removeprefix("scene-").isdecimal():
                 path.unlink(missing_ok=True)
-
-
-def grades(name: str) -> bool:
-    """Whether this is the name of a worker that scores answers."""
-    return "." in name

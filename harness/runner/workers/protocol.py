@@ -15,9 +15,6 @@ from ...scene.overrides import Lighting
 from ...typed_json import checked
 from ..planning.run_options import Job, Options
 
-LOAD_S = 300.0
-"""Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""
-
 UNWRITABLE = "unwritable"
 """A worker's reply, in place of the status of a record, where it could not write to the results folder."""
 
