@@ -6,7 +6,7 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh, filled
-from ..exact.ray_queries import Found, nothing_found
+from ..exact.ray_queries import Found, RayPart, nothing_found
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
 from .build import TriangleGrid
 from .grid import Grid, cell_index
@@ -30,36 +30,24 @@ class Cells:
 
 
 @wp.func
-def walk(
-    test: wp.Function,
-    cells: Cells,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3d,
-    direction: wp.vec3d,
-    end: wp.float64,
-    own: wp.int32,
-    query: Any,
-) -> Found:
-    """Call ``test`` for the triangles in the cells of the ray start + t direction, 0 <= t <= end; return what was found.
+def walk(test: wp.Function, cells: Cells, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
+    """Call ``test`` for the triangles in the cells of a ray: see :mod:`..rays.kernels`.
 
-    ``test`` is compiled in, and called as test(mesh, alpha, i, query, found): see :mod:`..exact.ray_queries`. Triangle
-    ``own`` is left out (-1: none). The walk ends behind the closest hit and all that may tie with it, or when ``test``
-    sets ``found.done``.
+    The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
     """
     found = nothing_found(wp.INF)
     grid = cells.grid[0]
-    w = enter(grid, start, direction, end)
+    w = enter(grid, part)
     going = w.start <= w.end
     while going:
         cell = cell_index(grid.res, w.cell[0], w.cell[1], w.cell[2])
         for k in range(cells.begin[cell], cells.end[cell]):
             i = cells.members[k]
-            if i != own and not found.done:
+            if i != part.own and not found.done:
                 found.tests += 1
                 found = test(mesh, alpha, i, query, found)
         leave = next_leave(w)
-        if found.done or leave > wp.min(found.t * TIE, end) + w.margin or leave == FOREVER:
+        if found.done or leave > wp.min(found.t * TIE, part.end) + w.margin or leave == FOREVER:
             going = False
         else:
             w = advance(w)

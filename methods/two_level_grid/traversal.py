@@ -10,7 +10,7 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
-from ..exact.ray_queries import Found, nothing_found
+from ..exact.ray_queries import Found, RayPart, nothing_found
 from ..grids.grid import Grid, cell_index, cell_of
 from ..grids.walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
@@ -91,25 +91,15 @@ def leaf_advance(w: Walk, leaf: LeafWalk) -> LeafWalk:
 
 
 @wp.func
-def walk(
-    test: wp.Function,
-    cells: LeafCells,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3d,
-    direction: wp.vec3d,
-    end: wp.float64,
-    own: wp.int32,
-    query: Any,
-) -> Found:
+def walk(test: wp.Function, cells: LeafCells, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
     """Call ``test`` for the triangles in the leaf cells of a ray: see :mod:`..rays.kernels`.
 
     The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
     """
     found = nothing_found(wp.INF)
     grid = cells.grid[0]
-    way = wp.cw_mul(direction, grid.scale)
-    w = enter(grid, start, direction, end)
+    way = wp.cw_mul(part.direction, grid.scale)
+    w = enter(grid, part)
     leaf = LeafWalk()
     leaf.first = -1
     entered = w.start
@@ -126,7 +116,7 @@ def walk(
             at = leaf.first + cell_index(leaf.res, leaf.cell[0], leaf.cell[1], leaf.cell[2])
             for k in range(cells.begin[at], cells.end[at]):
                 i = cells.members[k]
-                if i != own and not found.done:
+                if i != part.own and not found.done:
                     found.tests += 1
                     found = test(mesh, alpha, i, query, found)
             leaf_end = wp.min(leaf.leave[0], wp.min(leaf.leave[1], leaf.leave[2]))
@@ -134,7 +124,7 @@ def walk(
             if leaf_end < FOREVER:
                 leaf = leaf_advance(w, leaf)
                 left = not inside(leaf.cell, leaf.res)
-        if found.done or leave > wp.min(found.t * TIE, end) + w.margin or leave == FOREVER:
+        if found.done or leave > wp.min(found.t * TIE, part.end) + w.margin or leave == FOREVER:
             going = False
         elif left:
             leaf.first = -1
