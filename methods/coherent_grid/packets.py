@@ -178,8 +178,8 @@ def trace_packet(
             for v in range(vs[0], vs[1] + 1):
                 for u in range(us[0], us[1] + 1):
                     cell = cell_at(res, f.axis, slice, u, v)
-                    for m in range(entry(cells.begin, cell), entry(cells.end, cell)):
-                        i = entry(cells.members, m)
+                    for m in range(entry(cells.lists.begin, cell), entry(cells.lists.end, cell)):
+                        i = entry(cells.lists.values, m)
                         if entry(stamps, i) != stamp:
                             stamps[i] = stamp
                             corners = corners_at(mesh, i)

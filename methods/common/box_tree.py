@@ -33,7 +33,7 @@ class Boxes:
 
 @wp.func
 def walk(test: wp.Function, boxes: Any, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
-    """Call ``test`` for every valid triangle whose box a ray meets: see :mod:`..rays.kernels`. It gets the tree's records."""
+    """Call ``test`` for every valid triangle whose box a ray meets, by the tree's records: see :mod:`..rays.kernels`."""
     # What the loop depends on is in variables of its own, and it is left by a break right after the test. Then the
     # compiler makes one loop of steps down the tree and tests, in which the lanes of a warp stay together. With fields
     # of ``result`` in their place, or the break elsewhere, it makes two, and the rebuilt tree takes 1.2 to 3.3 times as

@@ -16,8 +16,8 @@ Where lights and shares run at the same time, up to 1.5 times the undecided pair
 replayed frame cannot ask for more room."""
 
 
-def zeroed(kind: Any, size: int = 0, **others: Any) -> Any:
-    """A struct whose arrays are zeros [``size``] on the current device. ``others``: sizes of some, and fields as they are."""
+def zeroed(kind: Any, size: int = 0, /, **others: Any) -> Any:
+    """A struct whose arrays are zeros [size] on the current device. ``others``: sizes of some, and fields as they are."""
     struct = kind()
     for name, field in kind.vars.items():
         value = others.get(name, size)

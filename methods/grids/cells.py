@@ -5,10 +5,10 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Mesh, filled
+from ...harness.frame.geometry import Mesh
 from ..exact.ray_queries import Found, RayPart, nothing_found
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
-from .build import TriangleGrid
+from .binning import Pairs
 from .grid import Grid, cell_index
 from .walk import FOREVER, TIE, advance, enter, inside, next_leave
 
@@ -18,15 +18,10 @@ REGISTERS = 64
 
 @wp.struct
 class Cells:
-    """The triangles of each cell: ``members[begin[cell]:end[cell]]``, in index order.
-
-    grid  Grid [1]    begin, end  int32 [cells]    members  int32 [pairs]
-    """
+    """A grid [1] and the triangles of each cell."""
 
     grid: wp.array(dtype=Grid)
-    begin: wp.array(dtype=wp.int32)
-    end: wp.array(dtype=wp.int32)
-    members: wp.array(dtype=wp.int32)
+    lists: Pairs
 
 
 @wp.func
@@ -41,8 +36,8 @@ def walk(test: wp.Function, cells: Cells, mesh: Mesh, alpha: Alpha, part: RayPar
     going = w.start <= w.end
     while going:
         cell = cell_index(grid.res, w.cell[0], w.cell[1], w.cell[2])
-        for k in range(cells.begin[cell], cells.end[cell]):
-            i = cells.members[k]
+        for k in range(cells.lists.begin[cell], cells.lists.end[cell]):
+            i = cells.lists.values[k]
             if i != part.own and not found.done:
                 found.tests += 1
                 found = test(mesh, alpha, i, query, found)
@@ -53,12 +48,6 @@ def walk(test: wp.Function, cells: Cells, mesh: Mesh, alpha: Alpha, part: RayPar
             w = advance(w)
             going = inside(w.cell, grid.res)
     return found
-
-
-def cells_of(built: TriangleGrid) -> Any:
-    """The :class:`Cells` of a grid."""
-    lists = built.binned.list
-    return filled(Cells, grid=built.grid, begin=lists.begin, end=lists.end, members=lists.values)
 
 
 def make_kernels() -> tuple[wp.Kernel, wp.Kernel]:

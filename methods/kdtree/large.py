@@ -17,15 +17,25 @@ from ..common.axes import longest_axis
 from ..common.bounds import box_high, box_low
 from ..gpu.reserve import number_in, reserve
 from .clip import Box, is_box, parts_of
-from .nodes import (
-    SETTLED, Count, Large, Work, goes_above, goes_below, ordered, put_inner, put_leaf, unordered, with_coordinate,
-)  # fmt: skip
+from .nodes import SETTLED, Count, Large, Work, goes_above, goes_below, put_inner, put_leaf, with_coordinate
 
 NOTHING = wp.constant(0x7FFFFFFF)
-"""Start of a minimum of :func:`.nodes.ordered` numbers."""
+"""Start of a minimum of :func:`ordered` numbers."""
 
 MOST_GROWTH = wp.constant(wp.float32(8.0))
 """Nodes whose ancestors have multiplied their pairs by this are not divided. For surfaces the factor is about 2."""
+
+
+@wp.func
+def ordered(x: wp.float32) -> wp.int32:
+    """An integer in the order of x, for atomics."""
+    bits = wp.cast(x, wp.int32)
+    return wp.where(bits < 0, bits ^ 0x7FFFFFFF, bits)
+
+
+@wp.func
+def unordered(key: wp.int32) -> wp.float32:
+    return wp.cast(wp.where(key < 0, key ^ 0x7FFFFFFF, key), wp.float32)
 
 
 @wp.func_native("""

@@ -55,7 +55,7 @@ class Refs:
 class Large:
     """Large nodes, arrays [large capacity] by node.
 
-    low, high  vec3f: the node's region       tight   int32 [6 * nodes]: box of its pairs' boxes (:func:`ordered`)
+    low, high  vec3f: the node's region       tight   int32 [6 * nodes]: box of its pairs' boxes (:func:`.large.ordered`)
     count  int32: its pairs                   parent  int32: pairs of its parent
     depth  int32: level, or SETTLED           growth  float32: how often its ancestors' divisions multiplied their pairs
     target int32: the node whose plane divides its pairs, or -1 - the root that they are in
@@ -136,18 +136,6 @@ class Work:
 @wp.func
 def bit(k: wp.int32) -> wp.uint64:
     return wp.uint64(1) << wp.uint64(k)
-
-
-@wp.func
-def ordered(x: wp.float32) -> wp.int32:
-    """An integer in the order of x, for atomics."""
-    bits = wp.cast(x, wp.int32)
-    return wp.where(bits < 0, bits ^ 0x7FFFFFFF, bits)
-
-
-@wp.func
-def unordered(key: wp.int32) -> wp.float32:
-    return wp.cast(wp.where(key < 0, key ^ 0x7FFFFFFF, key), wp.float32)
 
 
 @wp.func
