@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import all_needs, grown
 from ..gpu.reserve import counted
-from ..grids.build import TriangleGrid, cells_for
-from ..grids.cells import cells_of, make_kernels
-from ..grids.parameters import Build
+from ..grids.build import Build, TriangleGrid, cells_for
+from ..grids.cells import Cells, make_kernels
 from ..rays.launches import PixelRays
 from ..streams.camera.passes import Camera, undecided_step
 from ..streams.queues import COUNTERS, UNDECIDED, Queues, Step
@@ -72,11 +72,11 @@ class CoherentGrid(BaseMethod):
             self._stamps = wp.zeros(count, dtype=wp.int32)
             self._tests = wp.zeros(1, dtype=wp.int64)
         self._grid = TriangleGrid(frame, cells, self._pairs)
-        self._cells = cells_of(self._grid)
+        self._cells = filled(Cells, grid=self._grid.grid, lists=self._grid.pairs)
         self._queues = Queues(frame, False, (1, 1, self._undecided), 1)
         camera = Camera(frame, chosen(count, frame.pixels), self._queues, effects)
         others = PixelRays(frame, effects, self._cells, *make_kernels(), hit=camera.hit)
-        build, structure = self._grid.passes(self._need, 0), TriangleGrid.RESOURCES
+        build, structure = self._grid.built(self._need, 0), TriangleGrid.RESOURCES
         if effects.orthographic:  # a packet's rays start in one point
             return [*build, *others.passes(structure)]
         return [*build, *camera.passes(self._steps, structure), *others.later_passes(structure)]

@@ -13,6 +13,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Mesh
+from ..common.axes import longest_axis
 from ..common.reads import corners_at, direction_at
 from ..exact.triangle import spare_bits, to_float64
 from ..gpu.entries import entry
@@ -75,11 +76,7 @@ def cells_within(res: wp.int32, low: wp.float64, high: wp.float64, slack: wp.flo
 def frustum_of(grid: Grid, camera: Camera, box: wp.vec4i) -> Frustum:
     f = Frustum()
     middle = wp.cw_mul(to_float64(direction_at(camera, (box[0] + box[2]) // 2, (box[1] + box[3]) // 2)), grid.scale)
-    f.axis = 0
-    if wp.abs(middle[1]) > wp.abs(middle[0]):
-        f.axis = 1
-    if wp.abs(middle[2]) > wp.abs(middle[f.axis]):
-        f.axis = 2
+    f.axis = longest_axis(wp.abs(middle))
     f.forward = middle[f.axis] > wp.float64(0.0)
     f.low = wp.vec2d(wp.float64(wp.inf), wp.float64(wp.inf))
     f.high = wp.vec2d(-wp.float64(wp.inf), -wp.float64(wp.inf))
@@ -181,8 +178,8 @@ def trace_packet(
             for v in range(vs[0], vs[1] + 1):
                 for u in range(us[0], us[1] + 1):
                     cell = cell_at(res, f.axis, slice, u, v)
-                    for m in range(entry(cells.begin, cell), entry(cells.end, cell)):
-                        i = entry(cells.members, m)
+                    for m in range(entry(cells.lists.begin, cell), entry(cells.lists.end, cell)):
+                        i = entry(cells.lists.values, m)
                         if entry(stamps, i) != stamp:
                             stamps[i] = stamp
                             corners = corners_at(mesh, i)

@@ -1,8 +1,21 @@
-"""A light's space: from where it looks, and its axes, given where to."""
+"""The longest axis of a vector; a light's space: from where it looks, and its axes, given where to."""
+
+from typing import Any
 
 import warp as wp
 
 from ..exact.triangle import largest
+
+
+@wp.func
+def longest_axis(v: Any) -> wp.int32:
+    """The first axis along which v is longest."""
+    axis = wp.int32(0)
+    if v[1] > v[0]:
+        axis = 1
+    if v[2] > v[axis]:
+        axis = 2
+    return axis
 
 
 @wp.func

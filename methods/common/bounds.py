@@ -8,6 +8,7 @@ import warp as wp
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, corners_of, weld_of
 from ..exact.triangle import U32
+from .axes import longest_axis
 from .corner_records import CornerRecords, store_invalid, store_record
 
 BLOCK = 256
@@ -96,11 +97,7 @@ def aside(low: wp.vec3f, high: wp.vec3f, i: wp.int32) -> wp.vec3f:
 
     Ten thousand boxes in one place have one Morton code, and Warp's rebuild on an H200 takes 25 ms for them.
     """
-    axis = wp.int32(0)
-    if high[1] - low[1] > high[axis] - low[axis]:
-        axis = wp.int32(1)
-    if high[2] - low[2] > high[axis] - low[axis]:
-        axis = wp.int32(2)
+    axis = longest_axis(high - low)
     point = low
     point[axis] = wp.min(
         high[axis], low[axis] + (high[axis] - low[axis]) * (wp.float32(i % PLACES) / wp.float32(PLACES))

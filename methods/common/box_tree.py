@@ -13,7 +13,7 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, filled
 from ...harness.frame.schedule.passes import Pass
-from ..exact.ray_queries import SLACK, Found, nothing_found
+from ..exact.ray_queries import SLACK, Found, RayPart, nothing_found
 from ..exact.triangle import to_float32
 from .bounds import PADDED_UNITS, launch_boxes
 from .corner_records import CornerRecords, valid_in
@@ -21,44 +21,6 @@ from .corner_records import CornerRecords, valid_in
 QUERY_BLOCK = 128
 """Threads of a block of a kernel that traverses. With 80 to 96 registers a thread, blocks of 256 fill a multiprocessor to a
 half or less: 5 to 10 % more time on an H200."""
-
-
-@wp.func
-def traverse(
-    test: wp.Function,
-    tree: wp.uint64,
-    records: CornerRecords,
-    alpha: Alpha,
-    start: wp.vec3f,
-    direction: wp.vec3f,
-    query: Any,
-    found: Found,
-) -> Found:
-    """Call ``test`` for every valid triangle whose box the ray start + t direction meets, and return what was found.
-
-    ``test`` is compiled in. It is called as test(records, alpha, i, query, found), as in :mod:`..exact.ray_queries`; it may
-    lower ``found.limit``, and sets ``found.done`` to end the query. ``records``: of the tree.
-    """
-    # What the loop depends on is in variables of its own, and it is left by a break right after the test. Then the
-    # compiler makes one loop of steps down the tree and tests, in which the lanes of a warp stay together. With fields
-    # of ``result`` in their place, or the break elsewhere, it makes two, and the rebuilt tree takes 1.2 to 3.3 times as
-    # long on an H200; a vote of the lanes before every test takes 1.2 to 2 times as long.
-    result = found
-    limit = found.limit
-    tests = wp.int32(0)
-    done = wp.bool(False)
-    i = wp.int32(0)
-    boxes = wp.bvh_query_ray(tree, start, direction)
-    while wp.bvh_query_next(boxes, i, limit):
-        tests += 1
-        if valid_in(records, i):
-            result = test(records, alpha, i, query, result)
-            limit = result.limit
-            done = result.done
-            if done:
-                break
-    result.tests = tests
-    return result
 
 
 @wp.struct
@@ -70,20 +32,28 @@ class Boxes:
 
 
 @wp.func
-def walk(
-    test: wp.Function,
-    boxes: Any,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3d,
-    direction: wp.vec3d,
-    end: wp.float64,
-    own: wp.int32,
-    query: Any,
-) -> Found:
-    """:func:`traverse` for the kernels of :mod:`..rays.kernels`."""
-    found = nothing_found(wp.float32(end) * SLACK)
-    return traverse(test, boxes.tree, boxes.records, alpha, to_float32(start), to_float32(direction), query, found)
+def walk(test: wp.Function, boxes: Any, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
+    """Call ``test`` for every valid triangle whose box a ray meets, by the tree's records: see :mod:`..rays.kernels`."""
+    # What the loop depends on is in variables of its own, and it is left by a break right after the test. Then the
+    # compiler makes one loop of steps down the tree and tests, in which the lanes of a warp stay together. With fields
+    # of ``result`` in their place, or the break elsewhere, it makes two, and the rebuilt tree takes 1.2 to 3.3 times as
+    # long on an H200; a vote of the lanes before every test takes 1.2 to 2 times as long.
+    result = nothing_found(wp.float32(part.end) * SLACK)
+    limit = result.limit
+    tests = wp.int32(0)
+    done = wp.bool(False)
+    i = wp.int32(0)
+    met = wp.bvh_query_ray(boxes.tree, to_float32(part.start), to_float32(part.direction))
+    while wp.bvh_query_next(met, i, limit):
+        tests += 1
+        if valid_in(boxes.records, i):
+            result = test(boxes.records, alpha, i, query, result)
+            limit = result.limit
+            done = result.done
+            if done:
+                break
+    result.tests = tests
+    return result
 
 
 class BoxTree:

@@ -1,5 +1,7 @@
 """Rooms of lists that grow between frames, and what a frame needed of them."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -12,6 +14,16 @@ SPARE = 2
 """On a GPU a frame does not need as much of some lists each time: a pair is queued or not by what other threads have found.
 Where lights and shares run at the same time, up to 1.5 times the undecided pairs of a launch pass by pass were seen, and a
 replayed frame cannot ask for more room."""
+
+
+def zeroed(kind: Any, size: int = 0, /, **others: Any) -> Any:
+    """A struct whose arrays are zeros [size] on the current device. ``others``: sizes of some, and fields as they are."""
+    struct = kind()
+    for name, field in kind.vars.items():
+        value = others.get(name, size)
+        makes = isinstance(field.type, wp.array) and isinstance(value, int)
+        setattr(struct, name, wp.zeros(value, dtype=field.type.dtype) if makes else value)
+    return struct
 
 
 @wp.kernel(enable_backward=False)

@@ -6,7 +6,7 @@ depend on the order, nor on how often a triangle is tested: float32 rejects, flo
 :mod:`.segment`).
 
 All have the same form, test(mesh, alpha, i, query, found), so that a traversal takes any of them
-(:func:`..common.box_tree.traverse`); ``mesh`` is a Mesh or :class:`..common.corner_records.CornerRecords`. Where triangles
+(:mod:`..rays.kernels`); ``mesh`` is a Mesh or :class:`..common.corner_records.CornerRecords`. Where triangles
 have holes, a hit counts unless it lies in one.
 """
 
@@ -16,7 +16,7 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
-from ...harness.frame.geometry import Ray
+from ...harness.frame.geometry import Ray, value_struct
 from ..common.corner_records import corners_in, triangles_in, weld_in
 from .holes import opaque_at_hit, opaque_to_light
 from .segment import may_occlude, occludes
@@ -24,6 +24,17 @@ from .triangle import U32, hit_distance, largest, may_hit, nearer_of, to_float32
 
 SLACK = wp.constant(1.0 + 2.0**-20)
 """A box that begins just behind the closest hit may hold a tie: boxes are searched to this multiple of its distance."""
+
+
+@value_struct
+class RayPart:
+    """The part 0 <= t <= end of the ray start + t direction that a structure is walked along; ``own``: the triangle that is
+    left out, -1: none."""
+
+    start: wp.vec3d
+    direction: wp.vec3d
+    end: wp.float64
+    own: wp.int32
 
 
 @wp.struct

@@ -3,8 +3,8 @@ through cells.
 
     grid      where a grid lies, and how much its cells must overlap
     binning   which cells a triangle is listed in
-    pairs     the pairs, sorted by cell
-    build     the passes that build one grid, and the kernels that bin into any
+    pairs     the kernels that bin into any grid; the pairs, sorted by cell
+    build     one grid over all triangles, its parameters and the passes that build it
     walk      a ray from cell to cell
     cells     the kernels that trace rays through one grid
 """

@@ -6,15 +6,16 @@ the axis that the triangle faces most are cut to the cells that its plane passes
 triangle's area and not to the volume of its box. Normals and planes whose direction rounding could change are left out of
 the test.
 
-Counting and emitting run the same kernels (:mod:`.build`), because two kernels may round differently.
+Counting and emitting run the same kernels (:mod:`.pairs`), because two kernels may round differently.
 """
+
+from typing import Any
 
 import warp as wp
 
 from ...harness.frame.geometry import Corners
 from ..exact.triangle import largest, to_float64
 from .grid import Grid, cell_index, cell_of, to_grid
-from .pairs import pair_place
 
 LARGE_COLUMNS = wp.constant(256)
 """A triangle whose box has more columns of cells than this is binned by many threads."""
@@ -50,21 +51,12 @@ class Span:
 
 
 @wp.func
-def turned(v: wp.vec3d, axis: wp.int32) -> wp.vec3d:
+def turned(v: Any, axis: wp.int32) -> Any:
     """Coordinates turned cyclically so that ``axis`` comes last."""
     if axis == 0:
-        return wp.vec3d(v[1], v[2], v[0])
+        return type(v)(v[1], v[2], v[0])
     if axis == 1:
-        return wp.vec3d(v[2], v[0], v[1])
-    return v
-
-
-@wp.func
-def turned(v: wp.vec3i, axis: wp.int32) -> wp.vec3i:
-    if axis == 0:
-        return wp.vec3i(v[1], v[2], v[0])
-    if axis == 1:
-        return wp.vec3i(v[2], v[0], v[1])
+        return type(v)(v[2], v[0], v[1])
     return v
 
 
@@ -181,28 +173,21 @@ def touches(s: Span, x: wp.int32, y: wp.int32, z: wp.int32) -> wp.bool:
     )
 
 
-@wp.func
-def write_pair(
-    place: wp.int64,
-    cell: wp.int32,
-    triangle: wp.int32,
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-):
-    """Write a pair where there is room; the scan has counted it in any case."""
-    if place < wp.int64(keys.shape[0] // 2):
-        keys[wp.int32(place)] = cell
-        values[wp.int32(place)] = triangle
-
-
 @wp.struct
 class Pairs:
-    """Where (cell, triangle) pairs are counted and written: the arrays of :class:`.pairs.PairList`."""
+    """(cell, triangle) pairs and the list of each cell.
+
+    count, scan   int64 [items]: cells of each item, and their inclusive scan
+    keys, values  int32 [2 * capacity]: cell and triangle; a sort needs the second half
+    begin, end    int32 [cells]: the list of a cell is values[begin:end], in index order; (0, 0) where it is empty
+    """
 
     count: wp.array(dtype=wp.int64)
     scan: wp.array(dtype=wp.int64)
     keys: wp.array(dtype=wp.int32)
     values: wp.array(dtype=wp.int32)
+    begin: wp.array(dtype=wp.int32)
+    end: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -228,6 +213,38 @@ class LargeItems:
 
 
 @wp.func
+def bin_cells(
+    emit: wp.bool, slot: wp.int32, lane: wp.int32, lanes: wp.int32, item: wp.int32, s: Span, what: BinItem, pairs: Pairs,
+    large: LargeItems,
+) -> wp.int64:  # fmt: skip
+    """Count the cells of an item's triangle in every ``lanes``-th column, or emit their pairs where there is room.
+
+    ``slot``: of an item that others bin as well, its place in the queue; -1: of no other. The order of the lanes' pairs is
+    arbitrary; a triangle is in a cell once, and the stable sort by cell leaves the triangles of a cell in the order of the
+    items, so the lists are the same in every run.
+    """
+    across = s.high[0] - s.low[0] + 1
+    columns = across * (s.high[1] - s.low[1] + 1)
+    first = pairs.scan[item] - pairs.count[item]
+    found = wp.int64(0)
+    for column in range(lane, columns, lanes):
+        x = s.low[0] + column % across
+        y = s.low[1] + column // across
+        cells = column_cells(s, x, y)
+        for z in range(cells[0], cells[1] + 1):
+            if touches(s, x, y, z):
+                if emit:
+                    place = first + found
+                    if slot >= 0:
+                        place = first + wp.int64(wp.atomic_add(large.cursor, slot, 1))
+                    if place < wp.int64(pairs.keys.shape[0] // 2):
+                        pairs.keys[wp.int32(place)] = what.base + index_of(what.grid.res, s.axis, x, y, z)
+                        pairs.values[wp.int32(place)] = what.triangle
+                found += wp.int64(1)
+    return found
+
+
+@wp.func
 def bin_item(emit: wp.bool, item: wp.int32, what: BinItem, corners: Corners, pairs: Pairs, large: LargeItems):
     """Count the cells of an item's triangle, or emit its pairs.
 
@@ -235,59 +252,12 @@ def bin_item(emit: wp.bool, item: wp.int32, what: BinItem, corners: Corners, pai
     """
     s = span_of(what.grid, corners)
     columns = wp.int64(s.high[0] - s.low[0] + 1) * wp.int64(s.high[1] - s.low[1] + 1)
-    if columns > wp.int64(LARGE_COLUMNS):
-        if not emit:
-            pairs.count[item] = wp.int64(0)
-            slot = wp.atomic_add(large.size, 0, 1)
-            large.items[slot] = item
-            large.cursor[slot] = 0
-        return
-    place = wp.int64(0)
-    if emit:
-        place = pair_place(pairs.scan, pairs.count, item)
     found = wp.int64(0)
-    for y in range(s.low[1], s.high[1] + 1):
-        for x in range(s.low[0], s.high[0] + 1):
-            cells = column_cells(s, x, y)
-            for z in range(cells[0], cells[1] + 1):
-                if touches(s, x, y, z):
-                    if emit:
-                        cell = what.base + index_of(what.grid.res, s.axis, x, y, z)
-                        write_pair(place + found, cell, what.triangle, pairs.keys, pairs.values)
-                    found += wp.int64(1)
+    if columns <= wp.int64(LARGE_COLUMNS):
+        found = bin_cells(emit, -1, 0, 1, item, s, what, pairs, large)
+    elif not emit:
+        slot = wp.atomic_add(large.size, 0, 1)
+        large.items[slot] = item
+        large.cursor[slot] = 0
     if not emit:
         pairs.count[item] = found
-
-
-@wp.func
-def bin_columns(
-    emit: wp.bool, slot: wp.int32, lane: wp.int32, lanes: wp.int32, item: wp.int32, what: BinItem, corners: Corners,
-    pairs: Pairs, large: LargeItems,
-):  # fmt: skip
-    """One lane's part of a queued item: every ``lanes``-th column.
-
-    The order of the lanes' pairs is arbitrary; a triangle is in a cell once, and the stable sort by cell leaves the
-    triangles of a cell in the order of the items, so the lists are the same in every run.
-    """
-    s = span_of(what.grid, corners)
-    across = s.high[0] - s.low[0] + 1
-    columns = across * (s.high[1] - s.low[1] + 1)
-    place = wp.int64(0)
-    if emit:
-        place = pair_place(pairs.scan, pairs.count, item)
-    found = wp.int64(0)
-    column = wp.int32(lane)
-    while column < columns:
-        x = s.low[0] + column % across
-        y = s.low[1] + column // across
-        cells = column_cells(s, x, y)
-        for z in range(cells[0], cells[1] + 1):
-            if touches(s, x, y, z):
-                if emit:
-                    at = wp.int64(wp.atomic_add(large.cursor, slot, 1))
-                    cell = what.base + index_of(what.grid.res, s.axis, x, y, z)
-                    write_pair(place + at, cell, what.triangle, pairs.keys, pairs.values)
-                found += wp.int64(1)
-        column += lanes
-    if not emit and found > wp.int64(0):
-        wp.atomic_add(pairs.count, item, found)

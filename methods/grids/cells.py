@@ -5,10 +5,10 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Mesh, filled
-from ..exact.ray_queries import Found, nothing_found
+from ...harness.frame.geometry import Mesh
+from ..exact.ray_queries import Found, RayPart, nothing_found
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
-from .build import TriangleGrid
+from .binning import Pairs
 from .grid import Grid, cell_index
 from .walk import FOREVER, TIE, advance, enter, inside, next_leave
 
@@ -18,59 +18,36 @@ REGISTERS = 64
 
 @wp.struct
 class Cells:
-    """The triangles of each cell: ``members[begin[cell]:end[cell]]``, in index order.
-
-    grid  Grid [1]    begin, end  int32 [cells]    members  int32 [pairs]
-    """
+    """A grid [1] and the triangles of each cell."""
 
     grid: wp.array(dtype=Grid)
-    begin: wp.array(dtype=wp.int32)
-    end: wp.array(dtype=wp.int32)
-    members: wp.array(dtype=wp.int32)
+    lists: Pairs
 
 
 @wp.func
-def walk(
-    test: wp.Function,
-    cells: Cells,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3d,
-    direction: wp.vec3d,
-    end: wp.float64,
-    own: wp.int32,
-    query: Any,
-) -> Found:
-    """Call ``test`` for the triangles in the cells of the ray start + t direction, 0 <= t <= end; return what was found.
+def walk(test: wp.Function, cells: Cells, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
+    """Call ``test`` for the triangles in the cells of a ray: see :mod:`..rays.kernels`.
 
-    ``test`` is compiled in, and called as test(mesh, alpha, i, query, found): see :mod:`..exact.ray_queries`. Triangle
-    ``own`` is left out (-1: none). The walk ends behind the closest hit and all that may tie with it, or when ``test``
-    sets ``found.done``.
+    The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
     """
     found = nothing_found(wp.INF)
     grid = cells.grid[0]
-    w = enter(grid, start, direction, end)
+    w = enter(grid, part)
     going = w.start <= w.end
     while going:
         cell = cell_index(grid.res, w.cell[0], w.cell[1], w.cell[2])
-        for k in range(cells.begin[cell], cells.end[cell]):
-            i = cells.members[k]
-            if i != own and not found.done:
+        for k in range(cells.lists.begin[cell], cells.lists.end[cell]):
+            i = cells.lists.values[k]
+            if i != part.own and not found.done:
                 found.tests += 1
                 found = test(mesh, alpha, i, query, found)
         leave = next_leave(w)
-        if found.done or leave > wp.min(found.t * TIE, end) + w.margin or leave == FOREVER:
+        if found.done or leave > wp.min(found.t * TIE, part.end) + w.margin or leave == FOREVER:
             going = False
         else:
             w = advance(w)
             going = inside(w.cell, grid.res)
     return found
-
-
-def cells_of(built: TriangleGrid) -> Any:
-    """The :class:`Cells` of a grid."""
-    lists = built.binned.list
-    return filled(Cells, grid=built.grid, begin=lists.begin, end=lists.end, members=lists.values)
 
 
 def make_kernels() -> tuple[wp.Kernel, wp.Kernel]:

@@ -9,6 +9,7 @@ can slip between the cells of a triangle, through a corner or along a face.
 
 import warp as wp
 
+from ..common.axes import longest_axis
 from ..common.bounds import box_high, box_low
 from ..exact.triangle import largest, to_float64
 
@@ -35,26 +36,13 @@ def at_least_one(x: wp.float64, most: wp.int32) -> wp.int32:
 
 
 @wp.func
-def along(x: wp.float64, y: wp.float64, z: wp.float64, axis: wp.int32) -> wp.float64:
-    if axis == 0:
-        return x
-    if axis == 1:
-        return y
-    return z
-
-
-@wp.func
 def cell_counts(extent: wp.vec3d, cells: wp.int32) -> wp.vec3i:
     """Cells along each axis: nearly cubes, and never more than ``cells`` in all.
 
     Cleary & Wyvill's rule, res = extent * cbrt(cells / volume), taken from the shortest axis to the longest with
     what is left over each time, so that a flat or a long box keeps its number of cells.
     """
-    last = wp.int32(0)  # the longest axis
-    if extent[1] > extent[0]:
-        last = 1
-    if extent[2] > along(extent[0], extent[1], extent[2], last):
-        last = 2
+    last = longest_axis(extent)
     first = (last + 1) % 3  # the shortest of the other two
     middle = (last + 2) % 3
     if extent[middle] < extent[first]:

@@ -7,6 +7,7 @@ cell for good, so that a ray ends after at most as many steps as there are cells
 
 import warp as wp
 
+from ..exact.ray_queries import RayPart
 from ..exact.triangle import largest
 from .grid import Grid, cell_of, to_grid
 
@@ -74,12 +75,12 @@ def leave_time(cell: wp.int32, step: wp.int32, origin: wp.float64, inverse: wp.f
 
 
 @wp.func
-def enter(grid: Grid, o: wp.vec3d, d: wp.vec3d, end: wp.float64) -> Walk:
-    """Start a ray o + t d, 0 <= t <= end."""
+def enter(grid: Grid, part: RayPart) -> Walk:
+    """Start along a ray."""
     w = Walk()
-    g = to_grid(grid, o)
-    gd = wp.cw_mul(d, grid.scale)
-    interval = wp.vec2d(wp.float64(0.0), end)
+    g = to_grid(grid, part.start)
+    gd = wp.cw_mul(part.direction, grid.scale)
+    interval = wp.vec2d(wp.float64(0.0), part.end)
     interval = clipped(g[0], gd[0], grid.res[0], interval)
     interval = clipped(g[1], gd[1], grid.res[1], interval)
     interval = clipped(g[2], gd[2], grid.res[2], interval)

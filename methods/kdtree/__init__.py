@@ -7,6 +7,7 @@ bound it by building parts of the tree one after another).
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,12 +20,13 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.schedule.passes import Pass
 from ..common.bounds import launch_bounds
+from ..common.pairs import zeroed
 from ..gpu.reserve import BEYOND
 from ..rays.structure import Built, RayStructure
+from ..trees.quality import counters_of, surface
 from .large import advance_kernel, distribute_kernel, divide_kernel, gather_kernel, list_kernel, root_kernel
-from .nodes import COUNTERS, LARGE_DEPTH, LONGEST, MEMBERS_USED, NODES_USED, SMALL, Large, Refs, Roots, Tree
-from .quality import expected
-from .small import CANDIDATES, MEMBER_CHUNK, NODE_CHUNK, WIDTH, Scratch, finish_kernel, small_kernel
+from .nodes import LARGE_DEPTH, LEAF, SMALL, Count, Large, Refs, Roots, Scratch, Tree, Work
+from .small import CANDIDATES, MEMBER_CHUNK, NODE_CHUNK, WIDTH, finish_kernel, small_kernel
 from .traversal import make_kernels
 
 ENTRY_BYTES = (36, 80, 8, 4)
@@ -87,38 +89,28 @@ class KdTree(RayStructure):
 
     def structure(self, frame: Frame) -> Built:
         pairs, large, nodes, members = self._capacity
-        device = wp.get_device(frame.device)
-        blocks = self._blocks(frame)
+        device, blocks = wp.get_device(frame.device), self._blocks(frame)
         self._threads = 1 if device.is_cpu else 1024 * device.sm_count
-
-        def zeros(size: int, dtype: Any = wp.int32) -> wp.array:
-            return wp.zeros(size, dtype=dtype, device=frame.device)
-
-        def vectors(size: int) -> wp.array:
-            return zeros(size, wp.vec3f)
-
-        self._counters, self._going = zeros(COUNTERS), zeros(1)
-        self._box, self._nodes, self._members = zeros(6, wp.float32), zeros(nodes, wp.vec2i), zeros(members)
-        self._refs = filled(Refs, triangle=zeros(pairs), node=zeros(pairs), low=vectors(pairs), high=vectors(pairs))
-        self._large = filled(
-            Large, low=vectors(large), high=vectors(large), tight=zeros(6 * large), count=zeros(large),
-            parent=zeros(large), depth=zeros(large), growth=zeros(large, wp.float32), target=zeros(large),
-        )  # fmt: skip
-        self._roots = filled(
-            Roots, node=zeros(large), begin=zeros(large), count=zeros(large), cursor=zeros(large), listed=zeros(pairs)
-        )  # fmt: skip
-        self._scratch = filled(
-            Scratch, planes=zeros(blocks * CANDIDATES, wp.float32), triangles=zeros(blocks * SMALL),
-            below=zeros(blocks * CANDIDATES, wp.uint64), above=zeros(blocks * CANDIDATES, wp.uint64),
-        )  # fmt: skip
+        self._work: Any = None  # what a smaller capacity held is not needed beside the new
+        with wp.ScopedDevice(device):
+            self._work = work = filled(
+                Work,
+                refs=zeroed(Refs, pairs),
+                large=zeroed(Large, large, tight=6 * large),
+                roots=zeroed(Roots, large, listed=pairs),
+                scratch=zeroed(Scratch, blocks * CANDIDATES, triangles=blocks * SMALL),
+                tree=zeroed(Tree, nodes=nodes, members=members, box=6),
+                counters=wp.zeros(len(Count), dtype=wp.int32),
+                going=wp.zeros(1, dtype=wp.int32),
+                need=self._need,
+            )
         geometry = ("points", "triangles")
         passes = [
             Pass("root", "build", geometry, ("pairs",), self._root),
             Pass("large nodes", "build", (*geometry, "pairs"), ("small roots",), self._divide, loops=True),
             Pass("small nodes", "build", ("pairs", "small roots"), ("kd-tree",), self._small),
         ]
-        self._built = tree = filled(Tree, nodes=self._nodes, members=self._members, box=self._box)
-        return Built(passes, tree, ("kd-tree",), make_kernels())
+        return Built(passes, work.tree, ("kd-tree",), make_kernels())
 
     def _blocks(self, frame: Frame) -> int:
         device = wp.get_device(frame.device)
@@ -139,48 +131,67 @@ class KdTree(RayStructure):
         return self._capacity != before
 
     def counted(self) -> dict[str, int]:
-        assert self._need is not None
-        pairs, large = (int(n) for n in self._need.numpy()[:2])
-        counted = self._counters.numpy()
+        pairs, large = (int(n) for n in self._work.need.numpy()[:2])
+        counted = self._work.counters.numpy()
         return {
             "pairs": pairs,
             "large nodes": large,
-            "nodes": large + int(counted[NODES_USED]),
-            "leaf members": int(counted[MEMBERS_USED]),
-            "longest list": int(counted[LONGEST]),
-            **expected(self._built),
+            "nodes": large + int(counted[Count.NODES_USED]),
+            "leaf members": int(counted[Count.MEMBERS_USED]),
+            "longest list": int(counted[Count.LONGEST]),
+            **self._expected(),
         }
 
+    def _expected(self) -> dict[str, int]:
+        """How good the tree is (:mod:`..trees.quality`): nodes and triangles that a hundred rays meet."""
+        inner, tested, whole = 0.0, 0.0, 0.0
+        for sides, members in levels(self._work.tree):
+            areas, leaf = surface(sides), members >= 0
+            whole = whole or float(areas[0])
+            inner += float(areas[~leaf].sum())
+            tested += float((areas * members)[leaf].sum())
+        return counters_of(inner, tested, whole)
+
     def _root(self) -> None:
-        frame = self._frame
-        launch_bounds(frame, self._box)
-        self._counters.zero_()
-        inputs = [frame.mesh, self._refs, self._large, self._counters]
-        self._launch(gather_kernel, inputs, frame.triangle_count)
-        self._launch(root_kernel, [self._refs, self._large, self._box, self._counters, self._going], 1)
+        launch_bounds(self._frame, self._work.tree.box)
+        self._work.counters.zero_()
+        self._frame.launch(gather_kernel, self._frame.triangle_count, [self._frame.mesh, self._work])
+        self._frame.launch(root_kernel, 1, [self._work])
 
     def _divide(self) -> None:
-        wp.capture_while(self._going, self._level)
-        self._launch(list_kernel, [self._threads, self._refs, self._large, self._roots, self._counters])
+        wp.capture_while(self._work.going, self._level)
+        self._frame.launch(list_kernel, self._threads, [self._threads, self._work])
 
     def _level(self) -> None:
-        build, threads, counters = self.build, self._threads, self._counters
-        depth = most_depth(self._frame.triangle_count)
-        inputs = [threads, build.small, build.empty, depth, self._large, self._roots, self._nodes, counters]
-        self._launch(divide_kernel, inputs)
-        inputs = [threads, self._frame.mesh, self._refs, self._large, self._nodes, counters]
-        self._launch(distribute_kernel, inputs)
-        self._launch(advance_kernel, [self._refs, self._large, counters, self._going], 1)
+        frame, work, build, threads = self._frame, self._work, self.build, self._threads
+        inputs = [threads, build.small, build.empty, most_depth(frame.triangle_count), work]
+        frame.launch(divide_kernel, threads, inputs)
+        frame.launch(distribute_kernel, threads, [threads, frame.mesh, work])
+        frame.launch(advance_kernel, 1, [work])
 
     def _small(self) -> None:
         blocks = self._blocks(self._frame)
-        tree = [self._nodes, self._members, self._counters]
-        inputs = [blocks, self.build.traversal_cost, self._refs, self._large, self._roots, self._scratch, *tree]
+        inputs = [blocks, self.build.traversal_cost, self._work]
         wp.launch_tiled(small_kernel, dim=[blocks], inputs=inputs, block_dim=WIDTH, device=self._frame.device)
-        self._launch(finish_kernel, [self._refs, self._large, *tree, self._need], 1)
+        self._frame.launch(finish_kernel, 1, [self._work])
 
-    def _launch(self, kernel: wp.Kernel, inputs: list[Any], threads: int = 0) -> None:
-        self._frame.launch(kernel, threads or self._threads, inputs)
+
+def levels(tree: Tree) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Level by level, the sides of nodes' regions, [nodes, 3], and how many triangles a leaf has; -1: an inner node."""
+    words = tree.nodes.numpy()
+    box = tree.box.numpy().astype(np.float64)
+    low, high, level = box[None, :3], -box[None, 3:], np.zeros(1, dtype=np.int64)
+    while len(level):
+        first, second = words[level, 0], words[level, 1].astype(np.int64)
+        axis, rest = second & int(LEAF), second >> 2
+        leaf = axis == int(LEAF)
+        yield high - low, np.where(leaf, rest, -1)
+        low, high, axis, plane = low[~leaf], high[~leaf], axis[~leaf], first[~leaf].view(np.float32)
+        below, above = high.copy(), low.copy()
+        np.put_along_axis(below, axis[:, None], plane[:, None].astype(np.float64), axis=1)
+        np.put_along_axis(above, axis[:, None], plane[:, None].astype(np.float64), axis=1)
+        low, high = np.concatenate([low, above]), np.concatenate([below, high])
+        level = np.concatenate([rest[~leaf], rest[~leaf] + 1])
 
 
 METHOD = KdTree

@@ -13,35 +13,29 @@ MOST_GROWTH times: 100,000 triangles with one centroid would otherwise be double
 import warp as wp
 
 from ...harness.frame.geometry import Mesh, corners_of
+from ..common.axes import longest_axis
 from ..common.bounds import box_high, box_low
 from ..gpu.reserve import number_in, reserve
-from .clip import parts_of
-from .nodes import (
-    LARGE_NODES,
-    LEVEL_BEGIN,
-    LEVEL_END,
-    LISTED,
-    NODES,
-    REFS,
-    REFS_END,
-    ROOTS,
-    SETTLED,
-    Large,
-    Refs,
-    Roots,
-    goes_above,
-    goes_below,
-    ordered,
-    put_inner,
-    put_leaf,
-    unordered,
-)
+from .clip import Box, is_box, parts_of
+from .nodes import SETTLED, Count, Large, Work, goes_above, goes_below, put_inner, put_leaf, with_coordinate
 
 NOTHING = wp.constant(0x7FFFFFFF)
-"""Start of a minimum of :func:`.nodes.ordered` numbers."""
+"""Start of a minimum of :func:`ordered` numbers."""
 
 MOST_GROWTH = wp.constant(wp.float32(8.0))
 """Nodes whose ancestors have multiplied their pairs by this are not divided. For surfaces the factor is about 2."""
+
+
+@wp.func
+def ordered(x: wp.float32) -> wp.int32:
+    """An integer in the order of x, for atomics."""
+    bits = wp.cast(x, wp.int32)
+    return wp.where(bits < 0, bits ^ 0x7FFFFFFF, bits)
+
+
+@wp.func
+def unordered(key: wp.int32) -> wp.float32:
+    return wp.cast(wp.where(key < 0, key ^ 0x7FFFFFFF, key), wp.float32)
 
 
 @wp.func_native("""
@@ -56,18 +50,16 @@ def lower_to(values: wp.array(dtype=wp.int32), i: wp.int32, value: wp.int32):
 
 
 @wp.func
-def tighten(large: Large, node: wp.int32, low: wp.vec3f, high: wp.vec3f):
+def tighten(large: Large, node: wp.int32, box: Box):
     for k in range(wp.static(3)):
-        lower_to(large.tight, 6 * node + k, ordered(low[k]))
-        lower_to(large.tight, 6 * node + 3 + k, ordered(-high[k]))
+        lower_to(large.tight, 6 * node + k, ordered(box.low[k]))
+        lower_to(large.tight, 6 * node + 3 + k, ordered(-box.high[k]))
 
 
 @wp.func
-def put_large(
-    large: Large, node: wp.int32, low: wp.vec3f, high: wp.vec3f, depth: wp.int32, growth: wp.float32, parent: wp.int32
-):  # fmt: skip
-    large.low[node] = low
-    large.high[node] = high
+def put_large(large: Large, node: wp.int32, region: Box, depth: wp.int32, growth: wp.float32, parent: wp.int32):
+    large.low[node] = region.low
+    large.high[node] = region.high
     large.count[node] = 0
     large.depth[node] = depth
     large.growth[node] = growth
@@ -77,12 +69,13 @@ def put_large(
 
 
 @wp.kernel(enable_backward=False)
-def gather_kernel(mesh: Mesh, refs: Refs, large: Large, counters: wp.array(dtype=wp.int32)):
+def gather_kernel(mesh: Mesh, work: Work):
     """A pair of the root for each valid triangle."""
     i = wp.tid()
     if mesh.valid[i] == wp.uint8(0):
         return
-    at = reserve(counters, REFS, 1)
+    refs = work.refs
+    at = reserve(work.counters, Count.REFS, 1)
     if at < refs.triangle.shape[0]:
         corners = corners_of(mesh, i)
         refs.triangle[at] = i
@@ -92,65 +85,46 @@ def gather_kernel(mesh: Mesh, refs: Refs, large: Large, counters: wp.array(dtype
 
 
 @wp.kernel(enable_backward=False)
-def root_kernel(
-    refs: Refs,
-    large: Large,
-    box: wp.array(dtype=wp.float32),
-    counters: wp.array(dtype=wp.int32),
-    going: wp.array(dtype=wp.int32),
-):
+def root_kernel(work: Work):
     """The root: one thread, after :func:`gather_kernel`."""
-    low = box_low(box)
-    high = box_high(box)
-    held = wp.min(counters[REFS], refs.triangle.shape[0])
-    put_large(large, 0, low, high, 0, 1.0, held)
+    large = work.large
+    counters = work.counters
+    region = Box(box_low(work.tree.box), box_high(work.tree.box))
+    held = wp.min(counters[Count.REFS], work.refs.triangle.shape[0])
+    put_large(large, 0, region, 0, 1.0, held)
     large.count[0] = held
-    tighten(large, 0, low, high)
-    counters[NODES] = 1
-    counters[LEVEL_BEGIN] = 0
-    counters[LEVEL_END] = 1
-    counters[REFS_END] = held
-    going[0] = 1
+    tighten(large, 0, region)
+    counters[Count.NODES] = 1
+    counters[Count.LEVEL_BEGIN] = 0
+    counters[Count.LEVEL_END] = 1
+    counters[Count.REFS_END] = held
+    work.going[0] = 1
 
 
 @wp.func
-def settle(
-    large: Large, roots: Roots, node: wp.int32, last: wp.int32, count: wp.int32, counters: wp.array(dtype=wp.int32)
-):  # fmt: skip
+def settle(work: Work, node: wp.int32, last: wp.int32, count: wp.int32):
     """The pairs of ``node`` stay together, in the region of ``last``."""
-    slot = wp.atomic_add(counters, ROOTS, 1)
-    roots.node[slot] = last
-    roots.begin[slot] = wp.atomic_add(counters, LISTED, count)
-    roots.count[slot] = count
-    roots.cursor[slot] = 0
-    large.target[node] = -1 - slot
-
-
-@wp.func
-def new_pair(counters: wp.array(dtype=wp.int32)) -> wp.int32:
-    return wp.atomic_add(counters, NODES, 2)
+    slot = wp.atomic_add(work.counters, Count.ROOTS, 1)
+    work.roots.node[slot] = last
+    work.roots.begin[slot] = wp.atomic_add(work.counters, Count.LISTED, count)
+    work.roots.count[slot] = count
+    work.roots.cursor[slot] = 0
+    work.large.target[node] = -1 - slot
 
 
 @wp.kernel(enable_backward=False)
-def divide_kernel(
-    threads: wp.int32,
-    small: wp.int32,
-    empty: wp.float32,
-    most_depth: wp.int32,
-    large: Large,
-    roots: Roots,
-    nodes: wp.array(dtype=wp.vec2i),
-    counters: wp.array(dtype=wp.int32),
-):
+def divide_kernel(threads: wp.int32, small: wp.int32, empty: wp.float32, most_depth: wp.int32, work: Work):
     """Each node of the level is marked as settled, or gets its planes."""
-    node = counters[LEVEL_BEGIN] + wp.tid()
+    large = work.large
+    counters = work.counters
+    node = counters[Count.LEVEL_BEGIN] + wp.tid()
     room = large.count.shape[0]
-    while node < counters[LEVEL_END]:
+    while node < counters[Count.LEVEL_END]:
         depth = large.depth[node]
         count = large.count[node]
         large.target[node] = -1
         if depth != SETTLED and count == 0:
-            put_leaf(nodes, node, 0, 0)
+            put_leaf(work.tree, node, 0, 0)
         elif depth != SETTLED:
             growth = large.growth[node]
             if node > 0:
@@ -172,16 +146,16 @@ def divide_kernel(
                 if side >= 3:
                     gap = high[axis] - edge
                 if not done and depth + 1 < most_depth and gap > empty * (high[axis] - low[axis]):
-                    child = new_pair(counters)
+                    child = wp.atomic_add(counters, Count.NODES, 2)
                     if child + 1 < room:
-                        put_inner(nodes, last, edge, axis, child)
+                        put_inner(work.tree, last, edge, axis, child)
                         rest = wp.int32(child)
                         if side < 3:
                             rest = child + 1
                             low[axis] = edge
                         else:
                             high[axis] = edge
-                        put_leaf(nodes, child + child + 1 - rest, 0, 0)
+                        put_leaf(work.tree, child + child + 1 - rest, 0, 0)
                         large.depth[child] = SETTLED
                         large.depth[child + 1] = SETTLED
                         large.low[rest] = low
@@ -189,110 +163,96 @@ def divide_kernel(
                         last = rest
                         depth += 1
             sides = high - low
-            longest = wp.int32(0)
-            if sides[1] > sides[0]:
-                longest = 1
-            if sides[2] > sides[longest]:
-                longest = 2
-            middle = low[longest] + 0.5 * sides[longest]
-            if not (middle > low[longest] and middle < high[longest]):
-                done = True
-            if not done:
-                child = new_pair(counters)
-                if child + 1 < room:
-                    put_inner(nodes, last, middle, longest, child)
-                    below_high = wp.vec3f(high[0], high[1], high[2])
-                    below_high[longest] = middle
-                    above_low = wp.vec3f(low[0], low[1], low[2])
-                    above_low[longest] = middle
-                    put_large(large, child, low, below_high, depth + 1, growth, count)
-                    put_large(large, child + 1, above_low, high, depth + 1, growth, count)
+            axis = longest_axis(sides)
+            middle = low[axis] + 0.5 * sides[axis]
+            if not done and middle > low[axis] and middle < high[axis]:
+                child = wp.atomic_add(counters, Count.NODES, 2)
+                done = child + 1 >= room
+                if not done:
+                    put_inner(work.tree, last, middle, axis, child)
+                    put_large(large, child, Box(low, with_coordinate(high, axis, middle)), depth + 1, growth, count)
+                    put_large(large, child + 1, Box(with_coordinate(low, axis, middle), high), depth + 1, growth, count)
                     large.target[node] = last
-                else:
-                    done = True
+            else:
+                done = True
             if done:
-                settle(large, roots, node, last, count, counters)
+                settle(work, node, last, count)
         node += threads
 
 
 @wp.func
-def join(refs: Refs, large: Large, at: wp.int32, node: wp.int32, low: wp.vec3f, high: wp.vec3f):
+def join(work: Work, at: wp.int32, node: wp.int32, box: Box):
     """The pair at ``at`` belongs to ``node`` from now on."""
-    refs.node[at] = node
-    refs.low[at] = low
-    refs.high[at] = high
-    number_in(large.count, node)
-    tighten(large, node, low, high)
+    work.refs.node[at] = node
+    work.refs.low[at] = box.low
+    work.refs.high[at] = box.high
+    number_in(work.large.count, node)
+    tighten(work.large, node, box)
 
 
 @wp.kernel(enable_backward=False)
-def distribute_kernel(
-    threads: wp.int32,
-    mesh: Mesh,
-    refs: Refs,
-    large: Large,
-    nodes: wp.array(dtype=wp.vec2i),
-    counters: wp.array(dtype=wp.int32),
-):
+def distribute_kernel(threads: wp.int32, mesh: Mesh, work: Work):
     """Each pair of the level's nodes goes to the child that it meets, or to both."""
+    refs = work.refs
+    counters = work.counters
     at = wp.int32(wp.tid())
-    while at < counters[REFS_END]:
+    while at < counters[Count.REFS_END]:
         node = refs.node[at]
-        if node >= counters[LEVEL_BEGIN]:
-            target = large.target[node]
+        if node >= counters[Count.LEVEL_BEGIN]:
+            target = work.large.target[node]
             if target >= 0:
-                split = nodes[target]
+                split = work.tree.nodes[target]
                 plane = wp.cast(split[0], wp.float32)
                 axis = split[1] & 3
                 child = split[1] >> 2
-                low = refs.low[at]
-                high = refs.high[at]
-                below = goes_below(low[axis], high[axis], plane)
-                above = goes_above(low[axis], high[axis], plane)
+                box = Box(refs.low[at], refs.high[at])
+                below = goes_below(box.low[axis], box.high[axis], plane)
+                above = goes_above(box.low[axis], box.high[axis], plane)
                 if below and above:
                     i = refs.triangle[at]
-                    parts = parts_of(mesh, i, low, high, plane, axis)
+                    parts = parts_of(mesh, i, box, plane, axis)
                     refs.node[at] = -1
-                    if parts.below:
-                        join(refs, large, at, child, parts.below_low, parts.below_high)
-                    if parts.above:
-                        place = wp.int32(at)
-                        if parts.below:
-                            place = reserve(counters, REFS, 1)
+                    place = wp.int32(at)
+                    if is_box(parts.below):
+                        join(work, at, child, parts.below)
+                    if is_box(parts.above):
+                        if is_box(parts.below):
+                            place = reserve(counters, Count.REFS, 1)
                         if place < refs.triangle.shape[0]:
                             refs.triangle[place] = i
-                            join(refs, large, place, child + 1, parts.above_low, parts.above_high)
+                            join(work, place, child + 1, parts.above)
                 elif below:
-                    join(refs, large, at, child, low, high)
+                    join(work, at, child, box)
                 else:
-                    join(refs, large, at, child + 1, low, high)
+                    join(work, at, child + 1, box)
         at += threads
 
 
 @wp.kernel(enable_backward=False)
-def advance_kernel(refs: Refs, large: Large, counters: wp.array(dtype=wp.int32), going: wp.array(dtype=wp.int32)):
+def advance_kernel(work: Work):
     """The next level; one thread."""
-    begin = counters[LEVEL_END]
-    end = counters[NODES]
-    if end > large.count.shape[0]:
+    counters = work.counters
+    begin = counters[Count.LEVEL_END]
+    end = counters[Count.NODES]
+    if end > work.large.count.shape[0]:
         end = begin  # the frame will be repeated with more room
-    counters[LEVEL_BEGIN] = begin
-    counters[LEVEL_END] = end
-    counters[REFS_END] = wp.min(counters[REFS], refs.triangle.shape[0])
-    counters[LARGE_NODES] = counters[NODES]
-    going[0] = wp.where(end > begin, 1, 0)
+    counters[Count.LEVEL_BEGIN] = begin
+    counters[Count.LEVEL_END] = end
+    counters[Count.REFS_END] = wp.min(counters[Count.REFS], work.refs.triangle.shape[0])
+    counters[Count.LARGE_NODES] = counters[Count.NODES]
+    work.going[0] = wp.where(end > begin, 1, 0)
 
 
 @wp.kernel(enable_backward=False)
-def list_kernel(threads: wp.int32, refs: Refs, large: Large, roots: Roots, counters: wp.array(dtype=wp.int32)):
+def list_kernel(threads: wp.int32, work: Work):
     """List the pairs of each root, in any order."""
     at = wp.int32(wp.tid())
-    while at < counters[REFS_END]:
-        node = refs.node[at]
-        if node >= 0 and node < counters[LEVEL_BEGIN]:
-            slot = -1 - large.target[node]
+    while at < work.counters[Count.REFS_END]:
+        node = work.refs.node[at]
+        if node >= 0 and node < work.counters[Count.LEVEL_BEGIN]:
+            slot = -1 - work.large.target[node]
             if slot >= 0:
-                place = roots.begin[slot] + number_in(roots.cursor, slot)
-                if place < roots.listed.shape[0]:
-                    roots.listed[place] = at
+                place = work.roots.begin[slot] + number_in(work.roots.cursor, slot)
+                if place < work.roots.listed.shape[0]:
+                    work.roots.listed[place] = at
         at += threads

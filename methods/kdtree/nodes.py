@@ -1,5 +1,7 @@
 """Arrays of the tree and of its build, and how a node is packed into eight bytes."""
 
+import enum
+
 import warp as wp
 
 SMALL = 64
@@ -13,27 +15,27 @@ LARGE_DEPTH = 40
 level."""
 
 LEAF = wp.constant(3)
-"""Lowest bit of the axis of an inner node."""
-
-REFS = wp.constant(0)
-NODES = wp.constant(1)
-MEMBERS = wp.constant(2)
-ROOTS = wp.constant(3)
-LISTED = wp.constant(4)
-LEVEL_BEGIN = wp.constant(5)
-LEVEL_END = wp.constant(6)
-REFS_END = wp.constant(7)
-LARGE_NODES = wp.constant(8)
-NODES_USED = wp.constant(9)
-MEMBERS_USED = wp.constant(10)
-LONGEST = wp.constant(11)
-COUNTERS = 12
-"""Indices of the counters: pairs, nodes, members of leaves, small roots, pairs in small roots; the level's first node,
-the first beyond it, and the number of pairs at its start; nodes when the large ones are done; how many of the nodes and
-members that are reserved for small nodes they use; the longest list of a leaf."""
+"""Lowest bits of a leaf's second word; of an inner node, they are the axis of its plane."""
 
 SETTLED = wp.constant(-1)
 """Depth of a node that is not visited again."""
+
+
+class Count(enum.IntEnum):
+    """Places in ``Work.counters``."""
+
+    REFS = 0  # pairs
+    NODES = 1
+    MEMBERS = 2  # of leaves
+    ROOTS = 3
+    LISTED = 4  # pairs in roots
+    LEVEL_BEGIN = 5  # the level's first node
+    LEVEL_END = 6  # and the first beyond it
+    REFS_END = 7  # pairs at the level's start
+    LARGE_NODES = 8  # nodes when the large ones are done
+    NODES_USED = 9  # of those reserved for small nodes
+    MEMBERS_USED = 10  # likewise
+    LONGEST = 11  # list of a leaf
 
 
 @wp.struct
@@ -53,10 +55,10 @@ class Refs:
 class Large:
     """Large nodes, arrays [large capacity] by node.
 
-    low, high  vec3f: the node's region       tight   int32 [6 * nodes]: box of its pairs' boxes (:func:`ordered`)
+    low, high  vec3f: the node's region       tight   int32 [6 * nodes]: box of its pairs' boxes (:func:`.large.ordered`)
     count  int32: its pairs                   parent  int32: pairs of its parent
     depth  int32: level, or SETTLED           growth  float32: how often its ancestors' divisions multiplied their pairs
-    target int32: the node whose plane divides its pairs, or -1 - the small root that they are in
+    target int32: the node whose plane divides its pairs, or -1 - the root that they are in
     """
 
     low: wp.array(dtype=wp.vec3f)
@@ -85,6 +87,21 @@ class Roots:
 
 
 @wp.struct
+class Scratch:
+    """Memory of each block that builds small nodes.
+
+    planes  float32 [blocks * CANDIDATES]: the faces of the root's pairs, low x y z and high x y z of each; by triangle
+    triangles  int32 [blocks * SMALL]: the triangles of those pairs
+    below, above  uint64 [blocks * CANDIDATES]: which pairs a plane leaves below and above it
+    """
+
+    planes: wp.array(dtype=wp.float32)
+    triangles: wp.array(dtype=wp.int32)
+    below: wp.array(dtype=wp.uint64)
+    above: wp.array(dtype=wp.uint64)
+
+
+@wp.struct
 class Tree:
     """The arrays that rays read. A node's children follow one another, the one below the plane first.
 
@@ -98,39 +115,52 @@ class Tree:
     box: wp.array(dtype=wp.float32)
 
 
+@wp.struct
+class Work:
+    """All arrays of the build.
+
+    counters  int32, by :class:`Count`    going  int32 [1]: whether there is a level to divide
+    need      int64 [4]: what the frame needed of pairs, large nodes, nodes and members
+    """
+
+    refs: Refs
+    large: Large
+    roots: Roots
+    scratch: Scratch
+    tree: Tree
+    counters: wp.array(dtype=wp.int32)
+    going: wp.array(dtype=wp.int32)
+    need: wp.array(dtype=wp.int64)
+
+
 @wp.func
 def bit(k: wp.int32) -> wp.uint64:
     return wp.uint64(1) << wp.uint64(k)
 
 
 @wp.func
-def ordered(x: wp.float32) -> wp.int32:
-    """An integer in the order of x, for atomics."""
-    bits = wp.cast(x, wp.int32)
-    return wp.where(bits < 0, bits ^ 0x7FFFFFFF, bits)
+def with_coordinate(v: wp.vec3f, axis: wp.int32, x: wp.float32) -> wp.vec3f:
+    """v with another coordinate along an axis."""
+    moved = wp.vec3f(v[0], v[1], v[2])
+    moved[axis] = x
+    return moved
 
 
 @wp.func
-def unordered(key: wp.int32) -> wp.float32:
-    return wp.cast(wp.where(key < 0, key ^ 0x7FFFFFFF, key), wp.float32)
+def put_leaf(tree: Tree, node: wp.int32, begin: wp.int32, count: wp.int32):
+    if node < tree.nodes.shape[0]:
+        tree.nodes[node] = wp.vec2i(begin, LEAF | (count << 2))
 
 
 @wp.func
-def put_leaf(nodes: wp.array(dtype=wp.vec2i), node: wp.int32, begin: wp.int32, count: wp.int32):
-    if node < nodes.shape[0]:
-        nodes[node] = wp.vec2i(begin, LEAF | (count << 2))
-
-
-@wp.func
-def put_inner(nodes: wp.array(dtype=wp.vec2i), node: wp.int32, plane: wp.float32, axis: wp.int32, child: wp.int32):
-    if node < nodes.shape[0]:
-        nodes[node] = wp.vec2i(wp.cast(plane, wp.int32), axis | (child << 2))
+def put_inner(tree: Tree, node: wp.int32, plane: wp.float32, axis: wp.int32, child: wp.int32):
+    if node < tree.nodes.shape[0]:
+        tree.nodes[node] = wp.vec2i(wp.cast(plane, wp.int32), axis | (child << 2))
 
 
 @wp.func
 def goes_below(low: wp.float32, high: wp.float32, plane: wp.float32) -> wp.bool:
-    """Whether a pair with this interval belongs below the plane; a pair that only touches the plane belongs to one
-    side."""
+    """Whether a pair with this interval belongs below the plane; one that only touches the plane belongs to one side."""
     return low < plane or high <= plane
 
 

@@ -8,26 +8,8 @@ same. A block can complete its root alone because nodes are numbered as they are
 
 import warp as wp
 
-from .nodes import (
-    LARGE_NODES,
-    LONGEST,
-    MEMBERS,
-    MEMBERS_USED,
-    NODES,
-    NODES_USED,
-    REFS,
-    ROOTS,
-    SMALL,
-    SMALL_DEPTH,
-    Large,
-    Refs,
-    Roots,
-    bit,
-    goes_above,
-    goes_below,
-    put_inner,
-    put_leaf,
-)
+from ...harness.frame.geometry import value_struct
+from .nodes import SMALL, SMALL_DEPTH, Count, Work, bit, goes_above, goes_below, put_inner, put_leaf, with_coordinate
 
 WIDTH = 32
 """Threads of a block."""
@@ -47,19 +29,15 @@ EMPTY_SPACE = wp.constant(wp.float32(0.8))
 test in the node."""
 
 
-@wp.struct
-class Scratch:
-    """Memory of each block.
+@value_struct
+class Pending:
+    """A node that is still to be divided: its pairs, as bits, its number, its level below the root, its region."""
 
-    planes  float32 [blocks * CANDIDATES]: the faces of the root's pairs, low x y z and high x y z of each; by triangle
-    triangles  int32 [blocks * SMALL]: the triangles of those pairs
-    below, above  uint64 [blocks * CANDIDATES]: which pairs a plane leaves below and above it
-    """
-
-    planes: wp.array(dtype=wp.float32)
-    triangles: wp.array(dtype=wp.int32)
-    below: wp.array(dtype=wp.uint64)
-    above: wp.array(dtype=wp.uint64)
+    those: wp.uint64
+    node: wp.int32
+    depth: wp.int32
+    low: wp.vec3f
+    high: wp.vec3f
 
 
 @wp.func_native("""
@@ -118,12 +96,8 @@ def split_cost(
     below: wp.int32, above: wp.int32,
 ) -> wp.float32:  # fmt: skip
     """The expected cost, in triangle tests, of a ray through the node, whose :func:`area` is ``whole``."""
-    middle_high = wp.vec3f(high[0], high[1], high[2])
-    middle_high[axis] = plane
-    middle_low = wp.vec3f(low[0], low[1], low[2])
-    middle_low[axis] = plane
-    of_below = area(low, middle_high) * wp.float32(below)
-    of_above = area(middle_low, high) * wp.float32(above)
+    of_below = area(low, with_coordinate(high, axis, plane)) * wp.float32(below)
+    of_above = area(with_coordinate(low, axis, plane), high) * wp.float32(above)
     cost = traversal + (of_below + of_above) / whole
     if below == 0 or above == 0:
         cost *= EMPTY_SPACE
@@ -131,35 +105,32 @@ def split_cost(
 
 
 @wp.func
-def order_root(
-    lane: wp.int32, slot: wp.int32, count: wp.int32, block: wp.int32, refs: Refs, roots: Roots, scratch: Scratch
-):  # fmt: skip
+def order_root(lane: wp.int32, slot: wp.int32, count: wp.int32, block: wp.int32, work: Work):
     """Put the pairs of a root in the order of their triangles, because the order in which they were listed varies from
     run to run."""
-    begin = roots.begin[slot]
-    k = wp.int32(lane)
-    while k < count:
-        at = roots.listed[begin + k]
+    refs = work.refs
+    begin = work.roots.begin[slot]
+    for k in range(lane, count, wp.block_dim()):
+        at = work.roots.listed[begin + k]
         i = refs.triangle[at]
         rank = wp.int32(0)
         for other in range(count):
-            if refs.triangle[roots.listed[begin + other]] < i:
+            if refs.triangle[work.roots.listed[begin + other]] < i:
                 rank += 1
-        scratch.triangles[block * MOST_SMALL + rank] = i
+        work.scratch.triangles[block * MOST_SMALL + rank] = i
         low = refs.low[at]
         high = refs.high[at]
         to = block * MOST_CANDIDATES + 6 * rank
         for axis in range(wp.static(3)):
-            scratch.planes[to + axis] = low[axis]
-            scratch.planes[to + 3 + axis] = high[axis]
-        k += wp.block_dim()
+            work.scratch.planes[to + axis] = low[axis]
+            work.scratch.planes[to + 3 + axis] = high[axis]
 
 
 @wp.func
-def sort_pairs(lane: wp.int32, count: wp.int32, words: wp.int32, scratch: Scratch):
+def sort_pairs(lane: wp.int32, count: wp.int32, words: wp.int32, work: Work):
     """Which pairs each candidate plane leaves below and above."""
-    k = wp.int32(lane)
-    while k < 6 * count:
+    scratch = work.scratch
+    for k in range(lane, 6 * count, wp.block_dim()):
         plane = scratch.planes[words + k]
         axis = k % 3
         below = wp.uint64(0)
@@ -173,54 +144,38 @@ def sort_pairs(lane: wp.int32, count: wp.int32, words: wp.int32, scratch: Scratc
                 above = above | bit(other)
         scratch.below[words + k] = below
         scratch.above[words + k] = above
-        k += wp.block_dim()
 
 
 @wp.func
-def best_plane(
-    lane: wp.int32, words: wp.int32, those: wp.uint64, low: wp.vec3f, high: wp.vec3f, traversal: wp.float32,
-    scratch: Scratch,
-) -> wp.uint64:  # fmt: skip
+def best_plane(lane: wp.int32, words: wp.int32, at: Pending, traversal: wp.float32, work: Work) -> wp.uint64:
     """The candidate of least cost, behind its cost's bits; NO_PLANE where a leaf costs no more. The same for all lanes."""
-    number = wp.bit_count(those)
-    whole = area(low, high)
+    scratch = work.scratch
+    number = wp.bit_count(at.those)
+    whole = area(at.low, at.high)
     best = NO_PLANE
     if whole > 0.0 and wp.float32(number) > EMPTY_SPACE * traversal:
-        rank = wp.int32(lane)
-        while rank < 6 * number:
-            k = 6 * set_bit(those, rank // 6) + rank % 6
+        for rank in range(lane, 6 * number, wp.block_dim()):
+            k = 6 * set_bit(at.those, rank // 6) + rank % 6
             plane = scratch.planes[words + k]
             axis = k % 3
-            if plane > low[axis] and plane < high[axis]:
-                below = wp.bit_count(those & scratch.below[words + k])
-                above = wp.bit_count(those & scratch.above[words + k])
-                cost = split_cost(traversal, low, high, whole, plane, axis, below, above)
+            if plane > at.low[axis] and plane < at.high[axis]:
+                below = wp.bit_count(at.those & scratch.below[words + k])
+                above = wp.bit_count(at.those & scratch.above[words + k])
+                cost = split_cost(traversal, at.low, at.high, whole, plane, axis, below, above)
                 if cost < wp.float32(number):
                     key = (wp.uint64(wp.cast(cost, wp.uint32)) << wp.uint64(32)) | wp.uint64(k)
                     best = wp.min(best, key)
-            rank += wp.block_dim()
     return least_of_lanes(best)
 
 
 @wp.kernel(enable_backward=False)
-def small_kernel(
-    blocks: wp.int32,
-    traversal: wp.float32,
-    refs: Refs,
-    large: Large,
-    roots: Roots,
-    scratch: Scratch,
-    nodes: wp.array(dtype=wp.vec2i),
-    members: wp.array(dtype=wp.int32),
-    counters: wp.array(dtype=wp.int32),
-):
+def small_kernel(blocks: wp.int32, traversal: wp.float32, work: Work):
     """The trees below all small roots; one leaf where more triangles were left than a word has bits."""
     block, lane = wp.tid()
-    stack_node = wp.zeros(shape=STACK_ROOM, dtype=wp.int32)
-    stack_set = wp.zeros(shape=STACK_ROOM, dtype=wp.uint64)
-    stack_depth = wp.zeros(shape=STACK_ROOM, dtype=wp.int32)
-    stack_low = wp.zeros(shape=STACK_ROOM, dtype=wp.vec3f)
-    stack_high = wp.zeros(shape=STACK_ROOM, dtype=wp.vec3f)
+    roots = work.roots
+    members = work.tree.members
+    counters = work.counters
+    stack = wp.zeros(shape=STACK_ROOM, dtype=Pending)
     room = members.shape[0]
     words = block * MOST_CANDIDATES
     next_node = wp.int32(0)
@@ -231,48 +186,39 @@ def small_kernel(
     members_used = wp.int32(0)
     longest = wp.int32(0)
     slot = wp.int32(block)
-    while slot < counters[ROOTS]:
+    while slot < counters[Count.ROOTS]:
         count = roots.count[slot]
+        root = roots.node[slot]
         held = wp.int32(0)
         mine = wp.int32(0)
         if count > MOST_SMALL:
             if lane == 0:
-                mine = wp.atomic_add(counters, MEMBERS, count)
-                put_leaf(nodes, roots.node[slot], mine, count)
+                mine = wp.atomic_add(counters, Count.MEMBERS, count)
+                put_leaf(work.tree, root, mine, count)
             place = of_first_lane(mine)
             members_used += count
             longest = wp.max(longest, count)
-            k = wp.int32(lane)
-            while k < count:
+            for k in range(lane, count, wp.block_dim()):
                 if place + k < room:
-                    members[place + k] = refs.triangle[roots.listed[roots.begin[slot] + k]]
-                k += wp.block_dim()
+                    members[place + k] = work.refs.triangle[roots.listed[roots.begin[slot] + k]]
         else:
-            order_root(lane, slot, count, block, refs, roots, scratch)
+            order_root(lane, slot, count, block, work)
             wait_for_others()
-            sort_pairs(lane, count, words, scratch)
+            sort_pairs(lane, count, words, work)
             wait_for_others()
-            stack_node[0] = roots.node[slot]
-            stack_set[0] = NO_PLANE >> wp.uint64(64 - count)
-            stack_depth[0] = 0
-            stack_low[0] = large.low[roots.node[slot]]
-            stack_high[0] = large.high[roots.node[slot]]
+            stack[0] = Pending(NO_PLANE >> wp.uint64(64 - count), root, 0, work.large.low[root], work.large.high[root])
             held = 1
         while held > 0:
             held -= 1
-            node = stack_node[held]
-            those = stack_set[held]
-            depth = stack_depth[held]
-            low = stack_low[held]
-            high = stack_high[held]
+            at = stack[held]
             best = NO_PLANE
-            if depth < DEPTH:
-                best = best_plane(lane, words, those, low, high, traversal, scratch)
+            if at.depth < DEPTH:
+                best = best_plane(lane, words, at, traversal, work)
             if best == NO_PLANE:
-                number = wp.bit_count(those)
+                number = wp.bit_count(at.those)
                 if next_member + number > end_member:
                     if lane == 0:
-                        mine = wp.atomic_add(counters, MEMBERS, MEMBER_CHUNK)
+                        mine = wp.atomic_add(counters, Count.MEMBERS, MEMBER_CHUNK)
                     next_member = of_first_lane(mine)
                     end_member = next_member + MEMBER_CHUNK
                 place = wp.int32(next_member)
@@ -280,69 +226,52 @@ def small_kernel(
                 members_used += number
                 longest = wp.max(longest, number)
                 if lane == 0:
-                    put_leaf(nodes, node, place, number)
-                rank = wp.int32(lane)
-                while rank < number:
+                    put_leaf(work.tree, at.node, place, number)
+                for rank in range(lane, number, wp.block_dim()):
                     if place + rank < room:
-                        members[place + rank] = scratch.triangles[block * MOST_SMALL + set_bit(those, rank)]
-                    rank += wp.block_dim()
+                        members[place + rank] = work.scratch.triangles[block * MOST_SMALL + set_bit(at.those, rank)]
             else:
                 chosen = wp.int32(best & wp.uint64(0xFFFFFFFF))
-                plane = scratch.planes[words + chosen]
+                plane = work.scratch.planes[words + chosen]
                 axis = chosen % 3
                 if next_node == end_node:
                     if lane == 0:
-                        mine = wp.atomic_add(counters, NODES, NODE_CHUNK)
+                        mine = wp.atomic_add(counters, Count.NODES, NODE_CHUNK)
                     next_node = of_first_lane(mine)
                     end_node = next_node + NODE_CHUNK
                 child = wp.int32(next_node)
                 next_node += 2
                 nodes_used += 2
                 if lane == 0:
-                    put_inner(nodes, node, plane, axis, child)
-                below_high = wp.vec3f(high[0], high[1], high[2])
-                below_high[axis] = plane
-                above_low = wp.vec3f(low[0], low[1], low[2])
-                above_low[axis] = plane
-                stack_node[held] = child + 1
-                stack_set[held] = those & scratch.above[words + chosen]
-                stack_depth[held] = depth + 1
-                stack_low[held] = above_low
-                stack_high[held] = high
-                held += 1
-                stack_node[held] = child
-                stack_set[held] = those & scratch.below[words + chosen]
-                stack_depth[held] = depth + 1
-                stack_low[held] = low
-                stack_high[held] = below_high
-                held += 1
+                    put_inner(work.tree, at.node, plane, axis, child)
+                below = at.those & work.scratch.below[words + chosen]
+                above = at.those & work.scratch.above[words + chosen]
+                low = with_coordinate(at.low, axis, plane)
+                high = with_coordinate(at.high, axis, plane)
+                stack[held] = Pending(above, child + 1, at.depth + 1, low, at.high)
+                stack[held + 1] = Pending(below, child, at.depth + 1, at.low, high)
+                held += 2
         wait_for_others()
         slot += blocks
     if lane == 0:
-        wp.atomic_add(counters, NODES_USED, nodes_used)
-        wp.atomic_add(counters, MEMBERS_USED, members_used)
-        wp.atomic_max(counters, LONGEST, longest)
+        wp.atomic_add(counters, Count.NODES_USED, nodes_used)
+        wp.atomic_add(counters, Count.MEMBERS_USED, members_used)
+        wp.atomic_max(counters, Count.LONGEST, longest)
 
 
 @wp.kernel(enable_backward=False)
-def finish_kernel(
-    refs: Refs,
-    large: Large,
-    nodes: wp.array(dtype=wp.vec2i),
-    members: wp.array(dtype=wp.int32),
-    counters: wp.array(dtype=wp.int32),
-    need: wp.array(dtype=wp.int64),
-):
+def finish_kernel(work: Work):
     """Write what the frame needed. Where that exceeds the capacity, make a tree without triangles, which rays can
     traverse."""
-    need[0] = wp.int64(counters[REFS])
-    need[1] = wp.int64(counters[LARGE_NODES])
-    need[2] = wp.int64(counters[NODES])
-    need[3] = wp.int64(counters[MEMBERS])
-    if (
-        counters[REFS] > refs.triangle.shape[0]
-        or counters[LARGE_NODES] > large.count.shape[0]
-        or counters[NODES] > nodes.shape[0]
-        or counters[MEMBERS] > members.shape[0]
-    ):
-        put_leaf(nodes, 0, 0, 0)
+    pairs = work.counters[Count.REFS]
+    large = work.counters[Count.LARGE_NODES]
+    nodes = work.counters[Count.NODES]
+    members = work.counters[Count.MEMBERS]
+    work.need[0] = wp.int64(pairs)
+    work.need[1] = wp.int64(large)
+    work.need[2] = wp.int64(nodes)
+    work.need[3] = wp.int64(members)
+    tree = work.tree
+    fits = pairs <= work.refs.triangle.shape[0] and large <= work.large.count.shape[0]
+    if not (fits and nodes <= tree.nodes.shape[0] and members <= tree.members.shape[0]):
+        put_leaf(tree, 0, 0, 0)

@@ -33,7 +33,7 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
 from ..common.bounds import box_high, box_low
-from ..exact.ray_queries import SLACK, Found, nothing_found
+from ..exact.ray_queries import SLACK, Found, RayPart, nothing_found
 from ..exact.triangle import U32, largest, to_float32
 from ..gpu.entries import entry
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
@@ -81,24 +81,14 @@ def make_walk(stack: int) -> Any:
     KEPT = wp.constant(stack)
 
     @wp.func
-    def walk(
-        test: wp.Function,
-        tree: Tree,
-        mesh: Mesh,
-        alpha: Alpha,
-        start: wp.vec3d,
-        direction: wp.vec3d,
-        end: wp.float64,
-        own: wp.int32,
-        query: Any,
-    ) -> Found:
+    def walk(test: wp.Function, tree: Tree, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
         """Call ``test`` for the triangles of the leaves that a ray meets: see :mod:`..rays.kernels`."""
-        found = nothing_found(SLACK * wp.float32(end))
+        found = nothing_found(SLACK * wp.float32(part.end))
         stack_node = wp.zeros(shape=KEPT, dtype=wp.int32)
         stack_from = wp.zeros(shape=KEPT, dtype=wp.float32)
         stack_to = wp.zeros(shape=KEPT, dtype=wp.float32)
-        o = to_float32(start)
-        d = to_float32(direction)
+        o = to_float32(part.start)
+        d = to_float32(part.direction)
         low = box_low(tree.box)
         high = box_high(tree.box)
         least = largest(d) * 9.094947e-13 + 1.0e-37
@@ -162,7 +152,7 @@ def make_walk(stack: int) -> Any:
                 while k < stop:
                     i = entry(tree.members, k)
                     k += 1
-                    if i != own:
+                    if i != part.own:
                         found.tests += 1
                         found = test(mesh, alpha, i, query, found)
                         if found.done:

@@ -1,9 +1,8 @@
 """The kernels that trace one ray per pixel through any structure: closest hits and shadow bits.
 
-A structure brings its struct of arrays and a ``walk``: walk(test, structure, mesh, alpha, start, direction, end, own, query)
-calls ``test`` (:mod:`..exact.ray_queries`) for the triangles that the ray start + t direction, 0 <= t <= end, may meet,
-nearest first where it can, and returns what was found. start and direction are vec3d; triangle ``own`` is left out (-1:
-none).
+A structure brings its struct of arrays and a ``walk``: walk(test, structure, mesh, alpha, part, query) calls ``test``
+(:mod:`..exact.ray_queries`), which is compiled in, for the triangles that a part of a ray may meet, nearest first where it
+can, and returns what was found.
 """
 
 # Annotations are evaluated here: the struct is an argument of the factory, which Warp could not look up by its name.
@@ -17,7 +16,7 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
 from ..common.pixels import pixel_of
-from ..exact.ray_queries import any_hit, closest_hit, shadow_segment
+from ..exact.ray_queries import RayPart, any_hit, closest_hit, shadow_segment
 from ..exact.triangle import to_float64, write_hit, write_miss
 from ..gpu.entries import entry, set_entry
 
@@ -65,9 +64,8 @@ def make_primary_kernel(
                 write_miss(hits, pixel)
                 return
             ray = mirrored_ray(mirrored, pixel)
-        o = to_float64(ray.origin)
-        d = to_float64(ray.direction)
-        found = walk(closest, structure, mesh, alpha, o, d, FOREVER, -1, ray)
+        part = RayPart(to_float64(ray.origin), to_float64(ray.direction), FOREVER, -1)
+        found = walk(closest, structure, mesh, alpha, part, ray)
         if tests.shape[0] > 0:
             tests[pixel] = found.tests
         if wp.static(write is None):
@@ -128,7 +126,8 @@ def make_shadow_kernel(
         if wp.static(starting is not None):
             segment = starting(structure, segment, ray_of(camera, pixel), hits, pixel, mesh)
             way = to_float64(segment.light - segment.start)
-        found = walk(occluder, structure, mesh, alpha, segment.hit, way, wp.float64(1.0), own, segment)
+        part = RayPart(segment.hit, way, wp.float64(1.0), own)
+        found = walk(occluder, structure, mesh, alpha, part, segment)
         if tests.shape[0] > 0:
             tests[pixel] = tests[pixel] + found.tests
         set_entry(shadowed, pixel, wp.uint8(found.done))

@@ -17,6 +17,7 @@ from ...harness.frame.effects.specialise import effects, specialised
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
 from ...harness.scene.effects import Switches
+from ..common.axes import longest_axis
 from ..exact.hit_point import hit_point, plane_distance
 from ..exact.triangle import largest, to_float32, to_float64
 
@@ -43,11 +44,7 @@ def edge_error(px: wp.float64, py: wp.float64, qx: wp.float64, qy: wp.float64, p
 @wp.func
 def shear_axes(way: Any) -> wp.vec3i:
     """The axes x, y and z of Woop's test: z is the one that a ray follows most."""
-    z = wp.int32(0)
-    if wp.abs(way[1]) > wp.abs(way[z]):
-        z = wp.int32(1)
-    if wp.abs(way[2]) > wp.abs(way[z]):
-        z = wp.int32(2)
+    z = longest_axis(wp.abs(way))
     return wp.vec3i((z + 1) % 3, (z + 2) % 3, z)
 
 

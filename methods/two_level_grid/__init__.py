@@ -6,17 +6,19 @@ then one traversal per ray.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import filled
 from ...harness.frame.schedule.passes import Pass
-from ..grids.build import BinnedItems, TriangleGrid, cells_for, refuse_cells
+from ..common.pairs import zeroed
+from ..grids.build import TriangleGrid, cells_for, refuse_cells
+from ..grids.pairs import BinnedItems
 from ..rays.structure import Built, RayStructure
-from .leaves import TopCells, first_kernel, leaf_item, resolution_kernel
-from .traversal import LeafCells, make_kernels
+from .leaves import Levels, first_kernel, leaf_item, resolution_kernel
+from .traversal import make_kernels
 
 TOP, LEAF = 0, 1
 """Slots of the needs."""
@@ -65,44 +67,24 @@ class TwoLevelGrid(RayStructure):
         # A cell that holds n triangles gets at most max(1, density * n) leaf cells.
         leaf_cells = math.ceil(max(1.0, self.build.leaf_density) * pairs)
         refuse_cells(leaf_cells, min(self._memory, 2**33))
-        self._top = TriangleGrid(frame, top_cells, pairs)
-        self._leaf = BinnedItems(pairs, leaf_cells, self._capacity[LEAF], frame, TopCells, leaf_item)
-        top, leaf = self._top.binned.list, self._leaf.list
+        self._levels: Any = None  # what a smaller capacity held is not needed beside the new
+        self._top = top = TriangleGrid(frame, top_cells, pairs)
+        self._leaf = leaf = BinnedItems(pairs, leaf_cells, self._capacity[LEAF], frame, Levels, leaf_item)
         with wp.ScopedDevice(frame.device):
-            self._leaf_counts = wp.zeros(top_cells, dtype=wp.int64)
-            self._leaf_scan = wp.zeros(top_cells, dtype=wp.int64)
-            self._res = wp.zeros(top_cells, dtype=wp.int32)
-            self._first = wp.zeros(top_cells, dtype=wp.int32)
-        self._cells = cells = filled(
-            TopCells, grid=self._top.grid, begin=top.begin, end=top.end, keys=top.keys, members=top.values,
-            cells=top_cells, res=self._res, first=self._first,
-        )  # fmt: skip
-        lists = filled(
-            LeafCells, grid=self._top.grid, res=self._res, first=self._first, begin=leaf.begin, end=leaf.end,
-            members=leaf.values,
-        )  # fmt: skip
-        geometry = ("points", "triangles", *TriangleGrid.RESOURCES, "leaf grids")
+            self._levels = zeroed(Levels, top_cells, grid=top.grid, cells=top_cells, top=top.pairs, leaf=leaf.pairs)
+        reads = ("points", "triangles", *TriangleGrid.RESOURCES, "leaf grids")
         passes = [
-            *self._top.passes(self._need, TOP),
+            *top.built(self._need, TOP),
             Pass("leaf resolutions", "build", ("grid", "cells"), ("leaf grids",), self._resolve),
-            Pass(
-                "count leaf pairs", "build", geometry, ("leaf pair counts",),
-                lambda: self._leaf.launch_count(cells, self._need, LEAF),
-            ),
-            Pass(
-                "emit leaf pairs", "build", (*geometry, "leaf pair counts"), ("leaf pairs",),
-                lambda: self._leaf.launch_emit(cells),
-            ),
-            Pass("sort leaf pairs", "build", ("leaf pairs",), ("sorted leaf pairs",), leaf.launch_sort),
-            Pass("leaf lists", "build", ("sorted leaf pairs",), ("leaf cells",), leaf.launch_lists),
-        ]  # fmt: skip
-        return Built(passes, lists, ("leaf cells", "sorted leaf pairs", "leaf grids", "grid"), make_kernels())
+            *leaf.passes("leaf ", reads, self._levels, self._need, LEAF),
+        ]
+        resources = ("leaf cells", "sorted leaf pairs", "leaf grids", "grid")
+        return Built(passes, self._levels, resources, make_kernels())
 
     def counted(self) -> dict[str, int]:
         assert self._need is not None
         top_pairs, leaf_pairs = (int(n) for n in self._need.numpy())
-        lengths = self._leaf.list.end.numpy() - self._leaf.list.begin.numpy()
-        leaf_counts = self._leaf_counts.numpy()
+        lengths, leaf_counts = self._leaf.lengths(), self._levels.counts.numpy()
         return {
             "top cells": self._top.counters()["cells"],
             "top pairs": top_pairs,
@@ -115,11 +97,10 @@ class TwoLevelGrid(RayStructure):
         }
 
     def _resolve(self) -> None:
-        cells, counts, scan = self._cells, self._leaf_counts, self._leaf_scan
-        size = {"dim": cells.cells, "device": self._frame.device}
-        wp.launch(resolution_kernel, inputs=[self.build.leaf_density, cells], outputs=[counts], **size)
-        wp.utils.array_scan(counts, scan, inclusive=True)
-        wp.launch(first_kernel, inputs=[counts, scan, cells], **size)
+        levels = self._levels
+        self._frame.launch(resolution_kernel, levels.cells, [self.build.leaf_density, levels])
+        wp.utils.array_scan(levels.counts, levels.scan, inclusive=True)
+        self._frame.launch(first_kernel, levels.cells, [levels])
 
 
 METHOD = TwoLevelGrid

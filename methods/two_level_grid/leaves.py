@@ -8,7 +8,7 @@ res times as much in cells of the leaf grid. The same factor holds for rounding.
 import warp as wp
 
 from ...harness.frame.geometry import Mesh
-from ..grids.binning import BinItem
+from ..grids.binning import BinItem, Pairs
 from ..grids.grid import Grid, cell_counts
 
 FINEST_LEAF = wp.constant(1024)
@@ -18,24 +18,24 @@ EMPTY_CELL = wp.constant(-1)
 
 
 @wp.struct
-class TopCells:
-    """The data of the top grid's cells. ``members[begin[cell]:end[cell]]`` are the triangles of a cell.
+class Levels:
+    """Both levels.
 
-    grid   Grid [1]                           begin, end  int32 [top cells]
-    keys   int32 [2 * top pairs]: the cell of each pair; ``cells`` or more where there is none
-    members  int32 [2 * top pairs]            cells  number of top cells that there is room for
+    grid   Grid [1]: the top grid             cells  number of top cells that there is room for
+    top, leaf  the triangles of each top cell and of each leaf cell
     res    int32 [top cells]: leaf resolution, :func:`packed_res`
     first  int32 [top cells]: the first leaf cell, EMPTY_CELL where the cell is empty
+    counts, scan  int64 [top cells]: leaf cells of each top cell, and their inclusive scan
     """
 
     grid: wp.array(dtype=Grid)
-    begin: wp.array(dtype=wp.int32)
-    end: wp.array(dtype=wp.int32)
-    keys: wp.array(dtype=wp.int32)
-    members: wp.array(dtype=wp.int32)
     cells: wp.int32
+    top: Pairs
+    leaf: Pairs
     res: wp.array(dtype=wp.int32)
     first: wp.array(dtype=wp.int32)
+    counts: wp.array(dtype=wp.int64)
+    scan: wp.array(dtype=wp.int64)
 
 
 @wp.func
@@ -64,40 +64,39 @@ def leaf_grid(top: Grid, cell: wp.int32, res: wp.vec3i) -> Grid:
 
 
 @wp.kernel(enable_backward=False)
-def resolution_kernel(density: wp.float64, top: TopCells, counts: wp.array(dtype=wp.int64)):
+def resolution_kernel(density: wp.float64, levels: Levels):
     """The resolution of each cell's leaf grid, ``density`` cells per triangle, and its number of cells."""
     cell = wp.tid()
-    held = top.end[cell] - top.begin[cell]
+    held = levels.top.end[cell] - levels.top.begin[cell]
     if held == 0:
-        counts[cell] = wp.int64(0)
+        levels.counts[cell] = wp.int64(0)
         return
     wanted = wp.max(1, wp.int32(wp.float64(held) * density))
     one = wp.vec3d(wp.float64(1.0), wp.float64(1.0), wp.float64(1.0))
-    res = cell_counts(wp.cw_div(one, top.grid[0].scale), wanted)
-    most = wp.vec3i(FINEST_LEAF, FINEST_LEAF, FINEST_LEAF)
-    res = wp.min(res, most)
-    top.res[cell] = packed_res(res)
-    counts[cell] = wp.int64(res[0] * res[1] * res[2])
+    res = cell_counts(wp.cw_div(one, levels.grid[0].scale), wanted)
+    res = wp.min(res, wp.vec3i(FINEST_LEAF, FINEST_LEAF, FINEST_LEAF))
+    levels.res[cell] = packed_res(res)
+    levels.counts[cell] = wp.int64(res[0] * res[1] * res[2])
 
 
 @wp.kernel(enable_backward=False)
-def first_kernel(counts: wp.array(dtype=wp.int64), scan: wp.array(dtype=wp.int64), top: TopCells):
+def first_kernel(levels: Levels):
     """Where the cells of each leaf grid begin."""
     cell = wp.tid()
     first = wp.int32(EMPTY_CELL)
-    if counts[cell] > wp.int64(0):
-        first = wp.int32(scan[cell] - counts[cell])
-    top.first[cell] = first
+    if levels.counts[cell] > wp.int64(0):
+        first = wp.int32(levels.scan[cell] - levels.counts[cell])
+    levels.first[cell] = first
 
 
 @wp.func
-def leaf_item(top: TopCells, mesh: Mesh, item: wp.int32) -> BinItem:
+def leaf_item(levels: Levels, mesh: Mesh, item: wp.int32) -> BinItem:
     """The triangle of a top pair, into the leaf grid of its cell."""
-    cell = top.keys[item]
+    cell = levels.top.keys[item]
     what = BinItem()
     what.triangle = -1
-    if cell < top.cells:
-        what.grid = leaf_grid(top.grid[0], cell, unpacked_res(top.res[cell]))
-        what.base = top.first[cell]
-        what.triangle = top.members[item]
+    if cell < levels.cells:
+        what.grid = leaf_grid(levels.grid[0], cell, unpacked_res(levels.res[cell]))
+        what.base = levels.first[cell]
+        what.triangle = levels.top.values[item]
     return what

@@ -10,30 +10,14 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
-from ..exact.ray_queries import Found, nothing_found
-from ..grids.grid import Grid, cell_index, cell_of
+from ..exact.ray_queries import Found, RayPart, nothing_found
+from ..grids.grid import cell_index, cell_of
 from ..grids.walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
 from ..rays.kernels import make_primary_kernel, make_shadow_kernel
-from .leaves import unpacked_res
+from .leaves import Levels, unpacked_res
 
 REGISTERS = 128
 """Limit per thread on a GPU: the best on balls-40k and balls-300k."""
-
-
-@wp.struct
-class LeafCells:
-    """Both levels. The triangles of a leaf cell are ``members[begin[cell]:end[cell]]``, in index order.
-
-    grid         Grid [1]: the top grid        res, first  int32 [top cells]: see :class:`.leaves.TopCells`
-    begin, end   int32 [leaf cells]            members     int32 [leaf pairs]
-    """
-
-    grid: wp.array(dtype=Grid)
-    res: wp.array(dtype=wp.int32)
-    first: wp.array(dtype=wp.int32)
-    begin: wp.array(dtype=wp.int32)
-    end: wp.array(dtype=wp.int32)
-    members: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -91,25 +75,15 @@ def leaf_advance(w: Walk, leaf: LeafWalk) -> LeafWalk:
 
 
 @wp.func
-def walk(
-    test: wp.Function,
-    cells: LeafCells,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3d,
-    direction: wp.vec3d,
-    end: wp.float64,
-    own: wp.int32,
-    query: Any,
-) -> Found:
+def walk(test: wp.Function, levels: Levels, mesh: Mesh, alpha: Alpha, part: RayPart, query: Any) -> Found:
     """Call ``test`` for the triangles in the leaf cells of a ray: see :mod:`..rays.kernels`.
 
     The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
     """
     found = nothing_found(wp.INF)
-    grid = cells.grid[0]
-    way = wp.cw_mul(direction, grid.scale)
-    w = enter(grid, start, direction, end)
+    grid = levels.grid[0]
+    way = wp.cw_mul(part.direction, grid.scale)
+    w = enter(grid, part)
     leaf = LeafWalk()
     leaf.first = -1
     entered = w.start
@@ -117,16 +91,16 @@ def walk(
     while going:
         if leaf.first < 0:
             cell = cell_index(grid.res, w.cell[0], w.cell[1], w.cell[2])
-            first = cells.first[cell]
+            first = levels.first[cell]
             if first >= 0:
-                leaf = enter_leaf(w, w.origin + way * entered, first, unpacked_res(cells.res[cell]))
+                leaf = enter_leaf(w, w.origin + way * entered, first, unpacked_res(levels.res[cell]))
         leave = next_leave(w)
         left = leaf.first < 0
         if leaf.first >= 0:
             at = leaf.first + cell_index(leaf.res, leaf.cell[0], leaf.cell[1], leaf.cell[2])
-            for k in range(cells.begin[at], cells.end[at]):
-                i = cells.members[k]
-                if i != own and not found.done:
+            for k in range(levels.leaf.begin[at], levels.leaf.end[at]):
+                i = levels.leaf.values[k]
+                if i != part.own and not found.done:
                     found.tests += 1
                     found = test(mesh, alpha, i, query, found)
             leaf_end = wp.min(leaf.leave[0], wp.min(leaf.leave[1], leaf.leave[2]))
@@ -134,7 +108,7 @@ def walk(
             if leaf_end < FOREVER:
                 leaf = leaf_advance(w, leaf)
                 left = not inside(leaf.cell, leaf.res)
-        if found.done or leave > wp.min(found.t * TIE, end) + w.margin or leave == FOREVER:
+        if found.done or leave > wp.min(found.t * TIE, part.end) + w.margin or leave == FOREVER:
             going = False
         elif left:
             leaf.first = -1
@@ -146,4 +120,4 @@ def walk(
 
 def make_kernels() -> tuple[wp.Kernel, wp.Kernel]:
     """The kernels of primary rays and of shadow rays."""
-    return make_primary_kernel(LeafCells, walk, REGISTERS), make_shadow_kernel(LeafCells, walk, REGISTERS)
+    return make_primary_kernel(Levels, walk, REGISTERS), make_shadow_kernel(Levels, walk, REGISTERS)

@@ -5,9 +5,9 @@ it.
 """
 
 from ...harness.frame.frame import Frame
-from ..grids.build import TriangleGrid, cells_for
-from ..grids.cells import cells_of, make_kernels
-from ..grids.parameters import Build
+from ...harness.frame.geometry import filled
+from ..grids.build import Build, TriangleGrid, cells_for
+from ..grids.cells import Cells, make_kernels
 from ..rays.structure import Built, RayStructure
 
 
@@ -25,9 +25,9 @@ class UniformGrid(RayStructure):
 
     def structure(self, frame: Frame) -> Built:
         cells = cells_for(frame.triangle_count, self.build.density, self._memory)
-        self._grid = TriangleGrid(frame, cells, self._capacity[0])
-        passes = self._grid.passes(self._need, 0)
-        return Built(passes, cells_of(self._grid), TriangleGrid.RESOURCES, make_kernels())
+        self._grid = grid = TriangleGrid(frame, cells, self._capacity[0])
+        walked = filled(Cells, grid=grid.grid, lists=grid.pairs)
+        return Built(grid.built(self._need, 0), walked, TriangleGrid.RESOURCES, make_kernels())
 
     def counted(self) -> dict[str, int]:
         return self._grid.counters()

@@ -6,7 +6,7 @@ from helpers.brute_force import make_scene, soup
 from helpers.devices import DEVICES
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.kdtree.quality import levels
+from shadowbench.methods.kdtree import levels
 
 NODES, TESTS = "expected nodes a hundred rays", "expected tests a hundred rays"
 POINTS, FACES = soup(5, 700)
@@ -50,7 +50,7 @@ def test_larger_leaves_test_more_triangles_and_have_fewer_nodes():
 
 def test_regions_of_leaves_fill_the_box():
     method = session_of("kdtree", {}).method
-    found = list(levels(method._built))
+    found = list(levels(method._work.tree))
     (whole,), filled = (sides.prod(axis=1) for sides, _ in found[:1]), 0.0
     for sides, members in found:
         filled += sides[members >= 0].prod(axis=1).sum()

@@ -126,9 +126,10 @@ MUTATIONS = (
                 "walk",
                 (
                     (
-                        "    return traverse(",
-                        "    if end == wp.float64(1.0):\n        start = start + direction\n        direction = -direction\n"
-                        "        found = nothing_found(1.0 - 1.0e-4)\n    return traverse(",
+                        "    limit = result.limit\n    tests",
+                        "    if part.end == wp.float64(1.0):\n        part.start = part.start + part.direction\n"
+                        "        part.direction = -part.direction\n        result = nothing_found(1.0 - 1.0e-4)\n"
+                        "    limit = result.limit\n    tests",
                     ),
                 ),
                 warp_bvh,

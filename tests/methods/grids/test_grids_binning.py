@@ -16,7 +16,7 @@ def test_every_cell_that_a_triangle_meets_lists_it(trial, density):
     session, moment, _ = trace(NAME, {"density": density}, prepared, width, height)
     method = session.method
     grid = method._grid.grid.numpy()[0]
-    begin, end, members = (getattr(method._grid.binned.list, name).numpy() for name in ("begin", "end", "values"))
+    begin, end, members = (getattr(method._grid.pairs, name).numpy() for name in ("begin", "end", "values"))
     random = np.random.default_rng(0)
     weights = np.concatenate(
         [random.dirichlet([0.4] * 3, 400), np.eye(3), random.dirichlet([1.0] * 2, 50) @ np.eye(3)[:2]]

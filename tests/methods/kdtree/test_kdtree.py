@@ -62,7 +62,7 @@ def test_a_leaf_around_each_point_of_a_triangle_lists_it(trial):
     prepared, width, height = random_trial(5) if trial == "random" else TRIALS[trial]
     session, moment, _ = trace(NAME, {"small": "8"}, prepared, width, height)
     method = session.method
-    nodes, members = method._nodes.numpy(), method._members.numpy()
+    nodes, members = method._work.tree.nodes.numpy(), method._work.tree.members.numpy()
     random = np.random.default_rng(0)
     weights = np.concatenate([random.dirichlet([0.4] * 3, 60), np.eye(3)])
     missed = 0
@@ -98,7 +98,7 @@ def test_triangles_that_no_plane_parts_end_in_few_large_leaves(sizes):
     need = session.method.needs().numpy()
     assert need[0] <= 16 * len(sizes)
     assert need[3] <= 32 * len(sizes)
-    assert depth_of(session.method._nodes.numpy()) <= LARGE_DEPTH + SMALL_DEPTH + 1
+    assert depth_of(session.method._work.tree.nodes.numpy()) <= LARGE_DEPTH + SMALL_DEPTH + 1
     assert_same(got, trace("uniform_grid", {"density": "0.01"}, prepared, 16, 16)[2])
 
 

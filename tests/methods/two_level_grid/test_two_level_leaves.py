@@ -15,8 +15,8 @@ def test_every_leaf_cell_that_a_triangle_meets_lists_it(trial):
     session, moment, _ = trace(NAME, {}, prepared, width, height)
     method = session.method
     grid = method._top.grid.numpy()[0]
-    res, first = method._res.numpy(), method._first.numpy()
-    begin, end, members = (getattr(method._leaf.list, name).numpy() for name in ("begin", "end", "values"))
+    res, first = method._levels.res.numpy(), method._levels.first.numpy()
+    begin, end, members = (getattr(method._leaf.pairs, name).numpy() for name in ("begin", "end", "values"))
     random = np.random.default_rng(0)
     weights = np.concatenate([random.dirichlet([0.4] * 3, 200), np.eye(3)])
     for i in np.nonzero(moment.valid)[0]:
