@@ -9,7 +9,7 @@ the arrays themselves. The functions name places of shared memory by their addre
 import warp as wp
 
 GROUP_WORDS = 8
-"""Words of 16 bytes of a group of rows (:func:`..streams.occlusion.groups.set_group`)."""
+"""Words of 16 bytes of a group of rows (:func:`..streams.occlusion.rows.set_group`)."""
 
 FEW_ROWS, PACKED = wp.constant(8), wp.constant(4)
 """Rows that a small group has at most, and how many small groups a warp takes together: a row for every lane."""

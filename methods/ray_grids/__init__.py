@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.schedule.passes import Pass
 from ...harness.scene.effects import Effects, Limits
-from ..streams.camera.tests import tests_per_pixel
-from ..streams.light import Light
+from ..streams.camera.passes import tests_per_pixel
+from ..streams.light import Light, Occlusion
 from ..streams.method import StreamedMethod
 from ..streams.occlusion.last_occluder import LastOccluder, occluder_arrays
-from ..streams.occlusion.passes import Occlusion
-from ..streams.rays.light_rays import LightRays
-from ..streams.rays.placing import ByRays, ByTriangles
+from ..streams.rays.placing import ByRays, ByTriangles, LightRays
 from .parameters import Build
 
 
@@ -56,9 +54,8 @@ class RayGrids(StreamedMethod):
             self._memories.append(memory)
             return Light(ByRays(rays, marks=False), Occlusion(rays, memory.last), memory)
         frame, effects, settings = rays.frame, rays.effects, rays.settings
-        spot = any(effects.limited[rays.index : rays.index + 1])
         by_hit = effects.facing and not effects.facing_by_triangle(frame.triangle_count, frame.pixels)
-        if settings.region == "rays" or (spot and by_hit):
+        if settings.region == "rays" or (rays.spot and by_hit):
             return Light(ByRays(rays), Occlusion(rays))
         # Where the stream tests rays, or counts them, they must lie in their cells.
         overlaps = rays.queues.queued and settings.overlaps and settings.groups == "stream"

@@ -4,6 +4,7 @@ Williams 1978; slope-scaled bias, normal offset and percentage-closer filtering 
 approximate: primary rays come from a rasteriser that decides every uncertain pixel in float64.
 """
 
+from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -32,8 +33,6 @@ from .parameters import BIASES, SHAPES, Build, Trace
 from .projection import FACES, LightMap, fit_kernel
 from .raster import EMPTY, DepthMap, raster_kernel, strip_kernel
 
-MOST_TRIANGLES = 2**24
-MOST_PIXELS_ALONG = 32767
 PER_LIGHT = 2
 """Needs of a light: strips queued, faces used."""
 
@@ -87,12 +86,9 @@ class ShadowMap(BaseMethod):
         )
         passes = camera.passes()
         if wanted:
-            passes.append(
-                Pass("scene box", "light build", ("points", "triangles"), ("box",), self._launch_box, "shadows")
-            )  # fmt: skip
-        for i in wanted:
-            passes += self._light_passes(i)
-        return passes
+            scene, box = ("points", "triangles"), partial(launch_bounds, frame, self._box)
+            passes.append(Pass("scene box", "light build", scene, ("box",), box, "shadows"))
+        return [*passes, *(work for i in wanted for work in self._light_passes(i))]
 
     def _allocate(self, frame: Frame, lights: int, wanted: list[int]) -> None:
         side = self.build.size
@@ -100,19 +96,16 @@ class ShadowMap(BaseMethod):
         if 4 * texels * len(wanted) > self._memory:
             raise CapacityRejected(
                 f"needs {len(wanted)} maps of {self._faces} x {side} x {side} texels, "
-                f"{4 * texels * len(wanted) / 1e9:.1f} GB; "
-                "choose a smaller size"
+                f"{4 * texels * len(wanted) / 1e9:.1f} GB; choose a smaller size"
             )
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(PER_LIGHT * lights, dtype=wp.int64)
             self._box = wp.zeros(6, dtype=wp.float32)
+            fixed = {"size": side, "faces": self._faces}
             self._maps = {
-                i: filled(
-                    DepthMap, size=side, faces=self._faces, light=wp.zeros(1, dtype=LightMap),
-                    texels=wp.zeros(texels, dtype=wp.int32),
-                )
+                i: filled(DepthMap, light=wp.zeros(1, dtype=LightMap), texels=wp.zeros(texels, dtype=wp.int32), **fixed)
                 for i in wanted
-            }  # fmt: skip
+            }
             self._origins = wp.zeros_like(frame.lights) if self._areas else frame.lights
             self._counts = wp.zeros(1, dtype=wp.int32)
             self._strips = wp.zeros(self._strip_capacity if self._queued else 1, dtype=wp.vec4i)
@@ -123,13 +116,13 @@ class ShadowMap(BaseMethod):
         scene = ("points", "triangles", *own, "box", *self._effects.surface_reads())
         look_up = Pass(
             f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.receiver_reads(i)),
-            (f"shadowed/{i}",), lambda: self._look_up(i), effect,
+            (f"shadowed/{i}",), partial(self._look_up, i), effect,
         )  # fmt: skip
         if drawn != i:
             return [look_up]
         return [
-            Pass(f"light {i}: clear map", "light build", ("box", *own), (depth,), lambda: self._clear(i), effect),
-            Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
+            Pass(f"light {i}: clear map", "light build", ("box", *own), (depth,), partial(self._clear, i), effect),
+            Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), partial(self._draw, i), effect),
             look_up,
         ]
 
@@ -141,10 +134,9 @@ class ShadowMap(BaseMethod):
         lights = counted(needed)[COUNTERS:].reshape(-1, PER_LIGHT)
         before = (self._capacity, self._strip_capacity, self._faces)
         self._capacity = more_room(needed[:COUNTERS], self._capacity, self._memory)
-        self._strip_capacity = grown(
-            int(lights[:, 0].max(initial=0)), self._strip_capacity, self._memory, "strips of rows"
-        )
-        self._faces = max(self._faces, int(lights[:, 1].max(initial=0)))
+        strips, faces = (int(most) for most in lights.max(axis=0, initial=0))
+        self._strip_capacity = grown(strips, self._strip_capacity, self._memory, "strips of rows")
+        self._faces = max(self._faces, faces)
         return before != (self._capacity, self._strip_capacity, self._faces)
 
     def counters(self) -> dict[str, int]:
@@ -165,31 +157,24 @@ class ShadowMap(BaseMethod):
 
     # --- launches ---
 
-    def _launch_box(self) -> None:
-        launch_bounds(self._frame, self._box)
-
     def _clear(self, light: int) -> None:
         frame, depths = self._frame, self._maps[light]
-        shape, slot = SHAPES.index(self.build.shape), PER_LIGHT * light + 1
         if light in self._areas:
             frame.launch(middle_kernel, 1, [light, len(self._areas[light]), frame.lights], [self._origins])
-        inputs = [light, shape, self.build.size, slot, self._origins, self._box]
-        outputs = [depths.light, self._needs]
-        frame.launch(fit_kernel, 1, inputs, outputs)
+        inputs = [light, SHAPES.index(self.build.shape), self.build.size, PER_LIGHT * light + 1]
+        frame.launch(fit_kernel, 1, [*inputs, self._origins, self._box], [depths.light, self._needs])
         depths.texels.fill_(EMPTY)
 
     def _draw(self, light: int) -> None:
         frame, depths = self._frame, self._maps[light]
         self._counts.zero_()
+        switches, outputs = self._effects.switches(light), [depths, self._counts, self._strips]
         inputs = [frame.triangle_count, self._queued, frame.mesh, frame.alpha]
-        outputs = [depths, self._counts, self._strips]
-        kernel = specialised(raster_kernel, self._effects.switches(light))
-        frame.launch(kernel, frame.triangle_count * self._faces, inputs, outputs)
+        frame.launch(specialised(raster_kernel, switches), frame.triangle_count * self._faces, inputs, outputs)
         if self._queued:
-            threads, slot = 132 * 2048, PER_LIGHT * light
-            inputs = [threads, slot, frame.mesh, frame.alpha]
-            outputs = [depths, self._counts, self._strips, self._needs]
-            frame.launch(specialised(strip_kernel, self._effects.switches(light)), threads, inputs, outputs, 128)
+            threads = 132 * 2048
+            inputs = [threads, PER_LIGHT * light, frame.mesh, frame.alpha]
+            frame.launch(specialised(strip_kernel, switches), threads, inputs, [*outputs, self._needs], 128)
 
     def _look_up(self, light: int) -> None:
         frame, drawn = self._frame, self._drawn.get(light, light)

@@ -91,17 +91,14 @@ def lookup_kernel(
     """The shadow bit of each pixel's hit point; one pixel per thread. The map is that of light ``drawn``, looked from
     ``origins[drawn]``."""
     pixel = wp.tid()
+    shadowed[light, pixel] = wp.uint8(0)
     best = hits.triangle[pixel]
-    if best < 0:
-        shadowed[light, pixel] = wp.uint8(0)
-        return
-    if wp.static(effects.receivers):
-        if receivers[light, pixel] == wp.uint8(0):
-            shadowed[light, pixel] = wp.uint8(0)
-            return
     m = depths.light[0]
-    if m.faces > depths.faces:
-        shadowed[light, pixel] = wp.uint8(0)  # the map does not fit: the frame is repeated with room for it
+    # Where the map does not fit the frame is repeated with room for it.
+    wanted = best >= 0 and m.faces <= depths.faces
+    if wp.static(effects.receivers):
+        wanted = wanted and receivers[light, pixel] != wp.uint8(0)
+    if not wanted:
         return
     size = depths.size
     p = to_float32(hit_points[pixel])
@@ -141,4 +138,4 @@ def lookup_kernel(
             if wp.cast(depths.texels[(face * size + row) * size + column], wp.float32) < depth:
                 nearer += 1
     side = 2 * lookup.radius + 1
-    shadowed[light, pixel] = wp.where(2 * nearer > side * side, wp.uint8(1), wp.uint8(0))
+    shadowed[light, pixel] = wp.uint8(2 * nearer > side * side)

@@ -79,9 +79,6 @@ def fit_kernel(
     way = to_float64(middle) - to_float64(at)
     far = largest(way)
     m = LightMap()
-    m.forward = wp.vec3f(1.0, 0.0, 0.0)
-    m.right = wp.vec3f(0.0, 1.0, 0.0)
-    m.up = wp.vec3f(0.0, 0.0, 1.0)
     aimed = shape != 2 and far > wp.float64(0.0)
     if aimed:
         axes = axes_along(wp.normalize(way / far))

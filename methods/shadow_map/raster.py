@@ -10,8 +10,10 @@ import warp as wp
 from ...harness.frame.alpha import Alpha, texels_near
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Corners, Mesh, corners_of
+from ..exact.planes import longest_edge
 from ..exact.triangle import U32, largest
 from ..gpu.reserve import reserve
+from ..streams.camera.pixels import largest_of
 from .projection import LightMap, map_point
 
 EMPTY = 0x3F800000
@@ -35,6 +37,21 @@ class Cover:
     x1: wp.int32
     y0: wp.int32
     y1: wp.int32
+
+
+@wp.struct
+class DepthMap:
+    """A light's map and what is drawn in it.
+
+    size     texels along a side of a face     faces   faces that there is room for
+    light    LightMap [1]: where it lies (:mod:`.projection`)
+    texels   int32 [faces * size * size]: bits of the nearest depths
+    """
+
+    size: wp.int32
+    faces: wp.int32
+    light: wp.array(dtype=LightMap)
+    texels: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -75,16 +92,12 @@ def cover(m: LightMap, face: wp.int32, size: wp.int32, corners: Corners) -> Cove
     found.y0 = 0
     found.y1 = size - 1
     if a[0] > 1.0e-4 * largest(a) and b[0] > 1.0e-4 * largest(b) and c[0] > 1.0e-4 * largest(c):
-        ax = a[1] / a[0]
-        bx = b[1] / b[0]
-        cx = c[1] / c[0]
-        ay = a[2] / a[0]
-        by = b[2] / b[0]
-        cy = c[2] / c[0]
-        found.x0 = first_texel(wp.min(ax, wp.min(bx, cx)), size)
-        found.x1 = last_texel(wp.max(ax, wp.max(bx, cx)), size)
-        found.y0 = first_texel(wp.min(ay, wp.min(by, cy)), size)
-        found.y1 = last_texel(wp.max(ay, wp.max(by, cy)), size)
+        x = wp.vec3f(a[1] / a[0], b[1] / b[0], c[1] / c[0])
+        y = wp.vec3f(a[2] / a[0], b[2] / b[0], c[2] / c[0])
+        found.x0 = first_texel(wp.min(x), size)
+        found.x1 = last_texel(wp.max(x), size)
+        found.y0 = first_texel(wp.min(y), size)
+        found.y1 = last_texel(wp.max(y), size)
     if found.x1 < found.x0 or found.y1 < found.y0:
         return found
     ab = b - a
@@ -93,10 +106,9 @@ def cover(m: LightMap, face: wp.int32, size: wp.int32, corners: Corners) -> Cove
     found.n0 = wp.cross(b, bc)
     found.n1 = wp.cross(c, ca)
     found.n2 = wp.cross(a, ab)
-    farthest = wp.max(largest(a), wp.max(largest(b), largest(c)))
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     # Both sides of a shared edge take its texels, so that rounding leaves no crack.
-    found.bound = 16.0 * U32 * farthest * edge
+    q = Corners(a, b, c)
+    found.bound = 16.0 * U32 * largest_of(q) * longest_edge(q)
     if wp.dot(found.n0, a) < 0.0:
         found.n0 = -found.n0
         found.n1 = -found.n1
@@ -128,19 +140,22 @@ def opaque_there(alpha: Alpha, i: wp.int32, e: wp.vec3f) -> wp.bool:
 
 
 @wp.func
-def draw(found: Cover, at: wp.int32, e: wp.vec3f, texels: wp.array(dtype=wp.int32)):
-    """Take a texel if its centre lies in the triangle; its depth is that of the plane there."""
-    if wp.min(e[0], wp.min(e[1], e[2])) < -found.bound:
-        return
+def draw(found: Cover, i: wp.int32, x: wp.int32, sy: wp.float32, row: wp.int32, alpha: Alpha, depths: DepthMap):
+    """Take a texel of a row, which begins at ``row`` of the map, if its centre lies in triangle i and that is opaque there.
+    The depth is that of the plane."""
+    e = edges_at(found, centre(x, depths.size), sy)
+    drawn = wp.bool(True)
+    if wp.static(effects.alpha):
+        drawn = opaque_there(alpha, i, e)
     sum = e[0] + e[1] + e[2]
-    if not sum > 0.0:
+    if not drawn or wp.min(e) < -found.bound or not sum > 0.0:
         return
     t = found.depth
     depth = (e[0] * t[0] + e[1] * t[1] + e[2] * t[2]) / sum
-    depth = wp.clamp(depth, wp.min(t[0], wp.min(t[1], t[2])), wp.max(t[0], wp.max(t[1], t[2])))
+    depth = wp.clamp(depth, wp.min(t), wp.max(t))
     word = wp.cast(wp.clamp(depth, 0.0, 1.0), wp.int32)
-    if word < texels[at]:
-        wp.atomic_min(texels, at, word)
+    if word < depths.texels[row + x]:
+        wp.atomic_min(depths.texels, row + x, word)
 
 
 @wp.func
@@ -163,21 +178,6 @@ def row_span(found: Cover, size: wp.int32, sy: wp.float32) -> wp.vec2i:
         elif rest < 0.0:
             last = -1
     return wp.vec2i(first, last)
-
-
-@wp.struct
-class DepthMap:
-    """A light's map and what is drawn in it.
-
-    size     texels along a side of a face     faces   faces that there is room for
-    light    LightMap [1]: where it lies (:mod:`.projection`)
-    texels   int32 [faces * size * size]: bits of the nearest depths
-    """
-
-    size: wp.int32
-    faces: wp.int32
-    light: wp.array(dtype=LightMap)
-    texels: wp.array(dtype=wp.int32)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -216,12 +216,7 @@ def raster_kernel(
         if found.x1 - found.x0 > 4:
             ends = row_span(found, size, sy)
         for x in range(ends[0], ends[1] + 1):
-            e = edges_at(found, centre(x, size), sy)
-            drawn = wp.bool(True)
-            if wp.static(effects.alpha):
-                drawn = opaque_there(alpha, i, e)
-            if drawn:
-                draw(found, (face * size + y) * size + x, e, depths.texels)
+            draw(found, i, x, sy, (face * size + y) * size, alpha, depths)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -256,11 +251,6 @@ def strip_kernel(
             ends = row_span(found, size, sy)
             x = ends[0] + dx
             while x <= ends[1]:
-                e = edges_at(found, centre(x, size), sy)
-                drawn = wp.bool(True)
-                if wp.static(effects.alpha):
-                    drawn = opaque_there(alpha, strip[0], e)
-                if drawn:
-                    draw(found, (face * size + y) * size + x, e, depths.texels)
+                draw(found, strip[0], x, sy, (face * size + y) * size, alpha, depths)
                 x += 32
             y += 2

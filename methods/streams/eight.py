@@ -58,7 +58,7 @@ def rays_found(
     sure: wp.float32,
 ) -> wp.uint32:
     """Of the rays from ``at`` on, ``number`` or at most eight: a bit for each certain hit, and eight places higher one for
-    each undecided ray (:func:`.occlusion.ray_test.certain`)."""
+    each undecided ray (:func:`.occlusion.planes.certain`)."""
 
 
 @wp.func_native(

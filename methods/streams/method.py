@@ -15,13 +15,12 @@ from ...harness.frame.schedule.passes import Pass
 from ...harness.frame.schedule.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import Camera, resolved_late
-from .constants import CONSTANTS
 from .cube.cells import cell_arrays
 from .cube.lights import Lights
 from .light import Light
 from .queues import CHUNKS, COUNTERS, ITEMS, SMALL, UNDECIDED, Capacity, Queues, more_room
-from .rays.light_rays import LightRays
-from .settings import Settings, chosen, present_settings
+from .rays.placing import LightRays
+from .settings import CONSTANTS, Settings, chosen, present_settings
 
 MOST_TRIANGLES = 2**24
 """A hit is packed into 64 bits, 24 of them for the triangle index."""

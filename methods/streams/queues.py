@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.schedule.passes import Hints, Pass
-from ...harness.frame.schedule.threads import at_once
+from ...harness.frame.schedule.threads import Launch, at_once
 from ..common.pairs import grown
 from ..gpu.entries import entry, set_entry
 from ..gpu.prefetch import GROUP_WORDS
@@ -170,26 +171,22 @@ class Queues:
         self, frame: Frame, queued: bool, capacity: Capacity, streams: int, shares: int = 1, threaded: bool = False
     ):
         self.queued, self.shares, self.threaded = queued, shares, threaded
-        self.triangle_count = frame.triangle_count
+        self.triangle_count, self.device = frame.triangle_count, frame.device
         self._capacity = capacity if queued else (1, 1, capacity[2])
         self._rows = max(1, frame.triangle_count) if queued else 1
-        self.device = frame.device
         device = wp.get_device(frame.device)
         self.cuda = device.is_cuda
         self.threads = THREADS * device.sm_count if self.cuda else 64
-        self.few_threads = (
-            self.threads // 4
-        )  # for large triangles and undecided pairs: blocks without work take time too
-        words = COUNTERS // 2 * streams * shares
+        # For large triangles and undecided pairs: blocks without work take time too.
+        self.few_threads = self.threads // 4
+        rows = streams * shares
         with wp.ScopedDevice(frame.device):
             # One array for everything that is cleared at the start of a frame: a launch costs as much as the bytes.
-            self.cleared = wp.zeros(frame.pixels + words, dtype=wp.uint64)
+            self.cleared = wp.zeros(frame.pixels + COUNTERS // 2 * rows, dtype=wp.uint64)
             self.nearest = self.cleared[: frame.pixels]
-            self.counts = wp.array(
-                ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
-            )
+            self.counts = wp.array(ptr=self.cleared.ptr + 8 * frame.pixels, shape=(rows, COUNTERS), dtype=wp.int32)
             self.touched = wp.zeros(1, dtype=wp.int32)
-            self._exceeded = wp.zeros(streams * shares, dtype=wp.int32)
+            self._exceeded = wp.zeros(rows, dtype=wp.int32)
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
             self.exact_path = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
         self._make_lists()
@@ -266,25 +263,13 @@ def in_shares(
     On a GPU each share has passes of its own, in a branch; threads of a CPU take the shares of one pass.
     """
     passes = []
-    shares = queues.shares
     for name, taken, made, launch in steps:
+        launches: list[Launch] = [functools.partial(launch, share) for share in range(queues.shares)]
         if queues.threaded:
-            together = at_once([functools.partial(launch, share) for share in range(shares)])
-            read, written = (tuple(f"{who} {queue}" for queue in some) for some in (taken, made))
-            passes.append(Pass(f"{who}: {name}", part, (*reads, *read), (*writes, *written), together, effect))
-            continue
-        for share in range(shares):
-            of = f", share {share + 1} of {shares}" if shares > 1 else ""
-            passes.append(
-                Pass(
-                    f"{who}: {name}{of}",
-                    part,
-                    (*reads, *(f"{who} {queue}{of}" for queue in taken)),
-                    (*writes, *(f"{who} {queue}{of}" for queue in made)),
-                    functools.partial(launch, share),
-                    effect,
-                    hints=Hints(parallel=(share,)),
-                    adds=True,
-                )
-            )
+            launches = [at_once(launches)]
+        for share, launched in enumerate(launches):
+            of = f", share {share + 1} of {len(launches)}" if len(launches) > 1 else ""
+            read, written = (tuple(f"{who} {queue}{of}" for queue in some) for some in (taken, made))
+            work = Pass(f"{who}: {name}{of}", part, (*reads, *read), (*writes, *written), launched, effect)
+            passes.append(work if queues.threaded else replace(work, hints=Hints(parallel=(share,)), adds=True))
     return passes

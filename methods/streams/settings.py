@@ -6,30 +6,102 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .constants import CONSTANTS as C
 
-CHOICES = {"groups": ("stream", "split"), "spacing": ("even", "rays"), "region": ("rays", "triangles")}
+@dataclass(frozen=True)
+class Constants:
+    """The constants of speed, by which :func:`chosen` chooses. What belongs to one kernel stands beside the kernel.
+
+    Measured on an NVIDIA H100 or H200, whole frames at 1024x1024 pixels; a letter names the section of the notebook
+    (``results/notebook.md``):
+
+    A "Pixels without a hit, and few triangles"                  D "Concurrent passes"
+    B "Triangles rejected sooner, rows grouped by the stream"    E "Triangles streamed beside the sorting of rays"
+    C "Cells by triangles and pixels"                            F "Cells that are narrower where rays are dense"
+    G "A shorter chain of launches"
+
+    name                 unit          meaning, and where it was measured
+
+    few_triangles        triangles     with fewer, a GPU has room for more threads than there are triangles: what the thread
+                                       of one leaves to a queue, many threads do at the same time (A)
+    many_triangles       triangles     from so many on they fill the GPU, as several lights do (B)
+    inline_pixels        pixels        a triangle whose box on the image holds at most so many tests them in its own thread;
+                                       a larger one is queued (B)
+    least_inline_pixels  pixels        the least number of them where triangles are few; it grows with these (B)
+    inline_cells         cells         a triangle whose box on a face of a light covers at most so many counts their rays (C)
+    inline_rays          rays          a triangle that has counted at most so many, on one face, tests them in its thread (B)
+    more_inline_rays     rays          the same where the GPU is full (B)
+    chunk                elements      of a queued group that one warp tests: with smaller chunks the slowest warp of a pass
+                                       ends sooner (C)
+    chunk_of_few         elements      the same where triangles are few (C)
+    most_chunk           elements      the same with several lights, whose passes run at the same time. A warp keeps what is
+                                       undecided of a chunk (:data:`..gpu.warps.KEPT`) (D)
+    split_from           triangles     from so many on, a pass of its own puts rows into groups: a warp of the stream would
+                                       wait for the one of its triangles that is larger (B)
+    shares               shares        of the triangles, streamed at the same time (D)
+    one_share_below      triangles     of fewer, the passes of two shares would take the time of their launches, each (C)
+    overlap_below        triangles     fewer are streamed while the rays are sorted: more take the room of these passes (E)
+    lights_at_once       lights        whose passes run at the same time. From so many on they fill the GPU: more is tested
+                                       in line, and triangles have one share (D)
+    most_lights_at_once  lights        the same, from so many on (D)
+    cell_work            triangles *   over the third power of the cells along a face: 1024 cells where a million rays meet
+                         pixels        262 thousand triangles (C)
+    spaced_work          the same      where cells are narrower where rays are dense (F)
+    most_cells           sqrt(pixels)  most cells along a face (C)
+    many_faces           share         of the cells along a face, where rays lie on many faces (C)
+    most_of_many_faces   sqrt(pixels)  at most, there; more where triangles are more than half as many as pixels (C)
+    fine_faces           faces         on a GPU: most faces with rays that have as many cells as a single one. Face 0 counts
+                                       even without rays (C)
+    region_pixels        pixels per    with more, what a light's rays cover is found from the triangles; else that takes
+                         triangle      longer than the pass over the pixels that it saves (G)
+    items                entries       at least, of the queues of work items and of large triangles before the first frame
+    chunks               entries       of the queue of further chunks, likewise
+    undecided            entries       at least, of the queue of pairs that float64 decides, likewise
+    """
+
+    few_triangles: int = 65_536
+    many_triangles: int = 1_200_000
+    inline_pixels: int = 32
+    least_inline_pixels: int = 8
+    inline_cells: int = 64
+    inline_rays: int = 24
+    more_inline_rays: int = 48
+    chunk: int = 224
+    chunk_of_few: int = 192
+    most_chunk: int = 256
+    split_from: int = 200_000
+    shares: int = 2
+    one_share_below: int = 16_384
+    overlap_below: int = 90_000
+    lights_at_once: int = 4
+    most_lights_at_once: int = 8
+    cell_work: float = 256.0
+    spaced_work: float = 512.0
+    most_cells: float = 1.5
+    many_faces: float = 0.6
+    most_of_many_faces: float = 7.0 / 16.0
+    fine_faces: int = 4
+    region_pixels: int = 2
+    items: int = 262_144
+    chunks: int = 65_536
+    undecided: int = 262_144
+
+
+CONSTANTS = C = Constants()
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How the triangles of a frame are streamed over its rays.
+    """How the triangles of a frame are streamed over its rays. Fields that are not listed here: :class:`Constants`.
 
     cells          cells along a face of a light's cube: where rays lie on many faces, and where on few; how many are few
-    inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
-                   larger one is queued
-    inline_cells   a triangle whose box on a face covers at most this many cells counts the rays in them
-    inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread
-    chunk          elements of a queued group that one warp tests
-    lights_at_once lights whose passes run at the same time on a GPU, each with queues and rays of its own
-    shares         parts of the triangles that are streamed at the same time on a GPU, each with queues of its own
+    lights_at_once, shares  each of them with queues, and each light with rays, of its own
     groups         where the rows of a light's larger triangles are put into groups: "stream": by the thread that finds the
                    triangle; "split": by a pass after it
     overlaps       where that is "stream", and the region is known: whether a light's triangles are streamed while its
                    rays are sorted. Afterwards, a triangle over few cells is left out if they hold no ray
     spacing        cells of a light: "even": all of one size; "rays": narrower where more rays are expected
     region         what a light's rays cover of its cube: "rays": as they are found; "triangles": as those in view cover it
-    items, chunks, undecided  initial room of the queues, entries; 0: as :data:`.constants.CONSTANTS` say
+    items, chunks, undecided  initial room of the queues, entries; 0: as :class:`Constants` say
     """
 
     cells: tuple[int, int, int]
@@ -67,7 +139,6 @@ def chosen(
 ) -> Settings:
     """The settings for a number of triangles, of pixels and of lights with shadows, on a GPU (``cuda``) or on a CPU;
     those of a ``trial`` in place of the chosen ones."""
-    given = dict(trial or {})
     few, several = cuda and triangles < C.few_triangles, cuda and lights >= C.lights_at_once
     full = several or (cuda and triangles >= C.many_triangles)
     more_lights = lights >= C.most_lights_at_once
@@ -85,7 +156,7 @@ def chosen(
         spacing="rays" if cuda and lights > 1 else "even",
         region="triangles" if by_triangles else "rays",
     )
-    settings = replace(settings, **given)
+    settings = replace(settings, **(trial or {}))
     if not any(settings.cells):
         settings = replace(settings, cells=_cells(triangles, pixels, cuda, settings.spacing))
     return settings
@@ -125,17 +196,33 @@ class Trial:
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(Settings))
-MOST = {"cells": 8192, "chunk": C.most_chunk, "lights_at_once": 16, "shares": 16}
-LEAST = {"cells": 8, "chunk": 1, "lights_at_once": 1, "shares": 1}
+CHOICES = {"groups": ("stream", "split"), "spacing": ("even", "rays"), "region": ("rays", "triangles")}
+RANGES = {"cells": (8, 8192), "chunk": (1, C.most_chunk), "lights_at_once": (1, 16), "shares": (1, 16)}
+"""Of the other numbers: 0 to 2^28."""
+
+
+def _value(name: str, text: str) -> Any:
+    """The value of a setting."""
+    if name == "overlaps":
+        if text.lower() not in ("true", "false"):
+            raise ValueError("trial: overlaps must be true or false")
+        return text.lower() == "true"
+    if name in CHOICES:
+        if text not in CHOICES[name]:
+            raise ValueError(f"trial: {name} must be one of {', '.join(CHOICES[name])}")
+        return text
+    least, most = RANGES.get(name, (0, 2**28))
+    if not text.isdecimal() or not least <= int(text) <= most:
+        raise ValueError(f"trial: {name} must be in {least}..{most}")
+    if name == "cells" and int(text) % 8:
+        raise ValueError("trial: cells must be a multiple of 8")
+    return (int(text), int(text), 1) if name == "cells" else int(text)
+
 
 FORMER_NAMES = {
-    "beside": "lights_at_once",
-    "doubt_capacity": "undecided",
-    "item_capacity": "items",
-    "part": "chunk",
-    "part_capacity": "chunks",
-    "streamed": "overlaps",
-}
+    "beside": "lights_at_once", "doubt_capacity": "undecided", "item_capacity": "items", "part": "chunk",
+    "part_capacity": "chunks", "streamed": "overlaps",
+}  # fmt: skip
 """Settings that were parameters of their own under other names; the rest of :data:`NAMES` were under the same."""
 
 FORMER_VALUES = {"streamed": {"beside": "true", "after": "false"}}
@@ -157,25 +244,3 @@ def present_settings(settings: dict[str, str]) -> dict[str, str]:
         elif name != "trial":
             present[name] = value
     return {**present, **({"trial": "+".join(trial)} if trial else {})}
-
-
-def _value(name: str, text: str) -> Any:
-    """The value of a setting."""
-    if name == "overlaps":
-        text = text.lower()
-        if text not in ("true", "false"):
-            raise ValueError("trial: overlaps must be true or false")
-        return text == "true"
-    if name in CHOICES:
-        if text not in CHOICES[name]:
-            raise ValueError(f"trial: {name} must be one of {', '.join(CHOICES[name])}")
-        return text
-    least, most = LEAST.get(name, 0), MOST.get(name, 2**28)
-    if not text.isdecimal() or not least <= int(text) <= most:
-        raise ValueError(f"trial: {name} must be in {least}..{most}")
-    number = int(text)
-    if name != "cells":
-        return number
-    if number % 8:
-        raise ValueError("trial: cells must be a multiple of 8")
-    return number, number, 1

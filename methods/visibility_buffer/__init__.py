@@ -20,7 +20,7 @@ from ..streams.camera.passes import Camera
 from ..streams.cube.cells import cell_arrays
 from ..streams.light import Light
 from ..streams.method import StreamedMethod
-from ..streams.rays.light_rays import LightRays
+from ..streams.rays.placing import LightRays
 from ..streams.settings import Settings, Trial, whole_cells
 from .passes import ByLists, MapOcclusion, raster_steps
 

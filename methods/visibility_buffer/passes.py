@@ -2,20 +2,17 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import warp as wp
 
-from ...harness.frame.effects.specialise import specialised
 from ...harness.frame.schedule.passes import Pass
 from ..common.pixels import thread_count
 from ..gpu.warps import LANES
 from ..streams.camera.passes import Camera, undecided_step
-from ..streams.occlusion.passes import Occlusion
-from ..streams.queues import BLOCK_DIM, Queues, Step
-from ..streams.rays.light_rays import LightRays
-from ..streams.rays.placing import ByRays
-from . import lists, raster, shadow
+from ..streams.light import Occlusion
+from ..streams.queues import Queues, Step
+from ..streams.rays.placing import ByRays, LightRays
+from . import raster, shadow
 
 
 def tile_steps(split: Callable[[int], None], fill: Callable[[int], None]) -> list[Step]:
@@ -61,15 +58,14 @@ class ByLists(ByRays):
 
     def sorting(self) -> list[Pass]:
         r = self.rays
-        reads, writes = (*r.seen(), r.name("ray places")), (r.name("ray cells"),)
-        return [Pass(f"{r.who}: lists of texels", "light build", reads, writes, self.launch_insert, r.effect)]
+        reads = (*r.seen(), r.name("ray places"))
+        return [r.work("lists of texels", reads, (r.name("ray cells"),), self.launch_insert)]
 
     def launch_insert(self) -> None:
         r, f = self.rays, self.rays.frame
         self.head.zero_()
         inputs = [r.index, r.hits, f.receivers]
-        outputs = [r.cells, self.head]
-        f.launch(specialised(lists.insert_kernel, r.switches), thread_count(f.width, f.height), inputs, outputs)
+        r.launch(shadow.insert_kernel, thread_count(f.width, f.height), inputs, [r.cells, self.head])
 
 
 class MapOcclusion(Occlusion):
@@ -86,27 +82,19 @@ class MapOcclusion(Occlusion):
             *tile_steps(self.launch_tile_split, self.launch_tiles),
         ]
 
-    def _launch(self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
-        """Launch a kernel of a step. ``outputs``: those before the queue of the share."""
-        r = self.rays
-        r.frame.launch(self.of_rays(kernel), threads, inputs, [*outputs, r.queue[share]], BLOCK_DIM)
-
     def launch_raster(self, share: int) -> None:
         r, f, q, s = self.rays, self.rays.frame, self.rays.queues, self.rays.settings
-        inputs = [
-            q.share(share), s.inline_cells, s.inline_rays, r.light, r.cells, self.head, f.mesh, f.alpha,
-        ]  # fmt: skip
-        self._launch(shadow.raster_kernel, share, q.share_threads, inputs, [self.bits])
+        inputs = [q.share(share), s.inline_cells, s.inline_rays, r.light, r.cells, self.head, f.mesh, f.alpha]
+        self.launch(shadow.raster_kernel, share, q.share_threads, inputs)
 
     def launch_setup(self, share: int) -> None:
         r, q = self.rays, self.rays.queues
-        self._launch(shadow.setup_kernel, share, q.threads, [q.threads, r.light, r.cells, r.frame.mesh], [])
+        self.launch(shadow.setup_kernel, share, q.threads, [q.threads, r.light, r.cells, r.frame.mesh])
 
     def launch_tile_split(self, share: int) -> None:
         r, q = self.rays, self.rays.queues
-        self._launch(shadow.split_kernel, share, q.threads, [*threads_of(q), r.cells], [])
+        self.launch(shadow.split_kernel, share, q.threads, [*threads_of(q), r.cells])
 
     def launch_tiles(self, share: int) -> None:
         r, q = self.rays, self.rays.queues
-        inputs = [*threads_of(q), r.cells, self.head, r.frame.alpha]
-        self._launch(shadow.tile_kernel, share, q.threads, inputs, [self.bits])
+        self.launch(shadow.tile_kernel, share, q.threads, [*threads_of(q), r.cells, self.head, r.frame.alpha])

@@ -1,4 +1,8 @@
-"""Shadow rays: triangles rasterised conservatively over a light's map and tested against the hit points in its lists.
+"""Shadow rays: the irregular z-buffer of a light, and triangles rasterised conservatively over it.
+
+The map's texels hold lists of hit points (Johnson et al. 2005; Wyman, Hoetzlein and Lefohn 2015). A texel holds the head
+of a linked list; the pixel of a hit point is its place in memory. The map lies on the faces of a cube around the light
+(:mod:`..streams.cube.cells`).
 
 Where a triangle may lie on the map is found as in ``ray_grids`` (:mod:`..streams.cube.footprint`), with a pad for what
 float32 does to its corners. A hit point is tested against the planes of the frustum behind the triangle
@@ -10,48 +14,117 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Mesh
+from ..common.pixels import tile_pixel
 from ..common.reads import corners_at
 from ..gpu.bits import lowest_bit, without_lowest_bit
 from ..gpu.entries import entry, set_entry
-from ..streams.cube.cells import RayCells
-from ..streams.cube.farthest import all_rays_end_before, nearest_depth
-from ..streams.cube.footprint import (
-    Sides,
-    cells_of_row,
-    corners_on,
-    depth_slack,
-    extent_with_rays,
-    flat_box,
-    in_cube_space,
-    leaves_out,
-    on_bins,
-)
+from ..streams.camera.pixels import sure_of
+from ..streams.cube import footprint
+from ..streams.cube.cells import RayCells, all_rays_end_before, nearest_depth, raise_from, tile_index
+from ..streams.cube.footprint import Sides, corners_on, extent_with_rays, in_cube_space, on_bins
 from ..streams.cube.lights import Light, cube_of_light, position_of
-from ..streams.cube.rectangle import cells_of, faces_of, last_row
-from ..streams.occlusion.groups import sides_on_face
-from ..streams.occlusion.planes import Occluder, bound_of, occluder_of, occludes_none, set_planes
-from ..streams.occlusion.ray_test import ShadowBits
-from ..streams.queues import Queue, Share, triangle_of
-from .lists import test_list, test_texels, texel_index
-from .tiles import (
-    GROUP,
-    TILE_SHIFT,
-    TILE_SIZE,
-    TILE_TEXELS,
-    held_chunks,
-    held_items,
-    held_large,
-    is_in,
-    item_tile,
-    queue_groups,
-    queue_large,
-    queue_tile,
-    queued_box,
-    queued_face,
-    queued_tile,
-    queued_triangle,
-    tile_box,
-)
+from ..streams.cube.rectangle import cells_in_use, cells_of, face_rectangle, faces_of, last_row, set_table
+from ..streams.occlusion.planes import Occluder, ShadowBits, bound_of, occluder_of, occludes_none, set_planes, test_ray
+from ..streams.occlusion.rows import sides_on_face
+from ..streams.queues import CHUNKS, ITEMS, LARGE, Queue, Share, triangle_of
+from ..streams.rays.hit_points import PrimaryHits, has_hit
+from ..streams.rays.sort import cell_of
+from . import raster
+from .raster import GROUP, TILE_SHIFT, TILE_SIZE, TILE_TEXELS, Larger, larger_at, queue_groups, queue_large, tile_box
+
+LEAST_DEPTH = wp.constant(1.0e-37)
+"""Depth of a hit point at the light, so that a tile with hit points is never taken for an empty one."""
+
+
+@wp.func
+def texel_index(face: wp.int32, x: wp.int32, y: wp.int32, along: wp.int32) -> wp.int32:
+    """The texels of a tile of 8 x 8 are neighbours in memory; ``along``: texels along a face."""
+    return tile_index(face, x, y, along) * TILE_TEXELS + (y % TILE_SIZE) * TILE_SIZE + x % TILE_SIZE
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def insert_kernel(
+    light: wp.int32,
+    hits: PrimaryHits,
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
+    head: wp.array(dtype=wp.int32),
+):
+    """Put every hit point in the list of its texel; the farthest of each tile; the faces' rectangles (``cells.table``).
+
+    head: 1 + the pixel of the last hit point of a texel, 0 where the list is empty. The fourth word of ``cells.point``
+    becomes the bits of the next one. The order of a list depends on that of the threads; no answer does.
+    """
+    along = cells_in_use(cells.rectangle, cells.cells)
+    set_table(wp.tid(), cells.rectangle, cells.table, along)
+    camera = hits.camera
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    if wp.static(effects.receivers):
+        if receivers[light, pixel] == wp.uint8(0):
+            return
+    elif not has_hit(hits, pixel):
+        return
+    p = entry(cells.place, pixel)
+    face = wp.int32(p[2])
+    texel = cell_of(p, face, face_rectangle(face, cells.rectangle), along, cells)
+    tile = tile_index(face, texel[0], texel[1], along)
+    raise_from(entry(cells.farthest, tile), cells.farthest, tile, wp.max(p[3], LEAST_DEPTH))
+    following = wp.atomic_exch(head, texel_index(face, texel[0], texel[1], along), pixel + 1)
+    cells.point[pixel][3] = wp.cast(following, wp.float32)
+
+
+@wp.func
+def test_node(bits: ShadowBits, queue: Queue, cells: RayCells, node: wp.int32, occluder: Occluder) -> wp.int32:
+    """Test a hit point of a list against a triangle; the next of the list, 0 at its end."""
+    h = entry(cells.point, node - 1)
+    following = wp.cast(h[3], wp.int32)
+    test_ray(bits, queue, wp.vec4f(h[0], h[1], h[2], wp.cast(node - 1, wp.float32)), occluder)
+    return following
+
+
+@wp.func
+def test_list(bits: ShadowBits, queue: Queue, cells: RayCells, first: wp.int32, occluder: Occluder):
+    """Test the hit points of a list against a triangle; ``first``: its head."""
+    node = first
+    while node > 0:
+        node = test_node(bits, queue, cells, node, occluder)
+
+
+@wp.func
+def test_texels(
+    bits: ShadowBits,
+    queue: Queue,
+    cells: RayCells,
+    head: wp.array(dtype=wp.int32),
+    along: wp.int32,
+    face: wp.int32,
+    box: wp.vec4i,
+    occluder: Occluder,
+    most: wp.int32,
+) -> wp.bool:
+    """Test the hit points in a small box of texels, ``most`` of them; whether those were all.
+
+    One loop over all of them: in a loop for each texel the lanes of a warp would wait for the longest list each time.
+    """
+    left = wp.int32(most)
+    x = wp.int32(box[0])
+    y = wp.int32(box[1])
+    node = wp.int32(0)
+    while left >= 0 and (node > 0 or y <= box[3]):
+        if node == 0:
+            node = entry(head, texel_index(face, x, y, along))
+            x += 1
+            if x > box[2]:
+                x = box[0]
+                y += 1
+        if node > 0:
+            left -= 1
+            if left >= 0:
+                node = test_node(bits, queue, cells, node, occluder)
+    return left >= 0
 
 
 @wp.func
@@ -70,13 +143,16 @@ def store_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder):
 
 
 @wp.func
-def stored_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder) -> Occluder:
-    """An occluder with the planes that :func:`store_planes` stored."""
-    o = occluder
-    o.e0 = entry(records, occluder.i, 0)
-    o.e1 = entry(records, occluder.i, 1)
-    o.e2 = entry(records, occluder.i, 2)
-    o.plane = entry(records, occluder.i, 3)
+def stored_occluder(queue: Queue, large: Larger, alpha: Alpha) -> Occluder:
+    """A larger triangle with the planes that :func:`store_planes` stored."""
+    o = Occluder()
+    o.i = large.i
+    o.bound = large.bound
+    o.sure = sure_of(large.i, large.bound, alpha)
+    o.e0 = entry(queue.records, large.i, 0)
+    o.e1 = entry(queue.records, large.i, 1)
+    o.e2 = entry(queue.records, large.i, 2)
+    o.plane = entry(queue.records, large.i, 3)
     return o
 
 
@@ -91,19 +167,18 @@ def stored_sides(queue: Queue, place: wp.int32) -> Sides:
 
 
 @wp.func
-def ends_of_row(sides: Sides, work: wp.vec4i, y: wp.int32, along: wp.int32, cells: RayCells) -> wp.vec2i:
-    """First and last texel of a row that a queued triangle may cover; ``along``: texels along a face."""
-    whole = queued_box(work)
-    return cells_of_row(sides, queued_face(work), y, whole[0], whole[2], along, cells)
+def ends_of_row(sides: Sides, large: Larger, y: wp.int32, along: wp.int32, cells: RayCells) -> wp.vec2i:
+    """First and last texel of a row that a larger triangle may cover; ``along``: texels along a face."""
+    return footprint.cells_of_row(sides, large.face, y, large.box[0], large.box[2], along, cells)
 
 
 @wp.func
-def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i, along: wp.int32, cells: RayCells) -> wp.bool:
-    """Whether a queued triangle may cover a texel of a box within its own."""
+def covers_some(sides: Sides, large: Larger, box: wp.vec4i, along: wp.int32, cells: RayCells) -> wp.bool:
+    """Whether a larger triangle may cover a texel of a box within its own."""
     y = wp.int32(box[1])
     found = wp.bool(False)
     while y <= box[3] and not found:
-        ends = ends_of_row(sides, work, y, along, cells)
+        ends = ends_of_row(sides, large, y, along, cells)
         found = ends[0] <= box[2] and ends[1] >= box[0] and ends[0] <= ends[1]
         y += 1
     return found
@@ -135,14 +210,11 @@ def raster_kernel(
     along = cells_of(row)
     q = in_cube_space(corners, cube)
     extent = extent_with_rays(cube, corners, row)
-    slack = depth_slack(extent, cube)
+    slack = footprint.depth_slack(extent, cube)
     occluder = Occluder()
     occluder.i = i
     occluder.bound = bound_of(row, corners)
-    occluder.sure = occluder.bound
-    if wp.static(effects.alpha):
-        if alpha.masked[i] != wp.uint8(0):
-            occluder.sure = wp.INF
+    occluder.sure = sure_of(i, occluder.bound, alpha)
     # Small triangles are tested after the loop, by all lanes at once whatever their faces. Few triangles are small on
     # two faces: the second is queued.
     here = wp.int32(-1)
@@ -152,9 +224,9 @@ def raster_kernel(
         face = lowest_bit(faces)
         faces = without_lowest_bit(faces)
         f = corners_on(q, face)
-        if not leaves_out(several, f, slack):
+        if not footprint.leaves_out(several, f, slack):
             flat = on_bins(f, extent, entry(cells.table, face))
-            box = flat_box(flat, face, along, cells)
+            box = footprint.flat_box(flat, face, along, cells)
             least = nearest_depth(f, slack)
             if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
                 if here < 0 and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
@@ -174,28 +246,26 @@ def raster_kernel(
 def setup_kernel(threads: wp.int32, light: Light, cells: RayCells, mesh: Mesh, queue: Queue):
     """One thread per queued triangle: its planes, the lines that bound it on its face, and the groups of its tiles."""
     place = wp.tid()
-    stop = held_large(queue)
+    stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
     cube = cube_of_light(light)
     row = last_row(cells.table)
     position = position_of(light)
     while place < stop:
-        work = entry(queue.large, place)
-        face = queued_face(work)
-        i = queued_triangle(work)
-        corners = corners_at(mesh, i)
-        planes = occluder_of(i, False, position, corners, row, True)
+        large = larger_at(queue, place)
+        corners = corners_at(mesh, large.i)
+        planes = occluder_of(large.i, False, position, corners, row, True)
         if not occludes_none(planes):
             # On two faces the planes are the same.
             store_planes(queue.records, planes)
-            r = entry(cells.table, face)
+            r = entry(cells.table, large.face)
             extent = extent_with_rays(cube, corners, row)
-            f = corners_on(in_cube_space(corners, cube), face)
-            sides = sides_on_face(on_bins(f, extent, r), position, cube, face, corners, r)
+            f = corners_on(in_cube_space(corners, cube), large.face)
+            sides = sides_on_face(on_bins(f, extent, r), position, cube, large.face, corners, r)
             set_entry(queue.groups, place, 0, sides.line0)
             set_entry(queue.groups, place, 1, sides.line1)
             set_entry(queue.groups, place, 2, sides.line2)
-            slack = depth_slack(extent, cube)
-            queue_groups(queue, place, queued_box(work), nearest_depth(f, slack))
+            slack = footprint.depth_slack(extent, cube)
+            queue_groups(queue, place, large.box, nearest_depth(f, slack))
         place += threads
 
 
@@ -204,25 +274,24 @@ def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Que
     """Tiles of larger triangles, ``lanes`` threads per item. Tiles without hit points, with nearer hit points than the
     triangle only, and those that it does not cover are left out."""
     item = wp.tid() // lanes
-    stop = held_items(queue)
+    stop = wp.min(queue.counts[ITEMS], queue.items.shape[0])
     along = cells_of(last_row(cells.table))
     while item < stop:
         group = entry(queue.items, item)
         item += threads // lanes
         if group[0] < queue.large.shape[0]:
-            work = entry(queue.large, group[0])
-            face = queued_face(work)
+            large = larger_at(queue, group[0])
             least = wp.cast(group[2], wp.float32)
             k = wp.tid() % lanes
             while k < GROUP:
-                tile = item_tile(work, group[1] + k)
+                tile = raster.item_tile(large.box, group[1] + k)
                 k += lanes
                 if tile[0] >= 0:
-                    box = tile_box(work, tile)
-                    if not is_empty(cells.farthest, face, tile, along):
-                        if not all_rays_end_before(least, cells.farthest, face, box, along):
-                            if covers_some(stored_sides(queue, group[0]), work, box, along, cells):
-                                queue_tile(queue, group[0], tile)
+                    box = tile_box(large.box, tile)
+                    if not is_empty(cells.farthest, large.face, tile, along):
+                        if not all_rays_end_before(least, cells.farthest, large.face, box, along):
+                            if covers_some(stored_sides(queue, group[0]), large, box, along, cells):
+                                raster.queue_tile(queue, group[0], tile)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -237,32 +306,24 @@ def tile_kernel(
 ):
     """Hit points in the texels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes
-    stop = held_chunks(queue)
+    stop = wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])
     along = cells_of(last_row(cells.table))
     while at < stop:
         chunk = entry(queue.chunks, at)
         at += threads // lanes
         if chunk[0] < queue.large.shape[0]:
-            work = entry(queue.large, chunk[0])
-            face = queued_face(work)
-            tile = queued_tile(chunk)
-            box = tile_box(work, tile)
+            large = larger_at(queue, chunk[0])
+            tile = raster.queued_tile(chunk)
+            box = tile_box(large.box, tile)
             sides = stored_sides(queue, chunk[0])
-            occluder = Occluder()
-            occluder.i = queued_triangle(work)
-            occluder.bound = wp.cast(work[3], wp.float32)
-            occluder.sure = occluder.bound
-            if wp.static(effects.alpha):
-                if alpha.masked[occluder.i] != wp.uint8(0):
-                    occluder.sure = wp.INF
-            occluder = stored_planes(queue.records, occluder)
+            occluder = stored_occluder(queue, large, alpha)
             k = wp.tid() % lanes
             while k < TILE_TEXELS:
                 x = (tile[0] << TILE_SHIFT) + k % TILE_SIZE
                 y = (tile[1] << TILE_SHIFT) + k // TILE_SIZE
-                first = entry(head, texel_index(face, x, y, along))
+                first = entry(head, texel_index(large.face, x, y, along))
                 k += lanes
-                if first > 0 and is_in(box, x, y):
-                    ends = ends_of_row(sides, work, y, along, cells)
+                if first > 0 and raster.is_in(box, x, y):
+                    ends = ends_of_row(sides, large, y, along, cells)
                     if x >= ends[0] and x <= ends[1]:
                         test_list(bits, queue, cells, first, occluder)

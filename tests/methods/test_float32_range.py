@@ -17,11 +17,10 @@ from shadowbench.methods.perspective_spherical.camera.ray_tests import passes_bo
 from shadowbench.methods.perspective_spherical.camera.tiles import screen_triangle, tile_missed
 from shadowbench.methods.perspective_spherical.light.segment_tests import NO, YES, segment_bounded, segment_exact
 from shadowbench.methods.streams.camera.pixels import edge_planes, least_edge, sign_bound
-from shadowbench.methods.streams.cube.aim import Cube
 from shadowbench.methods.streams.cube.footprint import sides_of_planes
-from shadowbench.methods.streams.cube.spacing import BINS
+from shadowbench.methods.streams.cube.lights import Cube
+from shadowbench.methods.streams.cube.rectangle import BINS
 from shadowbench.methods.streams.occlusion import planes as rays
-from shadowbench.methods.streams.occlusion.ray_test import certain
 
 COUNT = 6000
 MISS, UNDECIDED, HIT = -1, 0, 1
@@ -83,7 +82,7 @@ def segment_kernel(
     occluder.bound = rays.sign_bound(size)
     occluder.sure = occluder.bound
     occluder = rays.set_planes(occluder, light[i], triangle, False)
-    misses, hits = certain(wp.vec4f(h[i][0], h[i][1], h[i][2], 0.0), occluder)
+    misses, hits = rays.certain(wp.vec4f(h[i][0], h[i][1], h[i][2], 0.0), occluder)
     verdicts[i, 2] = wp.where(hits, HIT, missed(misses))
     cube = Cube()
     cube.forward = wp.vec3f(1.0, 0.0, 0.0)

@@ -47,16 +47,14 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel as make_chunk_kernel
     from shadowbench.methods.rays.kernels import make_primary_kernel, make_shadow_kernel
-    from shadowbench.methods.streams.camera import remainder as camera_remainder
     from shadowbench.methods.streams.camera import rows as camera_rows
     from shadowbench.methods.streams.camera import stream as camera_stream
     from shadowbench.methods.streams.camera.resolve import make_resolve_kernel
-    from shadowbench.methods.streams.cube import aim
-    from shadowbench.methods.streams.occlusion import groups
+    from shadowbench.methods.streams.cube import lights
     from shadowbench.methods.streams.occlusion import rows as light_rows
     from shadowbench.methods.streams.occlusion import stream as light_stream
     from shadowbench.methods.streams.occlusion import undecided as light_undecided
-    from shadowbench.methods.streams.rays import cone, region
+    from shadowbench.methods.streams.rays import region
     from shadowbench.methods.streams.rays import sort as sort_rays
     from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
@@ -72,12 +70,10 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel().module,
         "ray_grids camera: rows": camera_rows.__name__,
-        "ray_grids camera: chunks and undecided": camera_remainder.__name__,
         "ray_grids camera": camera_stream.__name__,
         "ray_grids camera: resolve": make_resolve_kernel("none").module,
-        "ray_grids light: aim": aim.__name__,
+        "ray_grids light: aim": lights.__name__,
         "ray_grids light: region": region.__name__,
-        "ray_grids light: cone": cone.__name__,
         "ray_grids light: place": make_place_kernel("hits").module,
         "ray_grids light: place, region found": make_map_kernel("hits").module,
         "ray_grids light: place, spot": make_place_kernel("marked", True).module,
@@ -90,7 +86,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: rows": light_rows.make_rows_kernel(False).module,
         "ray_grids light: undecided": light_undecided.make_undecided_kernel(False, False).module,
         "ray_grids light: undecided of a spot": light_undecided.make_undecided_kernel(False, True).module,
-        "ray_grids light: split": groups.__name__,
+        "ray_grids light: split": light_rows.__name__,
         "bvh2: tree": hploc.make_hploc_kernel(2).module,
         "bvh2: tree, lbvh": lbvh.make_lbvh_kernel().module,
         "bvh2: refit": "shadowbench.methods.trees.builders.refit",

@@ -13,7 +13,7 @@ from ...gpu.entries import entry, entry_now
 from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, pixels_found
 from ..queues import BLOCK_DIM, Queue, Share, queue_undecided, triangle_of
 from .pixels import Candidate, candidate_of, store_if_nearer
-from .stream import Lines, box_of, lines_of, pixels_of_row
+from .stream import Lines, box_of, ends_of_line, lines_of
 
 
 @wp.func
@@ -73,14 +73,12 @@ def test_triangle(
     """Test the pixels in a box against a triangle; of a ``large`` one those of its rows that are cut to it."""
     lines = Lines()
     if large:
-        last = entry(camera.column, camera.width - 1)
-        lines = lines_of(candidate.planes, candidate.bound, entry(camera.column, 0), last, camera.width)
+        lines = lines_of(candidate.planes, candidate.bound, False, camera)
     y = wp.int32(box[1])
     while y <= box[3]:
         ends = wp.vec2i(box[0], box[2])
         if large:
-            d = entry(camera.row, y)
-            ends = pixels_of_row(candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width)
+            ends = ends_of_line(lines, y, box[0], box[2], camera)
         test_pixels_of_row(nearest, queue, camera, y, ends, candidate)
         y += 1
 

@@ -1,4 +1,5 @@
-"""The camera's passes: clear, test triangles against the pixels, resolve."""
+"""The camera's passes: clear, test triangles against the pixels, resolve; and how many triangles each pixel is tested
+against, counted apart: the kernels of a frame do not count."""
 
 from __future__ import annotations
 
@@ -7,16 +8,23 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from ....harness.frame.effects.specialise import specialised
 from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import Camera as CameraArrays
+from ....harness.frame.geometry import Mesh
 from ....harness.frame.schedule.passes import Pass
 from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
+from ...common.reads import corners_at
+from ...gpu.entries import entry
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..settings import Settings
-from . import on_cpu, remainder, resolve, rows, stream
+from . import on_cpu, resolve, rows, stream
+from .pixels import edge_planes, sign_bound
 
 
 class Camera:
@@ -119,12 +127,45 @@ def launch_rows(camera: Camera, share: int) -> None:
 def launch_remainder(camera: Camera, share: int) -> None:
     """Further chunks and undecided pairs."""
     f, q = camera.frame, camera.queues
-    threads = remainder.BLOCKS * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
+    threads = rows.BLOCKS_OF_LAST * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
     inputs = [threads, camera.settings.chunk, f.camera, f.mesh, f.alpha]
-    camera.launch(remainder.last_kernel, share, threads, inputs, [q.nearest])
+    camera.launch(rows.last_kernel, share, threads, inputs, [q.nearest])
 
 
 def launch_undecided(camera: Camera, share: int) -> None:
     f, q = camera.frame, camera.queues
     inputs = [q.few_threads, f.camera, f.mesh, f.alpha]
     camera.launch(stream.undecided_kernel, share, q.few_threads, inputs, [q.nearest])
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def tests_kernel(
+    inline_pixels: wp.int32, queued: wp.bool, camera: CameraArrays, mesh: Mesh, tests: wp.array(dtype=wp.int32)
+):
+    """One thread per triangle: one more test for each pixel that :mod:`.stream` and :mod:`.rows` test it against."""
+    i = wp.tid()
+    o = entry(camera.eye, 0)
+    corners = corners_at(mesh, i)
+    box = stream.box_of(corners, o, camera)
+    if entry(mesh.valid, i) == wp.uint8(0) or box[2] < box[0] or box[3] < box[1]:
+        return
+    inline = (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels
+    tall = not inline and queued and box[3] - box[1] >= stream.TALL * (box[2] - box[0] + 1)
+    lines = stream.lines_of(edge_planes(o, corners), sign_bound(camera.tangents), tall, camera)
+    low = wp.where(tall, box[1], box[0])
+    high = wp.where(tall, box[3], box[2])
+    for line in range(wp.where(tall, box[0], box[1]), wp.where(tall, box[2], box[3]) + 1):
+        ends = wp.vec2i(low, high)
+        if not inline:
+            ends = stream.ends_of_line(lines, line, low, high, camera)
+        for along in range(ends[0], ends[1] + 1):
+            wp.atomic_add(tests, wp.where(tall, along * camera.width + line, line * camera.width + along), 1)
+
+
+def tests_per_pixel(camera: Camera) -> NDArray[np.int32]:
+    """The tests of each primary ray of the last frame, of a camera with the stream's own steps."""
+    f = camera.frame
+    tests = wp.zeros(f.pixels, dtype=wp.int32, device=f.device)
+    kernel = specialised(tests_kernel, camera.effects.switches())
+    f.launch(kernel, f.triangle_count, [camera.settings.inline_pixels, camera.queues.queued, f.camera, f.mesh], [tests])
+    return tests.numpy()

@@ -2,8 +2,7 @@
 
 The nearest hit of a pixel is stored as one 64-bit word, 1 / t and the complemented index, by atomic maximum: the order in
 which triangles arrive does not matter. 1 / t has 40 bits, and up to eight that the index does not need. Edge functions in
-float32 with an error bound decide all but a few pixels; those, and every 1 / t, are float64
-(:mod:`...exact.triangle`).
+float32 with an error bound decide all but a few pixels; those, and every 1 / t, are float64 (:mod:`...exact.triangle`).
 """
 
 import warp as wp
@@ -49,7 +48,7 @@ class Candidate:
 
     i      its index                        planes   its edge planes
     bound  a pixel with an edge function below -bound is certainly outside (:func:`sign_bound`)
-    sure   three edge functions above this are a certain hit: the bound, or infinite where the triangle has holes
+    sure   three edge functions above this are a certain hit (:func:`sure_of`)
     m      1 / t = m . direction on its plane (:func:`inverse_depth`)
     spare  :func:`...exact.triangle.spare_bits`
     """
@@ -60,6 +59,22 @@ class Candidate:
     sure: wp.float32
     m: wp.vec3d
     spare: wp.int32
+
+
+@wp.func
+def largest_of(corners: Corners) -> wp.float32:
+    """The largest coordinate of a triangle."""
+    return wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
+
+
+@wp.func
+def sure_of(i: wp.int32, bound: wp.float32, alpha: Alpha) -> wp.float32:
+    """What signs must exceed to be a certain hit of triangle i: their bound; nothing exceeds it where that has holes."""
+    sure = bound
+    if wp.static(effects.alpha):
+        if alpha.masked[i] != wp.uint8(0):
+            sure = wp.INF
+    return sure
 
 
 @wp.func
@@ -76,8 +91,7 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     product = wp.float64(distance) * wp.float64(edge) * wp.float64(edge)
     if not (wp.abs(det) > wp.float64(96.0) * U64 * product):
         return planes
-    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
-    planes.steep = wp.abs(det) > LEAST_HEIGHT * product and distance < LONGEST_WAY * size
+    planes.steep = wp.abs(det) > LEAST_HEIGHT * product and distance < LONGEST_WAY * largest_of(corners)
     if wp.static(effects.wide):
         # Where sizes are unlike, 1 / t of another triangle may not be known by its plane in float64.
         if not planes.steep:
@@ -93,8 +107,8 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
 
 @wp.func
 def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
-    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`...exact.planes`), 6 u |d|_1 of the
-    scale. What the scale itself is off is the same for the three parts of n, so it moves no plane.
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`...exact.planes`), 6 u |d|_1 of the scale. What the
+    scale itself is off is the same for the three parts of n, so it moves no plane.
 
     Forward, right and up have length 1, so each sums to at most sqrt 3.
     """
@@ -129,13 +143,10 @@ def candidate_of(
     candidate.i = i
     candidate.spare = spare_bits(triangles)
     candidate.bound = sign_bound(camera.tangents)
-    candidate.sure = candidate.bound
     candidate.planes = edge_planes(o, corners)
     candidate.m = inverse_depth(o, corners)
     exact_path[i] = wp.uint8(not candidate.planes.steep)
-    if wp.static(effects.alpha):
-        if alpha.masked[i] != wp.uint8(0):
-            candidate.sure = wp.INF
+    candidate.sure = sure_of(i, candidate.bound, alpha)
     return candidate
 
 
@@ -164,9 +175,7 @@ def is_outside(planes: Planes, bound: wp.float32, camera: Camera, box: wp.vec4i)
 
 @wp.func
 def hit_word(inverse: wp.float64, i: wp.int32, spare: wp.int32) -> wp.uint64:
-    """A hit as one word: a larger one is nearer, or as near with a lower index. ``spare``: see
-    :func:`...exact.triangle.spare_bits`.
-    """
+    """A hit as one word: a larger one is nearer, or as near with a lower index (:func:`...exact.triangle.spare_bits`)."""
     bits = wp.uint64(24 - spare)
     return (nearness_key(inverse, spare) << bits) | wp.uint64((0xFFFFFF >> spare) - i)
 

@@ -3,26 +3,20 @@
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera
+from ....harness.frame.geometry import Camera, Mesh
 from ...common.reads import direction_at
 from ...exact.triangle import spare_bits
-from ...gpu.entries import entry, entry_of_four
-from ...gpu.warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
-from ..queues import ITEMS, UNDECIDED, Queue, queue_chunks
-from .pixels import Candidate, sign_bound, test_pixel
-from .queued import stored_candidate, stored_planes
-from .stream import Lines, pixels_of_row
+from ...gpu import warps
+from ...gpu.entries import entry, entry_of_four, raise_entry
+from ...gpu.warps import LANES
+from ..queues import CHUNKS, ITEMS, UNDECIDED, Queue, held_undecided, queue_chunks
+from .pixels import Candidate, hit_word, sign_bound, test_pixel
+from .stream import Lines, ends_of_line, hit_of, stored_candidate, stored_planes
 
-REGISTERS = 56
-"""Registers per thread, for nine blocks of 128 per multiprocessor."""
+REGISTERS, REGISTERS_OF_LAST = 56, 80
+"""Registers per thread, for nine blocks of 128 per multiprocessor, and for six of the last kernel."""
 
-
-@wp.func
-def line_direction(tall: wp.bool, line: wp.int32, camera: Camera) -> wp.vec3f:
-    """The part of their directions that all pixels of a row, or of a column, have in common."""
-    if tall:
-        return entry(camera.column, line)
-    return entry(camera.row, line)
+BLOCKS_OF_LAST = 6
 
 
 @wp.struct
@@ -30,7 +24,7 @@ class Rows:
     """A queued group: a triangle as pixels are tested against it, the lines that bound its rows, and these.
 
     first, number  the first row, and how many        low, high  first and last column of the box
-    tall           whether rows are columns, and columns rows
+    Rows may be columns, and columns rows (:class:`.stream.Lines`).
     """
 
     candidate: Candidate
@@ -39,7 +33,6 @@ class Rows:
     number: wp.int32
     low: wp.int32
     high: wp.int32
-    tall: wp.bool
 
 
 @wp.func
@@ -47,27 +40,20 @@ def queued_rows(queue: Queue, item: wp.int32, spare: wp.int32, bound: wp.float32
     """A group of the queue. ``spare``, ``bound``: see :class:`.pixels.Candidate`."""
     work = entry(queue.items, item)
     i = work[0]
-    stored = stored_planes(queue, i)
+    planes, start = stored_planes(queue, i)
     inverse = entry_of_four(queue.records, i, 3)
     rows = Rows()
-    rows.candidate = stored_candidate(queue, i, stored.planes, spare, bound, alpha)
-    rows.lines.start = stored.more
+    rows.candidate = stored_candidate(queue, i, planes, spare, bound, alpha)
+    rows.lines.planes = planes
+    rows.lines.bound = bound
+    rows.lines.start = start
     rows.lines.inverse = wp.vec3f(inverse[0], inverse[1], inverse[2])
+    rows.lines.tall = work[3] != 0
     rows.first = work[1] & 65535
     rows.number = work[1] >> 16
     rows.low = work[2] & 65535
     rows.high = work[2] >> 16
-    rows.tall = work[3] != 0
     return rows
-
-
-@wp.func
-def ends_of_row(rows: Rows, line: wp.int32, camera: Camera) -> wp.vec2i:
-    """First and last pixel of a row of the group, cut to the triangle."""
-    planes = rows.candidate.planes
-    d = line_direction(rows.tall, line, camera)
-    extent = wp.where(rows.tall, camera.height, camera.width)
-    return pixels_of_row(planes, rows.candidate.bound, rows.lines, d, rows.low, rows.high, extent)
 
 
 @wp.struct
@@ -86,26 +72,17 @@ def rows_of_lanes(rows: Rows, lane: wp.int32, camera: Camera) -> LaneRow:
     """The rows of a group that hold pixels, one for each lane, as long as there are any. All lanes must call it."""
     ends = wp.vec2i(0, -1)
     if lane < rows.number:
-        ends = ends_of_row(rows, rows.first + lane, camera)
+        ends = ends_of_line(rows.lines, rows.first + lane, rows.low, rows.high, camera)
     length = wp.max(0, ends[1] - ends[0] + 1)
-    own = filled_lane(length)
-    length = wp.where(own < LANES, of_lane(length, own), 0)
-    sums = sum_to_lane(length)
+    own = warps.filled_lane(length)
+    length = wp.where(own < LANES, warps.of_lane(length, own), 0)
+    sums = warps.sum_to_lane(length)
     found = LaneRow()
-    found.number = of_lane(sums, LANES - 1)
+    found.number = warps.of_lane(sums, LANES - 1)
     found.start = sums - length
-    found.base = of_lane(ends[0], own) - found.start
+    found.base = warps.of_lane(ends[0], own) - found.start
     found.line = rows.first + own
     return found
-
-
-@wp.func
-def pixel_of(rows: Rows, lanes: LaneRow, at: wp.int32, lane: wp.int32) -> wp.vec2i:
-    """Column and row of pixel ``at`` + lane of a group. All lanes must call it."""
-    r = lane_at(lanes.start, at)
-    along = of_lane(lanes.base, r) + at + lane
-    line = of_lane(lanes.line, r)
-    return wp.vec2i(wp.where(rows.tall, line, along), wp.where(rows.tall, along, line))
 
 
 @wp.func
@@ -120,11 +97,15 @@ def test_pixel_of(
 ) -> tuple[wp.bool, wp.int32]:
     """Test pixel ``at`` + lane of a group, if it is before ``end``: whether float64 must decide, and the pixel. All lanes
     must call it."""
-    p = pixel_of(rows, lanes, at, lane)
+    r = warps.lane_at(lanes.start, at)
+    along = warps.of_lane(lanes.base, r) + at + lane
+    line = warps.of_lane(lanes.line, r)
+    x = wp.where(rows.lines.tall, line, along)
+    y = wp.where(rows.lines.tall, along, line)
     unsure = wp.bool(False)
-    pixel = p[1] * camera.width + p[0]
+    pixel = y * camera.width + x
     if at + lane < end:
-        unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, p[0], p[1]))
+        unsure = test_pixel(nearest, pixel, rows.candidate, direction_at(camera, x, y))
     return unsure, pixel
 
 
@@ -137,9 +118,9 @@ def rows_kernel(
     stop = wp.min(queue.counts[ITEMS], queue.items.shape[0])
     bound = sign_bound(camera.tangents)
     spare = spare_bits(queue.depths.shape[0])
-    lane = lane_of(k)
-    k = warp_of(k)
-    step = warp_of(threads)
+    lane = warps.lane_of(k)
+    k = warps.warp_of(k)
+    step = warps.warp_of(threads)
     held = wp.int32(0)
     while k < stop:
         item = k
@@ -151,6 +132,67 @@ def rows_kernel(
         while at < end:
             unsure, pixel = test_pixel_of(rows, lanes, at, end, lane, camera, nearest)
             at += LANES
-            held = append_pairs(unsure, rows.candidate.i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided)
+            held = warps.append_pairs(
+                unsure, rows.candidate.i, pixel, held, False, queue.counts, UNDECIDED, queue.undecided
+            )
         queue_chunks(queue, item, lanes.number, size, lane)
-    append_pairs(False, 0, 0, held, True, queue.counts, UNDECIDED, queue.undecided)
+    warps.append_pairs(False, 0, 0, held, True, queue.counts, UNDECIDED, queue.undecided)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS_OF_LAST)
+def last_kernel(
+    threads: wp.int32,
+    size: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    alpha: Alpha,
+    nearest: wp.array(dtype=wp.uint64),
+    queue: Queue,
+):
+    """What is left: undecided pairs, and further chunks of queued groups, of ``size`` elements (at most ``most_chunk`` of
+    :class:`..settings.Constants`).
+
+    The pairs that the passes before have queued are decided first, then the chunks are tested. A warp keeps the pairs that
+    are undecided in its chunks in shared memory, and decides them 32 at a time. So there is no further pass that waits for
+    the last warps of this one.
+    """
+    thread = wp.tid()
+    k = warps.warp_of(thread)
+    lane = warps.lane_of(thread)
+    step = warps.warp_of(threads)
+    stop = wp.min(queue.counts[CHUNKS], queue.chunks.shape[0])
+    listed = held_undecided(queue, thread)
+    spare = spare_bits(queue.depths.shape[0])
+    bound = sign_bound(camera.tangents)
+    kept = warps.place_of_kept()
+    first = k * LANES
+    held = wp.int32(0)
+    # All lanes go on together. The code that decides is there once: pairs of the list and kept ones come to it in turn.
+    while first < listed or held > 0 or k < stop:
+        if first < listed or held >= LANES or (held > 0 and k >= stop):
+            pair = wp.vec2i(-1, 0)
+            if first < listed:
+                if first + lane < listed:
+                    pair = entry(queue.undecided, first + lane)
+                first += step * LANES
+            else:
+                number = wp.min(held, LANES)
+                held -= number
+                found = warps.kept_pair(kept, held + wp.min(lane, number - 1))
+                if lane < number:
+                    pair = found
+            if pair[0] >= 0:
+                hits, inverse = hit_of(pair, camera, mesh, alpha)
+                if hits:
+                    raise_entry(nearest, pair[1], hit_word(inverse, pair[0], spare))
+        else:
+            further = entry(queue.chunks, k)
+            k += step
+            rows = queued_rows(queue, further[0], spare, bound, alpha)
+            lanes = rows_of_lanes(rows, lane, camera)
+            at = further[1] * size
+            end = wp.min(lanes.number, at + size)
+            while at < end:
+                unsure, pixel = test_pixel_of(rows, lanes, at, end, lane, camera, nearest)
+                at += LANES
+                held = warps.keep_pairs(unsure, rows.candidate.i, pixel, held, kept)

@@ -11,10 +11,10 @@ import warp as wp
 from ....harness.frame.geometry import Corners
 from ...exact.triangle import U32, largest, total
 from ...gpu.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
-from .faces import on_face
-from .lights import Cube
-from .rectangle import max_coordinate_of
-from .spacing import BIN_SLACK, BINS, CELL_SLACK, in_cells, row_between
+from .cells import on_face
+from .lights import Cube, turned
+from .rectangle import BINS, max_coordinate_of
+from .spacing import BIN_SLACK, CELL_SLACK, in_cells, row_between
 
 FINEST = wp.constant(2.0**-31)
 """32 u of this are 2^-50: a ray's place is a difference of float64, known to 2^-50 of the way to the light. More than u
@@ -33,11 +33,6 @@ class Flat:
     c: wp.vec2f
     pad: wp.float32
     valid: wp.bool
-
-
-@wp.func
-def turned(v: wp.vec3f, cube: Cube) -> wp.vec3f:
-    return wp.vec3f(wp.dot(cube.forward, v), wp.dot(cube.right, v), wp.dot(cube.up, v))
 
 
 @wp.func

@@ -10,8 +10,10 @@ Rows of the table, vec4f: of a face (low u, low v, bins per u, bins per v), zero
 import warp as wp
 
 from ...gpu.entries import entry
-from .faces import FACES
-from .spacing import BINS
+from .cells import FACES
+
+BINS = wp.constant(32)
+"""Of each axis of a face (:mod:`.spacing`)."""
 
 LOW_U, LOW_V, HIGH_U, HIGH_V = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)
 """The first words: the sides of what the rays cover of face 0, :func:`ordered`: the least u and v, and the least -u and -v.

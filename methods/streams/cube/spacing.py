@@ -3,25 +3,36 @@
 Rays lie unevenly on a light's cube: what the camera sees closely holds most of them, in a small part of a face. In cells of
 equal size most tests would be of rays that lie in the cell at the end of a triangle's row, but not in the triangle. So each
 axis of a face is divided into :data:`BINS` bins of equal size, and each bin into columns (or rows) of equal size, more of
-them where more rays are expected (:mod:`.density`). No answer depends on it.
+them where more rays are expected. No answer depends on it, so a rough number is enough: of many rays some are drawn by
+chance, and each stands for others. Additions to the same word wait for one another. Where the rays are not known yet, they
+are those of the pixels in the boxes of the triangles in view, whatever hides these.
 
 A coordinate t in bins becomes a coordinate in cells by :func:`in_cells`, which is monotone but for its rounding. So a
 triangle's bounds in bins bound its cells, if they are widened by :data:`BIN_SLACK` before and by :data:`CELL_SLACK` after.
 
 spacing  vec2f [2 axes * 6 faces * BINS]: of each bin, the cell where it begins, and how many cells it has
 edges    vec2f [6 faces * cells along a face]: where each row begins and ends, in bins
+density  float32 [2 axes * 6 faces * INTERVALS]: rays expected in equal intervals of -1 to 1; on face 0 of the range that the
+         scene may cover (:data:`.rectangle.RANGE`)
 
 :class:`.cells.SpacedCells` have them; all :class:`.cells.RayCells` have one size.
 """
 
 import warp as wp
 
+from ....harness.frame.geometry import Camera, Corners, Mesh
+from ...common.reads import corners_at, direction_at
+from ...exact.triangle import largest, to_float64
+from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.division import about_inverse
 from ...gpu.entries import entry
-from .cells import RayCells, SpacedCells
-from .faces import FACES
+from ...gpu.warps import lanes_with, of_lane
+from ..camera.stream import box_of
+from .cells import FACES, RayCells, SpacedCells, face_of, on_face
+from .lights import Cube, turned
+from .rectangle import BINS, RANGE, cells_in_use, face_rectangle
 
-AXES, BINS = wp.constant(2), wp.constant(32)
+AXES, INTERVALS = wp.constant(2), wp.constant(64)
 
 BIN_SLACK = wp.constant(wp.float32(2.0**-13))
 """Bound in bins on what rounding may move t of a ray and of a bound by, together: each by 2^-18, whether products are fused
@@ -29,6 +40,24 @@ with sums or not. Where a row begins is rounded by 2^-15."""
 
 CELL_SLACK = wp.constant(wp.float32(2.0**-8))
 """The same in cells, once t is given. A cell's number, at most 8,192, is rounded by 2^-11, and so is where a bin begins."""
+
+EVEN = wp.constant(wp.float32(0.25))
+"""Part of the cells that is distributed evenly over the bins, whatever rays are expected."""
+
+DRAWN = wp.constant(2048)
+"""How many pixels are drawn, if the boxes of the triangles cover each pixel once."""
+
+ALONE, MOST = wp.constant(4), wp.constant(256)
+"""Pixels of one triangle that a thread draws alone, and that are drawn at most. Each then stands for more."""
+
+ACROSS, DOWN = wp.constant(wp.uint32(3242174889)), wp.constant(wp.uint32(2447445414))
+"""2^32 over the plastic number and its square: the multiples of both, modulo 2^32, cover a square evenly."""
+
+WHETHER = wp.constant(wp.uint32(2654435769))
+"""2^32 over the golden ratio, of which the same holds on a line."""
+
+ONE_OF = wp.constant(wp.float32(1.0 / 128.0))
+"""Part of the rays that are drawn where they are known."""
 
 
 @wp.func
@@ -97,3 +126,177 @@ def row_between(cells: RayCells, face: wp.int32, row: wp.int32, along: wp.int32)
 @wp.func
 def row_between(cells: SpacedCells, face: wp.int32, row: wp.int32, along: wp.int32) -> wp.vec2f:
     return entry(cells.edges, face * along + row)
+
+
+@wp.func
+def chance(number: wp.int32, factor: wp.uint32) -> wp.float32:
+    """A number from 0 to 1, evenly distributed over successive numbers."""
+    return wp.float32((wp.uint32(number) * factor) >> wp.uint32(8)) / 16777216.0
+
+
+@wp.func
+def intervals_per_unit(face: wp.int32, rectangle: wp.array(dtype=wp.int32)) -> wp.float32:
+    """Intervals of a face for a unit of u or v."""
+    half = 0.5 * wp.float32(INTERVALS)
+    return wp.where(face == 0, half / wp.cast(rectangle[RANGE], wp.float32), half)
+
+
+@wp.func
+def expect(u: wp.float32, v: wp.float32, face: wp.int32, rays: wp.float32, cells: SpacedCells):
+    """Expect so many rays at a place of a face."""
+    n = wp.float32(INTERVALS)
+    scale = intervals_per_unit(face, cells.rectangle)
+    x = wp.int32(wp.clamp(0.5 * n + u * scale, 0.0, n - 0.5))
+    y = wp.int32(wp.clamp(0.5 * n + v * scale, 0.0, n - 0.5))
+    wp.atomic_add(cells.density, face * INTERVALS + x, rays)
+    wp.atomic_add(cells.density, (FACES + face) * INTERVALS + y, rays)
+
+
+@wp.func
+def expect_ray(pixel: wp.int32, place: wp.vec4f, cells: RayCells):
+    """Expect the ray of a pixel (:func:`.cells.place_of`), if it is drawn."""
+
+
+@wp.func
+def expect_ray(pixel: wp.int32, place: wp.vec4f, cells: SpacedCells):
+    if place[2] >= 0.0 and chance(pixel, WHETHER) < ONE_OF:
+        expect(place[0], place[1], wp.int32(place[2]), 1.0, cells)
+
+
+@wp.func
+def expect_draws(
+    i: wp.int32,
+    box: wp.vec4i,
+    first: wp.int32,
+    step: wp.int32,
+    number: wp.int32,
+    each: wp.float32,
+    o: wp.vec3f,
+    corners: Corners,
+    camera: Camera,
+    cube: Cube,
+    cells: SpacedCells,
+):
+    """Expect ``each`` rays at draw ``first`` of triangle i and every ``step`` after it, of ``number`` of them in its box."""
+    # Rounding does no harm here.
+    pa = corners.a - o
+    pb = corners.b - o
+    pc = corners.c - o
+    n = wp.cross(pb - pa, pc - pa)
+    height = wp.dot(n, pa)
+    side = wp.sign(height)
+    na = wp.cross(pb, pc) * side
+    nb = wp.cross(pc, pa) * side
+    nc = wp.cross(pa, pb) * side
+    eye = turned(o - cube.middle, cube)
+    across = wp.float32(box[2] - box[0] + 1)
+    down = wp.float32(box[3] - box[1] + 1)
+    for k in range(first, number, step):
+        x = wp.min(box[0] + wp.int32(across * chance(i + k, ACROSS)), box[2])
+        y = wp.min(box[1] + wp.int32(down * chance(i + k, DOWN)), box[3])
+        d = direction_at(camera, x, y)
+        if wp.min(wp.dot(na, d), wp.min(wp.dot(nb, d), wp.dot(nc, d))) > 0.0:
+            way = turned(d * (height / wp.dot(n, d)), cube)
+            q = wp.vec3f(eye[0] + way[0] + cube.distance, eye[1] + way[1], eye[2] + way[2])
+            face = face_of(to_float64(q))
+            r = on_face(q, face)
+            if r[0] > 0.0 and largest(q) < 1.0e30:
+                expect(r[1] / r[0], r[2] / r[0], face, each, cells)
+
+
+@wp.func
+def expect_triangles(
+    i: wp.int32, lanes: wp.int32, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, mesh: Mesh, cells: RayCells
+):
+    """Expect the rays of the triangles of a warp, which have these boxes on the image. The ``lanes`` of the warp (32, or 1
+    on a CPU) share the draws of large ones. All lanes must call it."""
+
+
+@wp.func
+def expect_triangles(
+    i: wp.int32, lanes: wp.int32, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, mesh: Mesh, cells: SpacedCells
+):
+    pixels = wp.float32(wp.max(box[2] - box[0] + 1, 0)) * wp.float32(wp.max(box[3] - box[1] + 1, 0))
+    each = wp.float32(camera.width) * wp.float32(camera.height) / wp.float32(DRAWN)
+    number = wp.int32(wp.min(pixels / each + chance(i, WHETHER), wp.float32(MOST)))
+    if number > 0 and number <= ALONE:
+        expect_draws(i, box, 0, 1, number, each, o, corners_at(mesh, i), camera, cube, cells)
+    large = lanes_with(number > ALONE)
+    while large != wp.uint32(0):
+        lane = lowest_bit(large)
+        large = without_lowest_bit(large)
+        j = of_lane(i, lane)
+        draws = of_lane(number, lane)
+        corners = corners_at(mesh, j)
+        whole = box_of(corners, o, camera)
+        pixels = wp.float32(whole[2] - whole[0] + 1) * wp.float32(whole[3] - whole[1] + 1)
+        rays = wp.where(draws == MOST, pixels / wp.float32(MOST), each)
+        expect_draws(j, whole, i & (lanes - 1), lanes, draws, rays, o, corners, camera, cube, cells)
+
+
+@wp.func
+def bin_of_cells(axis: wp.int32, face: wp.int32, b: wp.int32, along: wp.int32, cells: SpacedCells) -> wp.vec2f:
+    """The cell where a bin begins, and how many it has, by the rays that are expected before and in it."""
+    r = face_rectangle(face, cells.rectangle)
+    low = wp.where(axis == 0, r[0], r[1])
+    per_unit = wp.where(axis == 0, r[2], r[3])
+    scale = intervals_per_unit(face, cells.rectangle)
+    first = 0.5 * wp.float32(INTERVALS) + low * scale
+    width = scale / per_unit
+    here = first + wp.float32(b) * width
+    beyond = first + wp.float32(b + 1) * width
+    last = first + wp.float32(BINS) * width
+    before = wp.float32(0.0)
+    inside = wp.float32(0.0)
+    total = wp.float32(0.0)
+    for k in range(0, INTERVALS, 4):
+        place = (axis * FACES + face) * INTERVALS + k
+        # Four at a time: what is loaded is on its way at once.
+        rays = wp.vec4f(
+            entry(cells.density, place),
+            entry(cells.density, place + 1),
+            entry(cells.density, place + 2),
+            entry(cells.density, place + 3),
+        )
+        for j in range(4):
+            begins = wp.float32(k + j)
+            outside = wp.clamp(first - begins, 0.0, 1.0)
+            before += rays[j] * (wp.clamp(here - begins, 0.0, 1.0) - outside)
+            inside += rays[j] * (wp.clamp(beyond - begins, 0.0, 1.0) - outside)
+            total += rays[j] * (wp.clamp(last - begins, 0.0, 1.0) - outside)
+    n = wp.float32(along)
+    even = n / wp.float32(BINS)
+    by_rays = wp.float32(0.0)
+    if total > 1.0e-20 and total < 1.0e30:
+        even = EVEN * even
+        by_rays = (1.0 - EVEN) * n / total
+    else:
+        before = 0.0
+        inside = 0.0
+    begins_at = wp.float32(b) * even + before * by_rays
+    ends_at = wp.float32(b + 1) * even + inside * by_rays
+    if b == BINS - 1:
+        ends_at = n
+    return wp.vec2f(begins_at, ends_at - begins_at)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def spacing_kernel(cells: SpacedCells):
+    """The spacing of the cells, where what the rays cover is known. A thread for each bin."""
+    k = wp.tid()
+    line = k // BINS
+    along = cells_in_use(cells.rectangle, cells.cells)
+    cells.spacing[k] = bin_of_cells(line // FACES, line % FACES, k % BINS, along, cells)
+
+
+SPACING_THREADS = int(AXES) * int(FACES) * int(BINS)
+
+
+def spacing_arrays(device: str, along: int) -> dict[str, wp.array]:
+    """What :class:`.cells.SpacedCells` have besides :class:`.cells.RayCells`; at most ``along`` cells lie along a face."""
+    with wp.ScopedDevice(device):
+        return {
+            "spacing": wp.zeros(SPACING_THREADS, dtype=wp.vec2f),
+            "edges": wp.zeros(int(FACES) * along, dtype=wp.vec2f),
+            "density": wp.zeros(int(AXES) * int(FACES) * int(INTERVALS), dtype=wp.float32),
+        }

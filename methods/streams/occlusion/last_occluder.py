@@ -19,12 +19,12 @@ from ...common.pixels import thread_count, tile_pixel
 from ...common.reads import corners_at
 from ...exact.triangle import largest, to_float32
 from ...gpu.entries import entry, set_entry
+from ..camera.pixels import largest_of
 from ..cube.lights import Light
 from ..queues import BLOCK_DIM, WORDS
 from ..rays.hit_points import PrimaryHits, point_of
-from ..rays.light_rays import LightRays
-from .planes import Occluder, set_planes, sign_bound
-from .ray_test import certain
+from ..rays.placing import LightRays
+from .planes import Occluder, certain, set_planes, sign_bound
 
 
 @wp.func
@@ -46,10 +46,9 @@ def certainly_occludes(i: wp.int32, own: wp.int32, h: wp.vec3f, eye: wp.vec3f, l
     if entry(mesh.valid, i) == wp.uint8(0):
         return False
     corners = corners_at(mesh, i)
-    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     occluder = Occluder()
     occluder.i = i
-    occluder.bound = sign_bound(wp.max(size, wp.max(largest(h), largest(eye))))
+    occluder.bound = sign_bound(wp.max(largest_of(corners), wp.max(largest(h), largest(eye))))
     occluder.sure = occluder.bound
     planes = set_planes(occluder, light, corners, False)
     misses, hits = certain(wp.vec4f(h[0], h[1], h[2], 0.0), planes)

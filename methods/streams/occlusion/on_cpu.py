@@ -12,9 +12,7 @@ from ....harness.frame.geometry import Mesh
 from ...common.reads import corners_at
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry
-from ..cube.cells import RayCells
-from ..cube.faces import on_face
-from ..cube.farthest import all_rays_end_before
+from ..cube.cells import RayCells, all_rays_end_before, on_face
 from ..cube.footprint import (
     Sides,
     beyond_face,
@@ -28,15 +26,14 @@ from ..cube.footprint import (
     on_bins,
 )
 from ..cube.lights import Cube, Light, cube_of_light, position_of
-from ..cube.rectangle import cells_of, faces_of, last_row, max_coordinate_of
-from ..cube.spacing import BIN_SLACK, BINS
+from ..cube.rectangle import BINS, cells_of, faces_of, last_row, max_coordinate_of
+from ..cube.spacing import BIN_SLACK
 from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, rays_found
 from ..queues import BLOCK_DIM, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box, span_of
 from .closed import turned_away
-from .groups import sides_on_face
-from .planes import Occluder, occluder_of, occludes_none
-from .ray_test import ShadowBits, queue_if_lit, set_shadowed
+from .planes import Occluder, ShadowBits, occluder_of, occludes_none, queue_if_lit, set_shadowed
+from .rows import sides_on_face
 from .stream import INLINE_ROWS, MANY
 
 

@@ -1,7 +1,7 @@
 """Shadow rays: triangles streamed over the rays in the cells of the light's cube.
 
 Which cells a triangle covers is computed relative to the scene's middle in float32, with a pad that covers its rounding
-(:mod:`..cube.footprint`); rays are placed in float64. How a ray is tested is in :mod:`.ray_test`.
+(:mod:`..cube.footprint`); rays are placed in float64. How a ray is tested is in :mod:`.planes`.
 """
 
 from __future__ import annotations
@@ -17,17 +17,15 @@ from ...common.reads import corners_at
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number
-from ..cube.cells import RayCells
-from ..cube.farthest import all_rays_end_before, nearest_depth
+from ..cube.cells import RayCells, all_rays_end_before, nearest_depth
 from ..cube.footprint import corners_on, depth_slack, extent_with_rays, flat_box, in_cube_space, leaves_out, on_bins
 from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
 from .closed import turned_away
-from .groups import queue_rows, sides_on_face
-from .planes import occluder_of, occludes_none
-from .ray_test import ShadowBits, test_rays_of_box
+from .planes import ShadowBits, occluder_of, occludes_none, test_rays_of_box
+from .rows import queue_rows, sides_on_face
 
 INLINE_ROWS = wp.constant(16)
 """A triangle over more rows of cells is queued: its thread would read them one after the other."""
@@ -46,7 +44,7 @@ REGISTERS_OF_FEW = 112
 @functools.cache
 def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
     """One thread per triangle: few rays are tested here; more are queued. Triangles are queued
-    in groups of rows (``splits``; then all that have rays), or whole for :func:`.groups.split_kernel`. Not ``counts``: all
+    in groups of rows (``splits``; then all that have rays), or whole for :func:`.rows.split_kernel`. Not ``counts``: all
     that rays may reach, as the farthest receivers tell, which are known before the rays lie in their cells.
 
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).

@@ -21,7 +21,7 @@ from ...gpu.entries import entry
 from ..cube.lights import Light, position_of
 from ..queues import Queue, held_undecided
 from .closed import refuse, touches
-from .ray_test import ShadowBits, set_shadowed
+from .planes import ShadowBits, set_shadowed
 
 PAIRS_UNASKED = wp.constant(4)
 """Undecided pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
@@ -33,7 +33,7 @@ REGISTERS = 96
 @functools.cache
 def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
     """The kernel. ``stored``: hit_points vec3d [pixels] are exact. ``outside``: there may be rays outside the region
-    (:mod:`..rays.cone`), which it tests against every triangle, too."""
+    (:mod:`..rays.region`), which it tests against every triangle, too."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def undecided_kernel(

@@ -18,7 +18,7 @@ from ...exact.hit_point import along, hit_point, plane_distance
 from ...exact.triangle import largest, spare_bits, to_float32
 from ...gpu.entries import entry, entry_now
 from ..camera.pixels import distance_of, index_of
-from ..cube.faces import place_of
+from ..cube.cells import place_of
 from ..cube.lights import Aim
 
 FAR = wp.constant(wp.float32(1.0 / 32.0))
@@ -93,7 +93,7 @@ def exact_point(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> wp.vec3d:
 
 @wp.struct
 class Placed:
-    """A hit point as a light's grid holds it. place: (u, v, face, depth) (:func:`..cube.faces.place_of`), face -1
+    """A hit point as a light's grid holds it. place: (u, v, face, depth) (:func:`..cube.cells.place_of`), face -1
     without a ray; h: the point; size: its share in the largest coordinate."""
 
     place: wp.vec4f

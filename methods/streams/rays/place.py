@@ -1,29 +1,102 @@
-"""Places of a light's rays, one for each pixel; where what they cover is known, they are counted in their cells at once."""
+"""Places of a light's rays, one for each pixel; where what they cover is known, they are counted in their cells at once.
+
+The receivers of a light are marked here, too: by the rule of :mod:`....harness.frame.effects.receivers`, with the same bits.
+A cone is decided in float32, from the distance t, where a bound on the rounding allows. The triangle is read only in doubt,
+and where eye and light must lie on one side of its plane and that is not known of each triangle
+(:attr:`....harness.frame.frame.Frame.front_facing`). Where the region of the rays is known before them, what finds it
+knows that, too (:mod:`.region`).
+"""
 
 import functools
 from typing import Any
 
 import warp as wp
 
-from ....harness.frame.effects.receivers import note_receiver
-from ...common.pixels import tile_pixel
-from ...exact.triangle import spare_bits
+from ....harness.frame.effects.receivers import note_receiver, receives
+from ....harness.frame.geometry import Mesh, Ray
+from ...common.pixels import tile_pixel, tile_threads
+from ...common.reads import corners_at, ray_at
+from ...exact.triangle import largest, spare_bits
+from ...gpu.division import about_root
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import number_among
 from ..camera.pixels import index_of
 from ..cube.cells import RayCells
-from ..cube.density import expect_ray
-from ..cube.farthest import empty_tiles
-from ..cube.lights import Aim, Light, aim_of
-from ..cube.rectangle import record_place
-from ..cube.spacing import BINS
-from .hit_points import HitPoint, Placed, PrimaryHits, placed, placed_exactly, point_of
-from .receivers import mark_receiver
-from .sort import STORED_FACE, count_in_table, set_row_edges
+from ..cube.lights import Aim, Light, aim_of, position_of
+from ..cube.rectangle import BINS, cells_of, last_row, record_place
+from ..cube.spacing import expect_ray, set_edges
+from .hit_points import HitPoint, PrimaryHits, placed, placed_exactly, point_of
+from .sort import STORED_FACE, count_in_table
 
 REGISTERS, REGISTERS_OF_MARKING = 40, 48
 """Registers per thread, for twelve blocks of 128 per multiprocessor; ten where the kernel decides which hits are
 receivers. The few rays that take the exact path spill; with 32 the others would, too."""
+
+ROUNDED = wp.constant(wp.float32(2.0**-19))
+"""Bound on the error of a cone's margin in units of the sum of the coordinates that it is computed from: t is known to 2^-23
+and float32 rounds to 2^-24, so a coordinate of the way from the light is off by less than 2^-22 of the sum, and the margin
+by less than twice 2^-20 of it, the root's error included."""
+
+LEAST_WAY, MOST_WAY = wp.constant(wp.float32(1.0e-15)), wp.constant(wp.float32(1.0e15))
+"""Ways from a light whose squares float32 holds."""
+
+
+@wp.func
+def cone_margin(place: wp.vec3f, cone: wp.vec4f, ray: Ray, point: HitPoint) -> wp.float32:
+    """Positive where a hit lies certainly in the cone (:func:`..cube.lights.cone_of`) of a light at ``place``, negative
+    where it certainly does not; else 0, as where there is no cone."""
+    v = (ray.origin + ray.direction * point.t) - place
+    # In the cone: the part of v along its axis is at least cosine |v|.
+    inside = wp.dot(wp.vec3f(cone[0], cone[1], cone[2]), v) - cone[3] * about_root(wp.dot(v, v))
+    size = largest(v)
+    bound = ROUNDED * ((point.way + largest(ray.origin)) + (largest(place) + size))
+    margin = wp.float32(0.0)
+    if size > LEAST_WAY and size < MOST_WAY and wp.abs(inside) > bound:
+        margin = inside
+    return margin
+
+
+@wp.func
+def is_receiver(light: Light, facing: wp.bool, ray: Ray, point: HitPoint, mesh: Mesh) -> wp.bool:
+    """Whether the hit of a ray has a shadow ray to a light."""
+    asked = facing
+    wanted = wp.bool(True)
+    unsure = wp.bool(True)
+    if light.front_facing.shape[0] > 0:
+        asked = wp.bool(False)
+        wanted = entry(light.front_facing, light.index, point.triangle) != wp.uint8(0)
+        unsure = wanted and light.spot[light.index, 0] != wp.float64(0.0)
+    if unsure:
+        margin = wp.float32(0.0)
+        if not asked and not point.exact_path:
+            margin = cone_margin(position_of(light), entry(light.cone, light.index), ray, point)
+        wanted = margin > 0.0
+        if margin == 0.0:
+            corners = corners_at(mesh, point.triangle)
+            wanted = receives(light.index, asked, ray, corners, light.position, light.spot)
+    return wanted
+
+
+@wp.func
+def mark_receiver(
+    light: Light,
+    facing: wp.bool,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    point: HitPoint,
+    hits: PrimaryHits,
+    receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
+) -> wp.bool:
+    """Mark whether a pixel has a shadow ray to a light, and return it. reached: int32 [1], set to 1 if there is one; or
+    empty."""
+    wanted = wp.bool(False)
+    if point.triangle >= 0:
+        wanted = is_receiver(light, facing, ray_at(hits.camera, at[0], at[1]), point, hits.mesh)
+    set_entry(receivers, light.index, pixel, wp.uint8(wanted))
+    if wanted:
+        note_receiver(reached)
+    return wanted
 
 
 @wp.func
@@ -65,20 +138,6 @@ def place_ray(
         set_entry(cells.place, pixel, p)
     expect_ray(pixel, found.place, cells)
     record_place(found.place, found.size, cells.rectangle)
-
-
-@wp.func
-def count_quickly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
-    """Count a ray that the word places: its point is not stored (:func:`place_ray`)."""
-    set_entry(cells.triangle, pixel, triangle)
-    count_in_table(pixel, found.place, False, cells)
-
-
-@wp.func
-def count_exactly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
-    """Count a ray that the triangle places, and store its point."""
-    store_point(pixel, triangle, found.h, cells)
-    count_in_table(pixel, found.place, True, cells)
 
 
 @wp.func
@@ -125,10 +184,13 @@ def make_map_kernel(receivers: str, keeps: bool = False) -> wp.Kernel:
         written for pixels without ray.
 
         first    of an image's threads, the first one here      asks_facing  whether receivers must face the light
-        flags    uint8 [lights, pixels]: receivers               reached  of :func:`.receivers.mark_receiver`
+        flags    uint8 [lights, pixels]: receivers               reached  of :func:`mark_receiver`
         """
         camera = hits.camera
-        empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
+        tile = wp.int32(first + wp.tid())
+        while tile < cells.farthest.shape[0]:
+            cells.farthest[tile] = 0
+            tile += tile_threads(camera.width, camera.height)
         at = tile_pixel(first + wp.tid(), camera.width, camera.height)
         point = HitPoint()
         wanted = wp.bool(False)
@@ -155,7 +217,7 @@ def make_place_kernel(receivers: str, cone: bool = False) -> wp.Kernel:
 
     receivers  which pixels have a ray: "hits": all with a hit; "facing": hits of triangles that are ``facing``; "marked":
                those that this kernel decides. Both of them are marked
-    cone       whether the region may end before a ray (:mod:`.cone`). Such a ray gets no slot
+    cone       whether the region may end before a ray (:mod:`.region`). Such a ray gets no slot
     """
     registers = REGISTERS_OF_MARKING if receivers == "marked" else REGISTERS
 
@@ -177,7 +239,8 @@ def make_place_kernel(receivers: str, cone: bool = False) -> wp.Kernel:
         outside_rays  int32 [1 + pixels]: the number of rays outside the region, and their pixels
         """
         camera = hits.camera
-        set_row_edges(first + wp.tid(), camera, cells)
+        threads = tile_threads(camera.width, camera.height)
+        set_edges(first + wp.tid(), threads, cells, cells_of(last_row(cells.table)))
         at = tile_pixel(first + wp.tid(), camera.width, camera.height)
         if at[0] < 0:
             return
@@ -201,7 +264,8 @@ def make_place_kernel(receivers: str, cone: bool = False) -> wp.Kernel:
         aim = aim_of(light)
         found = placed(point, True, aim)
         if found.place[2] >= 0.0:
-            count_quickly(pixel, point.triangle, found, cells)
+            set_entry(cells.triangle, pixel, point.triangle)
+            count_in_table(pixel, found.place, False, cells)
             return
         found = placed_exactly(hits, pixel, at, aim)
         if wp.static(cone):
@@ -210,6 +274,7 @@ def make_place_kernel(receivers: str, cone: bool = False) -> wp.Kernel:
                 set_entry(cells.triangle, pixel, point.triangle)
                 set_entry(outside_rays, 1 + number_among(outside_rays, 0), pixel)
                 return
-        count_exactly(pixel, point.triangle, found, cells)
+        store_point(pixel, point.triangle, found.h, cells)
+        count_in_table(pixel, found.place, True, cells)
 
     return place_kernel

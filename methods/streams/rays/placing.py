@@ -1,28 +1,120 @@
-"""The passes that place a light's rays and sort them into cells.
+"""The shadow rays of one light, and the passes that place them and sort them into cells.
 
 What the rays cover of the light's cube is found when they are placed, and they are then counted in their cells
 (:class:`ByRays`); or it is known before, from the triangles in view, so that they are counted where they are placed
 (:class:`ByTriangles`).
 """
 
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import warp as wp
 
 from ....harness.frame.effects.receivers import facing_passes, reached_by
-from ....harness.frame.effects.specialise import specialised
+from ....harness.frame.effects.specialise import specialised, with_type
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
 from ....harness.frame.schedule.passes import Hints, Pass
-from ...common.bands import Threads
+from ....harness.scene.effects import Effects
+from ...common.bands import ThreadRanges, Threads
 from ...gpu.warps import LANES
-from ..cube.aim import aim_kernel
-from ..cube.density import SPACING_THREADS, spacing_kernel
-from ..cube.faces import FACES
-from ..queues import BLOCK_DIM
+from ..cube.cells import FACES, RayCells, SpacedCells
+from ..cube.lights import Lights, aim_kernel
+from ..cube.spacing import SPACING_THREADS, spacing_arrays, spacing_kernel
+from ..queues import BLOCK_DIM, WORDS, Queues
+from ..settings import Settings
 from . import sort
-from .cone import cone_kernel
-from .light_rays import LightRays
+from .hit_points import PrimaryHits
 from .place import make_map_kernel, make_place_kernel
-from .region import bounds_kernel
+from .region import bounds_kernel, cone_kernel
+
+
+class LightRays:
+    """The rays of light ``index`` of a frame: what its passes share, and what its kernels are given.
+
+    exact      exact hit points, vec3d [pixels], or empty
+    light      :class:`..cube.lights.Light`     hits   :class:`.hit_points.PrimaryHits`
+    cells      :class:`..cube.cells.RayCells`, or ``SpacedCells`` where ``spaced``
+    receivers  uint8 [lights, pixels]: which hits have a ray, where not all have
+    switches   the effects that the light's kernels are compiled for
+    queue      the queue of each share of the triangles; counts int32 [shares, 6]: their counters
+    ranges     threads of the kernels over the image
+    arrays     of :func:`..cube.cells.cell_arrays`, used by the lights of a branch in turn
+    sought     the receivers that are left when the last frame's occluders were tested (:mod:`..occlusion.last_occluder`)
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        index: int,
+        settings: Settings,
+        exact: wp.array,
+        queues: Queues,
+        arrays: dict[str, Any],
+        lights: Lights,
+        effects: Effects,
+        sought: wp.array | None = None,
+    ):
+        self.frame, self.index, self.settings, self.exact = frame, index, settings, exact
+        self.queues, self.lights, self.effects, self.arrays, self.sought = queues, lights, effects, arrays, sought
+        self.who, self.effect = f"light {index}", f"shadows/{index}"
+        self.spot = any(effects.limited[index : index + 1])
+        self.counts = queues.counters(1 + index)
+        self.queue = queues.of_stream(1 + index)
+        many, few, faces = arrays["cells"]
+        self.spaced = settings.spacing == "rays"
+        kind: Any = RayCells
+        given = {name: array for name, array in arrays.items() if name in kind.vars}
+        # Few rays do not repay clearing and summing finer cells.
+        given |= {"cells": wp.vec3i(many, few, 1 if self.spot else faces)}
+        given |= {"rectangle": lights.rectangle[index], "table": lights.table[index]}
+        if self.spaced:
+            kind, given = SpacedCells, given | spacing_arrays(frame.device, max(many, few))
+        self.density = given.get("density", wp.empty(0, dtype=wp.float32, device=frame.device))
+        self.cells = filled(kind, **given)
+        self.shares = queues.shares if queues.threaded else 1
+        self.ranges = ThreadRanges(frame, self.shares)
+        self.hits = filled(
+            PrimaryHits, camera=frame.camera, mesh=frame.mesh, nearest=queues.nearest, exact_path=queues.exact_path
+        )  # fmt: skip
+        self.receivers, self.switches = frame.receivers, effects.switches(index)
+        if sought is not None:
+            self.receivers, self.switches = sought, replace(self.switches, receivers=True)
+
+    @functools.cached_property
+    def light(self) -> Any:
+        """Made when all passes are planned: one of them may find which triangles face the light."""
+        return self.lights.light(self.index)
+
+    def launch(
+        self, kernel: wp.Kernel, threads: int, inputs: list[Any], outputs: list[Any], block: int = 256, **switched: bool
+    ) -> None:
+        """Launch a kernel for the effects of the light, some of them ``switched``, and for the class of :attr:`cells`."""
+        if self.spaced and "cells" in kernel.func.__annotations__:
+            kernel = with_type(kernel, "cells", SpacedCells)
+        switches = replace(self.switches, **switched) if switched else self.switches
+        self.frame.launch(specialised(kernel, switches), threads, inputs, outputs, block)
+
+    def name(self, what: str) -> str:
+        """A resource of this light: "light aim" "ray places" "ray offsets" "ray cells" "shadowed" """
+        return f"{what}/{self.index}"
+
+    def work(
+        self, what: str, reads: tuple[str, ...], writes: tuple[str, ...], launch: Callable[[], None], **more: Any
+    ) -> Pass:
+        """A pass of the light."""
+        return Pass(f"{self.who}: {what}", "light build", reads, writes, launch, self.effect, **more)
+
+    def seen(self) -> tuple[str, ...]:
+        """The resources that say which pixels have a ray."""
+        of_receivers = self.effects.receiver_reads(self.index)
+        if self.sought is not None:
+            of_receivers = (self.name("rays sought"),)
+        return (WORDS, self.name("light aim"), *of_receivers)
 
 
 class ByRays:
@@ -32,7 +124,7 @@ class ByRays:
     keeps    whether all hit points are kept (:func:`.place.place_ray`)
     region   how the region of the rays is had: "found": from their places; "known": from the triangles in view; "cone": and
              from a spot's cone
-    outside  int32 [1 + pixels]: rays outside the region of a spot (:mod:`.cone`); or [0]
+    outside  int32 [1 + pixels]: rays outside the region of a spot (:mod:`.region`); or [0]
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
              rays, and where rays bounce: passes that read no receivers would have no condition then
     """
@@ -45,10 +137,11 @@ class ByRays:
         frame, effects = rays.frame, rays.effects
         self.rays, self.keeps = rays, keeps
         self.marking = marks and effects.has_receivers(rays.index)
-        self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
+        self.flags = frame.receivers if self.marking else rays.receivers
+        self.outside = wp.empty(0, dtype=wp.int32, device=frame.device)
+        self.reached = self.outside
         if self.marking and not rays.queues.cuda and not effects.bounces:
             self.reached = reached_by(frame, rays.index, 0)
-        self.outside = wp.empty(0, dtype=wp.int32, device=frame.device)
 
     def receivers(self) -> str:
         """Of :func:`.place.make_map_kernel`."""
@@ -57,9 +150,8 @@ class ByRays:
     def passes(self) -> list[Pass]:
         """Aim the cube, find which triangles may face the light if the receivers are marked by that, place the rays."""
         r = self.rays
-        light, part = f"light/{r.index}", "light build"
-        aim = (*self.aim_reads, light), (r.name("light aim"),), self.launch_aim
-        aimed = Pass(f"{r.who}: aim", part, *aim, r.effect, hints=Hints(early=True))
+        light, early = f"light/{r.index}", Hints(early=True)
+        aimed = r.work("aim", (*self.aim_reads, light), (r.name("light aim"),), self.launch_aim, hints=early)
         facing: list[Pass] = []
         receivers: tuple[str, ...] = ()
         seen = r.seen()
@@ -72,25 +164,22 @@ class ByRays:
         reads = (*seen, "camera", "points", "triangles")
         writes = (r.name("ray places"), r.name("shadowed"), *receivers)
         reached = self.reached if self.reached.size else None
-        placed = Pass(f"{r.who}: map rays", part, reads, writes, self.launch_place, r.effect, reached=reached)
-        return [aimed, *facing, placed]
+        return [aimed, *facing, r.work("map rays", reads, writes, self.launch_place, reached=reached)]
 
     def sorting(self) -> list[Pass]:
         """Passes that put the placed rays into the cells."""
         r = self.rays
-        places, offsets, part = r.name("ray places"), r.name("ray offsets"), "light build"
-        counted, sorted_by = (*r.seen(), places), (*r.seen(), places, offsets)
+        reads, offsets = (*r.seen(), r.name("ray places")), r.name("ray offsets")
         return [
-            Pass(f"{r.who}: count and scan", part, counted, (offsets,), self.launch_count, r.effect),
-            Pass(f"{r.who}: scatter rays", part, sorted_by, (r.name("ray cells"),), self.launch_scatter, r.effect),
-        ]  # fmt: skip
+            r.work("count and scan", reads, (offsets,), self.launch_count),
+            r.work("scatter rays", (*reads, offsets), (r.name("ray cells"),), self.launch_scatter),
+        ]
 
     def launch_aim(self) -> None:
         r, f = self.rays, self.rays.frame
         threads = int(LANES) if r.queues.cuda else 1
         inputs = [threads, f.triangle_count, f.max_coordinate, f.proxy_positions, f.mesh]
-        outputs = [r.light, r.cells.rectangle, r.counts.flatten(), r.density]
-        f.launch(aim_kernel, threads, inputs, outputs, int(LANES))
+        r.launch(aim_kernel, threads, inputs, [r.light, r.cells.rectangle, r.counts.flatten(), r.density], int(LANES))
 
     def launch_place(self) -> None:
         if self.reached.size:
@@ -98,12 +187,10 @@ class ByRays:
         self.rays.ranges.run(self._place)
 
     def _place(self, threads: Threads) -> None:
-        r, f = self.rays, self.rays.frame
-        flags = f.receivers if self.marking else r.receivers
+        r = self.rays
         inputs = [threads.first, r.effects.facing, r.light, r.hits]
-        outputs = [r.cells, flags, self.reached, f.answers.shadowed]
-        kernel = specialised(r.of_cells(make_map_kernel(self.receivers(), self.keeps)), r.switches)
-        f.launch(kernel, threads.number, inputs, outputs)
+        outputs = [r.cells, self.flags, self.reached, r.frame.answers.shadowed]
+        r.launch(make_map_kernel(self.receivers(), self.keeps), threads.number, inputs, outputs)
 
     def launch_count(self) -> None:
         if not self.rays.queues.cuda:
@@ -114,23 +201,19 @@ class ByRays:
 
     def _count(self, threads: Threads) -> None:
         r = self.rays
-        inputs = [threads.first, r.index, r.hits, r.receivers]
-        r.frame.launch(specialised(r.of_cells(sort.count_kernel), r.switches), threads.number, inputs, [r.cells])
+        r.launch(sort.count_kernel, threads.number, [threads.first, r.index, r.hits, r.receivers], [r.cells])
 
     def launch_spacing(self) -> None:
         """The spacing of the cells, by the rays that are expected."""
-        r = self.rays
-        if r.spaced:
-            r.frame.launch(spacing_kernel, SPACING_THREADS, [], [r.cells])
+        if self.rays.spaced:
+            self.rays.frame.launch(spacing_kernel, SPACING_THREADS, [], [self.rays.cells])
 
     def launch_scan(self) -> None:
         """Offsets of the cells from their counts."""
         r, cells = self.rays, self.rays.cells
         rows = max(int(FACES) * cells.cells[0], cells.cells[2] * cells.cells[1])
         threads = 128 * rows if r.queues.cuda else int(FACES) + 1
-        inputs = [threads, self.region != "found"]
-        outputs = [cells, r.counts[0]]
-        r.frame.launch(r.of_cells(sort.scan_kernel), threads, inputs, outputs, 128)
+        r.launch(sort.scan_kernel, threads, [threads, self.region != "found"], [cells, r.counts[0]], 128)
         if not r.queues.cuda:
             wp.utils.array_scan(cells.count, cells.offset[1:], inclusive=True)
 
@@ -139,16 +222,14 @@ class ByRays:
 
     def _scatter(self, threads: Threads) -> None:
         r = self.rays
-        inputs = [threads.first, r.index, r.hits, r.receivers]
-        kernel = specialised(r.of_cells(sort.make_scatter_kernel(self.region == "found")), r.switches)
-        r.frame.launch(kernel, threads.number, inputs, [r.cells])
+        kernel = sort.make_scatter_kernel(self.region == "found")
+        r.launch(kernel, threads.number, [threads.first, r.index, r.hits, r.receivers], [r.cells])
 
 
 class ByTriangles(ByRays):
     """Finds what the triangles in view cover, then places rays and counts them in their cells at once.
 
-    A spot's region is cut by its cone (:mod:`.cone`). With ``facing`` a spot has it only if it is known which triangles may
-    face the light.
+    A spot's region is cut by its cone. With ``facing`` a spot has it only if it is known which triangles may face the light.
 
     facing   uint8 [triangles]: whether those in view face the light, if only then their hits have a ray; or [0]
     alone    whether no other light uses the arrays of the branch. What :meth:`launch_aim` writes belongs to this light:
@@ -159,10 +240,9 @@ class ByTriangles(ByRays):
         super().__init__(rays)
         frame, effects = rays.frame, rays.effects
         self.alone = len(effects.shadows) == 1
-        spot = any(effects.limited[rays.index : rays.index + 1])
-        self.region = "cone" if spot else "known"
+        self.region = "cone" if rays.spot else "known"
         self.facing = wp.empty(0, dtype=wp.uint8, device=frame.device)
-        if spot:
+        if rays.spot:
             self.outside = wp.zeros(1 + frame.pixels, dtype=wp.int32, device=frame.device)
             # Whenever rays are placed again, the list of outside rays must have been emptied.
             self.aim_reads = (*self.aim_reads, *effects.surface_reads())
@@ -176,15 +256,12 @@ class ByTriangles(ByRays):
         super().launch_aim()
         r, f = self.rays, self.rays.frame
         threads = -(-max(1, f.triangle_count) // BLOCK_DIM) * BLOCK_DIM
-        lanes = int(LANES) if r.queues.cuda else 1
-        kernel = r.of_cells(bounds_kernel)
-        inputs = [threads, lanes, self.alone, r.light, f.camera, f.mesh]
+        inputs = [threads, int(LANES) if r.queues.cuda else 1, self.alone, r.light, f.camera, f.mesh]
         outputs = [r.cells, self.facing]
-        kernel = specialised(kernel, replace(r.switches, receivers=self.facing.size > 0))
-        f.launch(kernel, threads, inputs, outputs, BLOCK_DIM)
+        r.launch(bounds_kernel, threads, inputs, outputs, BLOCK_DIM, receivers=self.facing.size > 0)
         if self.region == "cone":
             f.launch(cone_kernel, 1, [r.light], [r.cells.rectangle, self.outside])
-        f.launch(r.of_cells(sort.table_kernel), int(FACES) + 1, [], [r.cells])
+        r.launch(sort.table_kernel, int(FACES) + 1, [], [r.cells])
         self.launch_spacing()
 
     def launch_place(self) -> None:
@@ -196,12 +273,10 @@ class ByTriangles(ByRays):
         super().launch_place()
 
     def _place(self, threads: Threads) -> None:
-        r, f = self.rays, self.rays.frame
-        flags = f.receivers if self.marking else r.receivers
+        r = self.rays
         inputs = [threads.first, r.light, r.hits, self.facing]
-        outputs = [r.cells, flags, self.reached, f.answers.shadowed, self.outside]
-        kernel = specialised(r.of_cells(make_place_kernel(self.receivers(), self.region == "cone")), r.switches)
-        f.launch(kernel, threads.number, inputs, outputs)
+        outputs = [r.cells, self.flags, self.reached, r.frame.answers.shadowed, self.outside]
+        r.launch(make_place_kernel(self.receivers(), self.region == "cone"), threads.number, inputs, outputs)
 
     def launch_count(self) -> None:
         self.launch_scan()

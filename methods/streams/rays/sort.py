@@ -6,13 +6,11 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.effects.specialise import effects
-from ....harness.frame.geometry import Camera
-from ...common.pixels import tile_pixel, tile_threads
+from ...common.pixels import tile_pixel
 from ...gpu.entries import entry, entry_if, set_entry
 from ...gpu.reserve import number_among
 from ...gpu.warps import scan_row
-from ..cube.cells import SPARE, RayCells, place_in_order, set_slot
-from ..cube.farthest import raise_from, tile_index
+from ..cube.cells import SPARE, RayCells, place_in_order, raise_from, set_slot, tile_index
 from ..cube.rectangle import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 from ..cube.spacing import in_cells, set_edges
 from ..queues import RAYS
@@ -89,13 +87,6 @@ def count_ray(pixel: wp.int32, p: wp.vec4f, cells: Any):
     along = cells_in_use(cells.rectangle, cells.cells)
     stored = p[2] >= wp.float32(STORED_FACE)
     count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle), along, stored, cells)
-
-
-@wp.func
-def set_row_edges(thread: wp.int32, camera: Camera, cells: Any):
-    """Set where rows begin, by the threads of an image, where the spacing is known before the rays are placed."""
-    along = cells_of(last_row(cells.table))
-    set_edges(thread, tile_threads(camera.width, camera.height), cells, along)
 
 
 @wp.func

@@ -1,6 +1,7 @@
 """The hybrid's answers are those of ray_grids, whoever takes the shadow rays; the tree is there only for who needs it."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,12 +9,13 @@ from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import POINT, scene
 from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
-from helpers.method_trials import TRIALS, assert_exact, trace
+from helpers.method_trials import TRIALS, assert_exact, assert_same, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.hybrid.choice import mean_layers
 
 NAME = "hybrid"
@@ -37,12 +39,15 @@ def test_equals_brute_force_on_hard_scenes(trial, device):
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
-def test_has_the_bits_of_ray_grids(settings, device):
-    prepared = two_lights()
-    _, _, wanted = trace("ray_grids", {}, prepared, 33, 21, device)
-    _, _, got = trace(NAME, settings, prepared, 33, 21, device)
-    for key, values in wanted.items():
-        np.testing.assert_array_equal(got[key], values, key)
+def test_has_the_bits_of_ray_grids_in_replays_of_the_graph_too(settings, device):
+    """On the GPU: the branches of the captured graph share nothing that one of them writes."""
+    session, _, got = trace(NAME, settings, two_lights(), 33, 21, device)
+    wanted = trace("ray_grids", {}, two_lights(), 33, 21, device)[2]
+    assert_same(got, wanted)
+    for _ in range(3):
+        session.poison()
+        session.replay()
+    assert_same(session.frame.answers.to_host(), wanted)
 
 
 @pytest.mark.parametrize("settings", SETTINGS[:2], ids=str)
@@ -73,72 +78,54 @@ def test_effects_decide_the_structure():
     assert passes_of(mirrored, {"shadows": "grid"}) & TREE == TREE
 
 
-def taken(prepared: Prepared, width: int, height: int) -> str:
-    session = Session(make_method(NAME), prepared, width, height, "cpu")
-    names = {work.name for work in session.all_passes}
-    chosen = session.method.built()["shadows"]
-    assert (names >= TREE) == (chosen == "tree")
-    return chosen
-
-
-@pytest.mark.parametrize(("height", "wanted"), [(299, "grid"), (300, "tree")])
-def test_a_tree_takes_the_shadow_rays_of_few_triangles(height, wanted):
-    prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 40.0)])
-    assert prepared.triangle_count == 300
-    assert taken(prepared, 600, height) == wanted
-
-
-def shells(count: int, lights: list[tuple[float, ...]]) -> Prepared:
+def shells(count: int, lights: int) -> Prepared:
     """Octahedra around one another, of radii 1, 2 ...: each line from the middle crosses one triangle of each."""
     corners = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)], dtype=np.float32)
     faces = np.array([(x, y, z) for x in (0, 3) for y in (1, 4) for z in (2, 5)])
     points = np.concatenate([corners * np.float32(k + 1) for k in range(count)])
-    return make_scene(points, np.concatenate([faces + 6 * k for k in range(count)]), lights)
+    around = [(0.01 * (i + 1), 0.02, 0.03) for i in range(lights)]
+    return make_scene(points, np.concatenate([faces + 6 * k for k in range(count)]), around)
 
 
-@pytest.mark.parametrize(
-    ("count", "height", "wanted"),
-    [(1, 74, "grid"), (1, 75, "tree"), (2, 15, "grid"), (2, 16, "tree"), (3, 23, "grid"), (3, 24, "tree")],
-)
-def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light_from_64_pixels_a_triangle_on(count, height, wanted):
-    prepared = shells(count, [(0.01, 0.02, 0.03)])
-    assert prepared.triangle_count == 8 * count
-    frame = Session(make_method(NAME), prepared, 64, height, "cpu").frame
-    assert mean_layers(frame, [0]) == pytest.approx(count, rel=1e-6)
-    assert taken(prepared, 64, height) == wanted
+ENCLOSED = partial(shells, 2)
+
+CHOICES = [
+    # the scene, and the sizes of an image of few enough pixels for the grid, and of one more row or column
+    (lambda: make_scene(*soup(7, 300), [(0.1, 0.2, 40.0)]), (600, 299), (600, 300)),  # 600 pixels a triangle
+    (lambda: shells(1, 1), (64, 74), (64, 75)),  # an empty room
+    (lambda: ENCLOSED(1), (64, 15), (64, 16)),  # 64 pixels a triangle
+    (lambda: shells(3, 1), (64, 23), (64, 24)),
+    (lambda: ENCLOSED(2), (64, 5), (64, 6)),  # 48 pixels a triangle over the number of lights
+    (lambda: ENCLOSED(4), (64, 2), (64, 3)),
+    (lambda: ENCLOSED(20), (55, 1), (56, 1)),  # never below three and a half pixels a triangle
+    (lambda: hall_of_mirrors(1), None, (2, 2)),  # a tree that mirrors need takes the shadow rays, too
+]
 
 
-@pytest.mark.parametrize(
-    ("lights", "height", "wanted"), [(2, 5, "grid"), (2, 6, "tree"), (4, 2, "grid"), (4, 3, "tree")]
-)
-def test_lights_share_a_tree_from_48_pixels_a_triangle_over_their_number_on(lights, height, wanted):
-    """Shells around 2 or 4 lights: a tree is built once, and each light has a grid."""
-    assert taken(shells(2, [(0.01 * i, 0.02, 0.03) for i in range(lights)]), 64, height) == wanted
+@pytest.mark.parametrize(("scene", "most_of_grid", "least_of_tree"), CHOICES)
+def test_pixels_triangles_and_lights_choose_between_grids_and_a_tree(scene, most_of_grid, least_of_tree):
+    for size, wanted in ((most_of_grid, "grid"), (least_of_tree, "tree")):
+        if size:
+            session = Session(make_method(NAME), scene(), *size, "cpu")
+            assert session.method.built()["shadows"] == wanted
+            assert ({work.name for work in session.all_passes} >= TREE) == (wanted == "tree")
 
 
-@pytest.mark.parametrize(("width", "wanted"), [(55, "grid"), (56, "tree")])
-def test_no_number_of_lights_takes_a_tree_below_three_and_a_half_pixels_a_triangle(width, wanted):
-    assert taken(shells(2, [(0.01 * i, 0.02, 0.03) for i in range(20)]), width, 1) == wanted
+def layers(prepared: Prepared) -> float:
+    return mean_layers(Session(make_method(NAME), prepared, 8, 4, "cpu").frame, [0])
 
 
-def test_layers_from_afar_are_those_of_parallel_rays():
+def test_layers_are_those_that_a_ray_of_the_light_crosses():
+    for count in (1, 2, 3):
+        assert layers(shells(count, 1)) == pytest.approx(count, rel=1e-6)
     # Parallel rays cross an octahedron twice in its shadow, of area sqrt(3) along a diagonal; the sphere around its box
     # has 3 pi.
+    octahedron = shells(1, 0).scene
     for away in (1e3, 1e9, 1e15):
-        frame = Session(make_method(NAME), shells(1, [(away, away, away)]), 8, 4, "cpu").frame
-        assert mean_layers(frame, [0]) == pytest.approx(2.0 / 3.0**0.5 / np.pi, rel=1e-3)
-
-
-@pytest.mark.parametrize("corner", [0, 3])
-def test_layers_are_known_of_a_light_on_a_vertex(corner):
-    prepared = shells(1, [(1.0, 0.0, 0.0) if corner == 0 else (-1.0, 0.0, 0.0)])
-    frame = Session(make_method(NAME), prepared, 8, 4, "cpu").frame
-    assert 0.0 < mean_layers(frame, [0]) < 1.0
-
-
-def test_a_tree_that_mirrors_need_takes_the_shadow_rays_too():
-    session = Session(make_method(NAME), hall_of_mirrors(1), 2, 2, "cpu")
-    assert session.method.built()["shadows"] == "tree"
+        far = prepare(replace(octahedron, lights=(Light((away, away, away)),)))
+        assert layers(far) == pytest.approx(2.0 / 3.0**0.5 / np.pi, rel=1e-3)
+    for x in (1.0, -1.0):  # on a vertex
+        assert 0.0 < layers(prepare(replace(octahedron, lights=(Light((x, 0.0, 0.0)),)))) < 1.0
 
 
 @pytest.mark.parametrize(
@@ -164,23 +151,10 @@ def test_tree_and_stream_are_branches_of_one_fork():
     assert len(branches["tree"] | branches["camera: resolve"]) == 2
 
 
-def test_replays_of_the_graph_repeat_the_answers(device):
-    """On the GPU: the branches of the captured graph share nothing that one of them writes."""
-    prepared = two_lights()
-    session = Session(make_method(NAME, WITH_TREE), prepared, 33, 21, device)
-    wanted = session.answers(prepared.moment(0, 33, 21))
-    for _ in range(3):
-        session.poison()
-        session.replay()
-    for key, values in session.frame.answers.to_host().items():
-        np.testing.assert_array_equal(values, wanted[key], key)
-
-
 def test_queues_of_both_parts_grow(device):
     prepared, width, height = TRIALS["rays at vertices"]
     _, _, roomy = trace(NAME, WITH_TREE, prepared, width, height, device)
     with tuned({"ROOM": 1}):
         session, _, tight = trace(NAME, WITH_TREE, prepared, width, height, device)
     assert session.regrown > 0
-    for key, values in roomy.items():
-        np.testing.assert_array_equal(tight[key], values, key)
+    assert_same(tight, roomy)

@@ -8,7 +8,7 @@ from shadowbench.harness.frame.frame import Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh, filled
 from shadowbench.methods.common.reads import corners_at, direction_at
 from shadowbench.methods.streams.camera.pixels import Candidate, edge_planes, least_edge, sign_bound
-from shadowbench.methods.streams.camera.stream import box_of, lines_of, pixels_of_row, queue_triangle
+from shadowbench.methods.streams.camera.stream import box_of, ends_of_line, lines_of, queue_triangle
 from shadowbench.methods.streams.queues import COUNTERS, ITEMS, Queue
 
 WIDTH, HEIGHT = 61, 83
@@ -28,23 +28,21 @@ def ends_kernel(
     bound = sign_bound(camera.tangents)
     box = box_of(corners, o, camera)
     boxes[i] = box
-    lines = lines_of(planes, bound, camera.column[0], camera.column[camera.width - 1], camera.width)
-    if tall:
-        lines = lines_of(planes, bound, camera.row[0], camera.row[camera.height - 1], camera.height)
+    lines = lines_of(planes, bound, tall, camera)
     for y in range(camera.height):
         for x in range(camera.width):
             may_cover[i, y, x] = wp.uint8(not (least_edge(planes, direction_at(camera, x, y)) < -bound))
     if tall:
         for x in range(camera.width):
-            ends[i, x] = pixels_of_row(planes, bound, lines, camera.column[x], box[1], box[3], camera.height)
+            ends[i, x] = ends_of_line(lines, x, box[1], box[3], camera)
     else:
         for y in range(camera.height):
-            ends[i, y] = pixels_of_row(planes, bound, lines, camera.row[y], box[0], box[2], camera.width)
+            ends[i, y] = ends_of_line(lines, y, box[0], box[2], camera)
     if box[2] >= box[0] and box[3] >= box[1]:
         candidate = Candidate()
         candidate.i = i
         candidate.planes = planes
-        queue_triangle(queue, box, tall, candidate, lines)
+        queue_triangle(queue, box, candidate, lines)
 
 
 @pytest.mark.parametrize("tall", [False, True], ids=["rows", "columns"])

@@ -11,7 +11,7 @@ from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods.streams import settings
-from shadowbench.methods.streams.cube.faces import FACES
+from shadowbench.methods.streams.cube.cells import FACES
 from shadowbench.methods.streams.cube.rectangle import EMPTY, FACE, RECTANGLE_WORDS, cells_in_use, face_in_use
 
 FACES, FACE = int(FACES), int(FACE)

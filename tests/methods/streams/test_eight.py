@@ -11,8 +11,7 @@ from shadowbench.methods.streams.camera.on_cpu import window_of
 from shadowbench.methods.streams.camera.pixels import Planes, least_edge
 from shadowbench.methods.streams.camera.stream import box_of
 from shadowbench.methods.streams.eight import boxes_met, boxes_of_eight, pixels_found, rays_found
-from shadowbench.methods.streams.occlusion.planes import Occluder
-from shadowbench.methods.streams.occlusion.ray_test import certain
+from shadowbench.methods.streams.occlusion.planes import Occluder, certain
 
 WIDTH, HEIGHT = 19, 7
 

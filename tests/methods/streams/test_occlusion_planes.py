@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed
+from helpers.method_trials import box, trace
 from helpers.streams import trial
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
 
 SIZE = 64
 SQUARE = [(0, 1, 2), (0, 2, 3)]
@@ -13,12 +12,10 @@ SQUARE = [(0, 1, 2), (0, 2, 3)]
 
 def room(light):
     """A cube from -2 to 2, and a square in the plane x = 0 within it."""
-    corners = [(x, y, z) for x in (-2, 2) for y in (-2, 2) for z in (-2, 2)]
-    sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
-    vertices = [corners[k] for side in sides for k in side]
-    vertices += [(0, y, z) for y, z in ((-1.5, -1.5), (1.5, -1.5), (1.5, 1.25), (-1.5, 1.25))]
-    faces = [tuple(4 * k + c for c in face) for k in range(7) for face in SQUARE]
-    return make_scene(np.array(vertices, float), np.array(faces), [light], eye=(1.7, 0.9, 1.8), fov=95.0)
+    walls, faces = box(1, 2.0)
+    square = [(0, y, z) for y, z in ((-1.5, -1.5), (1.5, -1.5), (1.5, 1.25), (-1.5, 1.25))]
+    vertices, faces = np.concatenate([walls, square]), np.concatenate([faces, len(walls) + np.array(SQUARE)])
+    return make_scene(vertices, faces, [light], eye=(1.7, 0.9, 1.8), fov=95.0)
 
 
 @pytest.mark.parametrize("groups", ["stream", "split"])
@@ -29,10 +26,7 @@ def room(light):
 )
 def test_few_pairs_are_left_to_float64(light, groups, device):
     prepared = room(light)
-    moment = prepared.moment(0, SIZE, SIZE)
-    method = make_method("ray_grids", trial(groups=groups))
-    session = Session(method, prepared, SIZE, SIZE, device)
-    answers = session.answers(moment)
+    session, moment, answers = trace("ray_grids", trial(groups=groups), prepared, SIZE, SIZE, device)
     best, t = closest(prepared, moment)
     assert (answers["triangle"].ravel() == best).all()
     # Float64 does not tell a light 2^-70 from the plane from one within it; the frame is a wide one, whose signs are exact.
@@ -42,4 +36,4 @@ def test_few_pairs_are_left_to_float64(light, groups, device):
     assert (best >= 0).all()
     # A light nearly in the square sees both of its triangles through each of its points.
     on_square = int((best >= 12).sum()) if light[0] else 0
-    assert method.counters()["light 0 undecided pairs"] < 1.1 * on_square + 0.05 * SIZE * SIZE
+    assert session.method.counters()["light 0 undecided pairs"] < 1.1 * on_square + 0.05 * SIZE * SIZE

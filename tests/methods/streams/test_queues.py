@@ -1,49 +1,43 @@
 """Queues of the streams: their room, and counters that pass what 32 bits hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import trace
+from helpers.method_trials import assert_same, trace
 from helpers.streams import on_gpu_side, trial
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
+from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera
 from shadowbench.methods.gpu.reserve import BEYOND, number_in, reserve
 from shadowbench.methods.streams.queues import COUNTERS, UNDECIDED, more_room
 
 
+def large_triangles() -> Prepared:
+    return make_scene(*soup(3, 60, size=2.0), [(2.0, 3.0, 4.0)])
+
+
 @on_gpu_side
 def test_queues_grow_and_the_frame_is_repeated():
-    vertices, faces = soup(3, 60, size=2.0)
-    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
-    _, _, roomy = trace("ray_grids", {}, prepared, 64, 64)
     tiny = trial(items=1, chunks=1, undecided=1, inline_rays=1, chunk=32)
-    session, _, tight = trace("ray_grids", tiny, prepared, 64, 64)
+    session, _, tight = trace("ray_grids", tiny, large_triangles(), 64, 64)
     assert session.regrown >= 1
-    for name in roomy:
-        assert (roomy[name] == tight[name]).all()
+    assert_same(tight, trace("ray_grids", {}, large_triangles(), 64, 64)[2])
 
 
 @on_gpu_side
 def test_a_need_beyond_the_memory_limit_is_rejected():
-    vertices, faces = soup(3, 60, size=2.0)
-    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
-    method = make_method("ray_grids", trial(items=1))
-    session = Session(method, prepared, 16, 16, "cpu", limits=Limits(memory=16 * 16))  # the shadow bits fit
-    with pytest.raises(CapacityRejected, match=r"needs .* work items"):
-        session.answers(prepared.moment(0, 16, 16))
+    with pytest.raises(CapacityRejected, match=r"needs .* work items"):  # the shadow bits fit
+        trace("ray_grids", trial(items=1), large_triangles(), 16, 16, limits=Limits(memory=16 * 16))
 
 
 @pytest.mark.parametrize("name", ["ray_grids", "visibility_buffer"])
 def test_room_that_an_earlier_frame_lacked_is_noted(name, device):
     """Frames are replayed in a row, and asked of once: the last of them, in which nothing is in view, lacks none."""
-    vertices, faces = soup(3, 60, size=2.0)
-    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
+    prepared = large_triangles()
     session = Session(make_method(name, trial(undecided=1)), prepared, 64, 64, device)
     away = Camera((0.0, 0.0, 50.0), (0.0, 0.0, 100.0), (0.0, 1.0, 0.0), 60.0)
     for moment in (prepared.moment(0, 64, 64), prepared.moment(0, 64, 64, away)):

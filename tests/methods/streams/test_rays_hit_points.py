@@ -1,13 +1,11 @@
 """Hit points from the camera's words: as near to those of the answers as the bounds of a light's grid suppose."""
 
 import numpy as np
-import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.lights_of_session import lights_of_session
+from helpers.method_trials import trace
 from numpy.typing import NDArray
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.common.pixels import thread_count, tile_pixel
 from shadowbench.methods.streams.camera.pixels import distance_of, hit_word
@@ -39,24 +37,16 @@ def points_kernel(
 
 def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     """What :func:`points_kernel` finds for every pixel that hits, and the t of the answers."""
-    session = Session(make_method("ray_grids"), prepared, *SIZE, "cpu")
-    answers = session.answers(prepared.moment(0, *SIZE))
+    session, _, answers = trace("ray_grids", {}, prepared, *SIZE)
     (light,) = lights_of_session(session)
-    pixels = SIZE[0] * SIZE[1]
     kinds = dict(triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f)
-    found = {name: wp.zeros(pixels, dtype=kind, device="cpu") for name, kind in kinds.items()}
-    wp.launch(
-        points_kernel,
-        dim=thread_count(*SIZE),
-        inputs=[light.hits, light.light],
-        outputs=list(found.values()),
-        device="cpu",
-    )
+    found = {name: wp.zeros(SIZE[0] * SIZE[1], dtype=kind, device="cpu") for name, kind in kinds.items()}
+    given = [light.hits, light.light]
+    wp.launch(points_kernel, dim=thread_count(*SIZE), inputs=given, outputs=list(found.values()), device="cpu")
     result = {name: array.numpy() for name, array in found.items()}
     assert (result["triangle"] == answers["triangle"].ravel()).all()
-    hit = result["triangle"] >= 0
     result["answer_t"] = answers["t"].ravel()
-    return {name: values[hit] for name, values in result.items()}
+    return {name: values[result["triangle"] >= 0] for name, values in result.items()}
 
 
 def scene_of(seed: int) -> Prepared:
@@ -73,12 +63,6 @@ def scene_of(seed: int) -> Prepared:
     target = vertices[faces[0]].mean(0)
     shifted = [tuple(float(x) for x in point + middle) for point in (light, eye, target)]
     return make_scene((vertices + middle).astype(np.float32), faces, shifted[:1], shifted[1], shifted[2], 50.0)
-
-
-@pytest.fixture(scope="module")
-def many() -> dict[str, NDArray[np.generic]]:
-    found = [points_of(scene_of(seed)) for seed in range(60)]
-    return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
 
 
 @wp.kernel(enable_backward=False)
@@ -100,24 +84,19 @@ def test_a_word_gives_the_distance_to_half_of_what_it_cuts():
     assert (off > 0.5 * bound).mean() > 0.2
 
 
-def test_rough_points_are_as_near_as_the_bounds_suppose(many):
-    """With so few triangles the words cut 1 / t at 2^-37; what else points are off is at most 2^-31 of the way."""
+def test_points_of_words_are_as_near_as_the_bounds_suppose():
+    """With so few triangles the words cut 1 / t at 2^-37; what else points are off is at most 2^-31 of the way. Those of
+    some triangles would be farther off."""
+    found = [points_of(scene_of(seed)) for seed in range(40)]
+    many = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
     rough = many["way"] >= 0
     off = np.abs(many["rough"] - many["exact"]).max(axis=1)[rough]
     assert rough.sum() > 5000
     assert (off <= (2.0**-31 + 2.0**-38) * 1.0001 * many["way"][rough]).all()
-
-
-def test_the_t_of_rough_points_is_that_of_the_answers_rounded(many):
-    rough = many["way"] >= 0
     t, answer = many["t"][rough].astype(float), many["answer_t"][rough].astype(float)
     assert (np.abs(t - answer) <= 2.0**-22 * answer).all()
-
-
-def test_points_of_some_triangles_would_be_farther_off(many):
-    exact_path = many["way"] < 0
-    assert 50 < exact_path.sum() < 0.5 * exact_path.size
-    assert (many["placed_as"][exact_path][:, 2] == -1.0).all()
+    assert 50 < (~rough).sum() < 0.5 * rough.size
+    assert (many["placed_as"][~rough][:, 2] == -1.0).all()
 
 
 def test_points_beside_the_light_are_not_placed_by_the_words():

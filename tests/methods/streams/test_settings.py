@@ -8,71 +8,59 @@ from helpers.table1_records import record, write_records
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method, present_settings
 from shadowbench.harness.results import tidy
-from shadowbench.methods.streams.constants import CONSTANTS as C
+from shadowbench.methods.streams.settings import CONSTANTS as C
 from shadowbench.methods.streams.settings import chosen
 
 PIXELS = 1024 * 1024
 
-
-def on_gpu(triangles: int, lights: int = 1, pixels: int = 1):
-    return chosen(triangles, pixels, lights, cuda=True)
-
-
-def test_more_is_tested_in_line_and_at_once_with_several_lights():
-    one, two, four, eight = (on_gpu(C.split_from, lights) for lights in (1, 2, 4, 8))
-    assert (one.inline_rays, one.shares) == (24, 2)
-    assert (four.inline_rays, four.shares, four.lights_at_once) == (48, 1, 4)
-    assert (eight.inline_rays, eight.shares, eight.lights_at_once) == (48, 1, 8)
-    assert (two.inline_rays, two.shares, two.chunk, one.chunk) == (24, 2, 256, 224)
-    assert chosen(1, 1, 4).inline_rays == 24
-
-
-def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
-    few, some, many = (on_gpu(n) for n in (C.few_triangles // 2, C.split_from - 1, C.split_from))
-    assert (few.inline_pixels, few.chunk, few.groups, few.shares) == (16, 192, "stream", 2)
-    assert (some.inline_pixels, some.chunk, some.groups) == (32, 224, "stream")
-    assert (many.inline_pixels, many.inline_rays, many.groups) == (32, 24, "split")
-    assert on_gpu(C.few_triangles, 2).chunk == on_gpu(1, 2).chunk == 256
-    on_cpu = [replace(chosen(n, 1), cells=many.cells) for n in (1, C.split_from, C.many_triangles)]
-    assert on_cpu == [many] * 3
-    assert on_gpu(C.few_triangles - 1).inline_pixels == 31
-    assert on_gpu(C.many_triangles).inline_rays == 48
-    assert (on_gpu(C.overlap_below - 1).overlaps, on_gpu(C.overlap_below).overlaps) == (True, False)
-    tiny, small = on_gpu(C.one_share_below - 1), on_gpu(C.one_share_below)
-    assert (tiny.inline_pixels, tiny.shares, small.shares) == (8, 1, 2)
-
-
-def test_a_region_from_the_triangles_is_chosen_where_pixels_are_many():
-    assert on_gpu(10, 1, 10 * C.region_pixels + 1).region == "triangles"
-    assert on_gpu(10, 1, 10 * C.region_pixels).region == "rays"
-    assert on_gpu(10, 2, 1000).region == chosen(10, 1000).region == "rays"
+CHOSEN = [
+    # triangles, lights, pixels, what is chosen on a GPU
+    (C.split_from, 1, 1, {"inline_rays": 24, "shares": 2, "chunk": 224, "inline_pixels": 32, "groups": "split"}),
+    (C.split_from, 2, 1, {"inline_rays": 24, "shares": 2, "chunk": 256}),
+    (C.split_from, 4, 1, {"inline_rays": 48, "shares": 1, "lights_at_once": 4}),
+    (C.split_from, 8, 1, {"inline_rays": 48, "shares": 1, "lights_at_once": 8}),
+    (C.split_from - 1, 1, 1, {"inline_pixels": 32, "chunk": 224, "groups": "stream"}),
+    (C.few_triangles // 2, 1, 1, {"inline_pixels": 16, "chunk": 192, "groups": "stream", "shares": 2}),
+    (C.few_triangles - 1, 1, 1, {"inline_pixels": 31}),
+    (C.few_triangles, 2, 1, {"chunk": 256}),
+    (1, 2, 1, {"chunk": 256}),
+    (C.many_triangles, 1, 1, {"inline_rays": 48}),
+    (C.overlap_below - 1, 1, 1, {"overlaps": True}),
+    (C.overlap_below, 1, 1, {"overlaps": False}),
+    (C.one_share_below - 1, 1, 1, {"inline_pixels": 8, "shares": 1}),
+    (C.one_share_below, 1, 1, {"shares": 2}),
+    (10, 1, 10 * C.region_pixels + 1, {"region": "triangles", "spacing": "even"}),
+    (10, 1, 10 * C.region_pixels, {"region": "rays"}),
+    (10, 2, 1000, {"region": "rays", "spacing": "rays"}),
+    (4096, 1, PIXELS, {"cells": (152, 256, 4)}),
+    (PIXELS // 4, 1, PIXELS, {"cells": (448, 1024, 4)}),
+    (PIXELS, 1, PIXELS, {"cells": (536, 1536, 4)}),
+    (9 * PIXELS, 1, PIXELS, {"cells": (920, 1536, 4)}),
+    (82_298, 1, 16 * PIXELS, {"cells": (1056, 1752, 4)}),
+    (10**8, 1, 2**24, {"cells": (3328, 4096, 4)}),
+]
 
 
-def test_cells_are_spaced_by_the_rays_of_several_lights():
-    assert [on_gpu(10, lights).spacing for lights in (1, 2, 16)] == ["even", "rays", "rays"]
-    assert chosen(10, 1, 16).spacing == "even"
-    even, spaced = (on_gpu(10**5, n, 10**6).cells for n in (1, 2))
+@pytest.mark.parametrize(("triangles", "lights", "pixels", "expected"), CHOSEN)
+def test_settings_are_chosen_from_what_a_frame_holds(triangles, lights, pixels, expected):
+    settings = chosen(triangles, pixels, lights, cuda=True)
+    assert {name: getattr(settings, name) for name in expected} == expected
+
+
+def test_on_a_cpu_only_the_cells_depend_on_it():
+    of = [chosen(triangles, 1, lights) for triangles in (1, C.split_from, C.many_triangles) for lights in (1, 4)]
+    assert {replace(one, cells=(0, 0, 0), chunk=0) for one in of} == {replace(of[0], cells=(0, 0, 0), chunk=0)}
+    assert (of[0].inline_rays, of[0].spacing, of[0].region, of[0].cells) == (24, "even", "rays", (64, 64, 1))
+    even, spaced = (chosen(10**5, 10**6, lights, cuda=True).cells for lights in (1, 2))
     assert even[1] > spaced[1] >= 0.7 * even[1]
 
 
-def test_cells_are_chosen_from_the_numbers_of_triangles_and_of_pixels():
-    of = {n: on_gpu(n, 1, PIXELS).cells for n in (4096, PIXELS // 4, PIXELS, 9 * PIXELS)}
-    assert of == {4096: (152, 256, 4), PIXELS // 4: (448, 1024, 4), PIXELS: (536, 1536, 4), 9 * PIXELS: (920, 1536, 4)}
-    assert on_gpu(82_298, 1, 16 * PIXELS).cells == (1056, 1752, 4)
-    assert on_gpu(10**8, 1, 2**24).cells == (3328, 4096, 4)
-    assert chosen(1, 1).cells == (64, 64, 1)
-
-
 def test_a_trial_stands_in_place_of_what_is_chosen():
-    given = trial(
-        inline_pixels=0, inline_rays=5, lights_at_once=3, shares=2, chunk=100, region="rays", spacing="even",
-        groups="split", overlaps="false", cells=8,
-    )  # fmt: skip
-    build = make_method("ray_grids", given).build
+    given = dict(inline_pixels=0, inline_rays=5, lights_at_once=3, shares=2, chunk=100, region="rays", spacing="even")
+    build = make_method("ray_grids", trial(**given, groups="split", overlaps="false", cells=8)).build
     settings = chosen(1, 1, 9, True, build.given())
-    assert all(getattr(settings, name) == value for name, value in build.given().items())
-    assert settings.cells == (8, 8, 1)
-    assert settings.inline_cells == C.inline_cells
+    expected = {**given, "groups": "split", "overlaps": False, "cells": (8, 8, 1), "inline_cells": C.inline_cells}
+    assert {name: getattr(settings, name) for name in expected} == expected
 
 
 @pytest.mark.parametrize(
@@ -88,10 +76,9 @@ def test_a_trial_stands_in_place_of_what_is_chosen():
         ("cells", "cells must be in 8..8192"),
     ],
 )
-@pytest.mark.parametrize("method", ["ray_grids", "visibility_buffer"])
-def test_another_trial_is_refused_in_one_line(method, text, said):
+def test_another_trial_is_refused_in_one_line(text, said):
     with pytest.raises(UserError, match=said) as error:
-        make_method(method, {"trial": text})
+        make_method("visibility_buffer", {"trial": text})
     assert "\n" not in str(error.value)
 
 

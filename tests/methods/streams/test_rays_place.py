@@ -6,6 +6,7 @@ import warp as wp
 from helpers.brute_force import soup
 from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
 from helpers.lights_of_session import placings_of_session
+from helpers.method_trials import assert_same, trace
 from helpers.streams import trial
 from shadowbench.harness.frame.effects.receivers import reached_by
 from shadowbench.harness.frame.registry import make_method
@@ -15,7 +16,7 @@ from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Geometry, Light, Scene, Spot
 from shadowbench.methods.streams.rays.placing import ByTriangles
 
-SIZE = 160, 120
+SIZE = 80, 60
 SPOTS = {
     "narrow": Light((1.5, 3.0, 1.0), spot=Spot((-1.5, -3.0, -1.0), 12.0)),
     "half": Light((0.3, 0.4, 0.2), spot=Spot((-0.2, -1.0, 0.1), 90.0)),
@@ -27,24 +28,18 @@ SPOTS = {
 }
 
 
-def marked(method: str, lights, facing: bool, device: str) -> tuple[np.ndarray, Session]:
-    prepared = scene(lights, facing=facing)
-    session = Session(make_method(method, {}), prepared, *SIZE, device)
-    session.answers(prepared.moment(0, *SIZE))
-    return session.frame.receivers.numpy(), session
-
-
 @pytest.mark.parametrize("facing", [False, True])
 @pytest.mark.parametrize("name", SPOTS)
 def test_the_same_receivers_as_by_the_pass_of_the_harness(name, facing, device):
-    lights = (SPOTS[name], BEHIND)
-    wanted, by_harness = marked("uniform_grid", lights, facing, device)
+    prepared = scene((SPOTS[name], BEHIND), facing=facing)
+    by_harness, _, answers = trace("uniform_grid", {}, prepared, *SIZE, device)
+    wanted = by_harness.frame.receivers.numpy()
     for method in ("ray_grids", "visibility_buffer"):
-        found, session = marked(method, lights, facing, device)
-        np.testing.assert_array_equal(found[0], wanted[0])
+        session, _, _ = trace(method, {}, prepared, *SIZE, device)
+        np.testing.assert_array_equal(session.frame.receivers.numpy()[0], wanted[0])
         assert "light 0: receivers" not in [work.name for work in session.all_passes]
     assert "light 0: receivers" in [work.name for work in by_harness.all_passes]
-    assert 0 < wanted[0].sum() < (by_harness.frame.answers.triangle.numpy() >= 0).sum()
+    assert 0 < wanted[0].sum() < (answers["triangle"] >= 0).sum()
 
 
 FLOOR = -1.25
@@ -98,9 +93,7 @@ def test_the_triangles_decide_which_hits_face_a_light(name, device):
         moment = prepared.moment(frame, *SIZE)
         wanted = by_harness.answers(moment)
         for session in (by_triangles, by_rays):
-            found = session.answers(moment)
-            for answer in wanted:
-                np.testing.assert_array_equal(found[answer], wanted[answer])
+            assert_same(session.answers(moment), wanted)
             np.testing.assert_array_equal(session.frame.receivers.numpy(), by_harness.frame.receivers.numpy())
         hit = np.unique(wanted["triangle"][wanted["triangle"] >= 0])
         corners = moment.points[prepared.faces[hit]]
@@ -124,8 +117,7 @@ def test_a_light_that_nothing_faces_has_no_receivers(region, device):
     floor = np.array([CORNER, (3, FLOOR, -3), (3, FLOOR, 3), (-3, FLOOR, 3)], dtype=np.float64)
     made = Geometry.static(floor, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
     prepared = prepare(Scene("floor", "floor", lambda: made, EYE, lights, facing=True))
-    session = Session(make_method("ray_grids", trial(region=region)), prepared, *SIZE, device)
-    answers = session.answers(prepared.moment(0, *SIZE))
+    session, _, answers = trace("ray_grids", trial(region=region), prepared, *SIZE, device)
     hits = answers["triangle"] >= 0
     assert 0 < hits.sum() < hits.size
     np.testing.assert_array_equal(session.frame.receivers.numpy() != 0, np.stack([0 * hits, hits]) != 0)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
+from helpers.method_trials import trace
 from helpers.streams import on_gpu_side, trial
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
 from shadowbench.methods.gpu.prefetch import FEW_ROWS
 from shadowbench.methods.gpu.warps import LANES
 from shadowbench.methods.streams.queues import COUNTERS, ITEMS, LARGE, SMALL, more_room
@@ -18,9 +17,8 @@ def queued(cells, capacity="0", groups="split", light=(5.0, 4.0, 3.0)):
     small, large = soup(7, 200, size=0.2), soup(8, 12, size=3.0)
     vertices = np.concatenate([small[0], large[0]])
     prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [light])
-    method = make_method("ray_grids", trial(inline_cells=0, shares=1, cells=cells, groups=groups, items=capacity))
-    session = Session(method, prepared, 64, 64, "cpu")
-    session.answers(prepared.moment(0, 64, 64))
+    given = trial(inline_cells=0, shares=1, cells=cells, groups=groups, items=capacity)
+    method = trace("ray_grids", given, prepared, 64, 64)[0].method
     counts = method._queues.counts.numpy()[1].copy()
     (queue,) = method._queues.of_stream(1)
     words = queue.groups.numpy().view(np.int32).reshape(-1, 8, 4)[:, 0]
