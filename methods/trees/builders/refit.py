@@ -17,7 +17,7 @@ from ...gpu.entries import entry
 from ..constants import BLOCK
 from ..native import BASICS
 from ..nodes import WRITE, Tree, empty_tree, padding
-from .boxes import BOXES, EXCHANGED, NEAR
+from .climb import BOXES, EXCHANGED, NEAR
 from .sah import sah_topology
 from .scene_box import SceneBox
 
