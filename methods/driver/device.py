@@ -43,7 +43,9 @@ def missing(api: str) -> str | None:
             f"the NVIDIA driver's library {library} is missing; install the driver with its graphics part (in a "
             "container: NVIDIA_DRIVER_CAPABILITIES=all)"
         )
-    if api == "optix" and sys.platform == "linux" and not any(_has_headers(folder) for folder in _toolkits()):
+    headers = ("include/cuda_runtime.h", "targets/x86_64-linux/include/cuda_runtime.h")
+    found = any((toolkit / file).is_file() for toolkit in _toolkits() for file in headers)
+    if api == "optix" and sys.platform == "linux" and not found:
         return (
             "cuda_runtime.h of a CUDA toolkit is not found; install the toolkit (NVRTC and headers suffice) and set "
             "CUDA_PATH to its folder"
@@ -53,14 +55,8 @@ def missing(api: str) -> str | None:
 
 def _toolkits() -> list[Path]:
     """Where slangpy looks for a CUDA toolkit on Linux."""
-    named = [Path(path) for path in (os.environ.get("CUDA_PATH"),) if path]
-    return [*named, *sorted(Path("/usr/local").glob("cuda*"), reverse=True), Path("/usr")]
-
-
-def _has_headers(toolkit: Path) -> bool:
-    """Whether a CUDA toolkit has the headers that shaders are compiled with."""
-    folders = ("include", "targets/x86_64-linux/include")
-    return any((toolkit / folder / "cuda_runtime.h").is_file() for folder in folders)
+    named = os.environ.get("CUDA_PATH")
+    return [*([Path(named)] if named else []), *sorted(Path("/usr/local").glob("cuda*"), reverse=True), Path("/usr")]
 
 
 @functools.cache
@@ -77,10 +73,8 @@ def device_of(api: str, alias: str) -> Any:
     with wp.ScopedDevice(alias):
         if api == "optix":
             wp.zeros(1)  # Warp's context exists
-            kind, own = (
-                slangpy.DeviceType.cuda,
-                {"existing_device_handles": slangpy.get_cuda_current_context_native_handles()},
-            )
+            kind = slangpy.DeviceType.cuda
+            own = {"existing_device_handles": slangpy.get_cuda_current_context_native_handles()}
         try:
             made = slangpy.Device(type=kind, enable_rhi_validation=False, enable_hot_reload=False, **own)
         except RuntimeError as error:

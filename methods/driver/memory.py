@@ -12,11 +12,11 @@ from ...harness.errors import CapacityRejected
 class Memory:
     """What both ways share: memory of the device that counts.
 
-    held  bytes that slangpy has taken; more than ``most`` raise :class:`CapacityRejected`
+    held  bytes that slangpy has taken; more than ``most`` raise :class:`CapacityRejected`. ``alias``: of Warp's device
     """
 
-    def __init__(self, device: Any, most: int):
-        self.device, self.held, self._most = device, 0, most
+    def __init__(self, device: Any, most: int, alias: str):
+        self.device, self.held, self._most, self._alias = device, 0, most, alias
 
     def take(self, size: int) -> None:
         """Count so many bytes, before they are taken."""
@@ -36,10 +36,6 @@ class Memory:
 
 class SharedMemory(Memory):
     """Of a device in Warp's own CUDA context: it reads and writes Warp's arrays, on Warp's stream."""
-
-    def __init__(self, device: Any, most: int, alias: str):
-        super().__init__(device, most)
-        self._alias = alias
 
     def address(self, array: wp.array) -> int:
         """Where shaders find an array; 0 for an empty one."""
@@ -73,8 +69,8 @@ class SharedMemory(Memory):
 class CopiedMemory(Memory):
     """Of a device that Vulkan finds: it has copies of Warp's arrays, which are those of the CPU."""
 
-    def __init__(self, device: Any, most: int):
-        super().__init__(device, most)
+    def __init__(self, device: Any, most: int, alias: str):
+        super().__init__(device, most, alias)
         self._copies: dict[tuple[int, int], tuple[wp.array, Any]] = {}
 
     def _copy(self, array: wp.array) -> Any:

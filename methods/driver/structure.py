@@ -12,7 +12,7 @@ from .memory import CopiedMemory, SharedMemory
 class Structure:
     """Built when it is made, from the animation's first frame; :meth:`renew` follows the frame.
 
-    build  "fast-build", "fast-trace", "update" or "static" (:class:`.method.Build`)
+    build  "fast-build", "fast-trace", "update" or "static" (:class:`..driver.Build`)
     holes  whether a hit is asked for by the any-hit shader
     memory where vertices, indices, both levels and their scratch memory are
     top    what rays are traced through

@@ -27,6 +27,7 @@ constexpr unsigned int LEAF = {LEAF}u, PAIR = {PAIR}u, INDEX = {INDEX}u, NONE = 
     + """
 auto bits = [](float value) { union { float f; unsigned int u; } both; both.f = value; return both.u; };
 auto real = [](unsigned int value) { union { float f; unsigned int u; } both; both.u = value; return both.f; };
+auto ordered = [](int word) { return word ^ ((word >> 31) & 0x7fffffff); };
 auto threes = [](const void* words, unsigned int k) { return (const char*)words + 48 * (size_t)k; };
 #if defined(__CUDA_ARCH__)
 auto low = [](float a, float b) { return fminf(a, b); };
@@ -78,7 +79,8 @@ constexpr bool FUSED = false;
 #endif
 """
 )
-"""``threes``: where the k-th three words of 16 bytes begin.
+"""``threes``: where the k-th three words of 16 bytes begin. ``ordered``: the bits of a float as an integer in the order of
+floats, and back.
 
 ``about`` is one over a number, with the precision of a GPU's single instruction. ``inverse_of`` is the rounded quotient
 without the branches of a division: for normal numbers whose inverse is normal, too; it is 0 for those beyond.

@@ -57,12 +57,12 @@ class Tree:
     bodies: wp.array(dtype=wp.vec4f)
 
 
-def empty_tree(frame: Frame) -> Any:
-    """A :class:`Tree` with room for a node per triangle."""
+def empty_tree(frame: Frame, **made: wp.array) -> Any:
+    """A :class:`Tree`: with what is made already, or with room for a node per triangle."""
     with wp.ScopedDevice(frame.device):
         return filled(
             Tree,
-            nodes=wp.zeros(frame.triangle_count * NODE_BYTES // 16, dtype=wp.vec4f),
+            **made or {"nodes": wp.zeros(frame.triangle_count * NODE_BYTES // 16, dtype=wp.vec4f)},
             root=wp.zeros(1, dtype=wp.int32),
             masked=frame.alpha.masked,
             max_coordinate=frame.max_coordinate,

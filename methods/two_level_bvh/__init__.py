@@ -5,6 +5,7 @@ The scene says which triangles move together. Each frame's mesh remains the trut
 so that answers are those of any exact method.
 """
 
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,16 +14,44 @@ from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
+from ...harness.frame.schedule.threads import check_threads
 from ..common.pairs import all_needs
+from ..common.parameters import check_choices
 from ..trees.builders import Rebuilt, Refitted, tree_of
 from ..trees.method import TreeMethod
 from ..trees.trace.bodies import RAY_UNITS
 from .levels import Kept, Levels
-from .parameters import Build, Trace
 from .poses import RIGID
 
 ROOM = 3
 """Units of u Q that vertices may be off by before trees are packed anew with wider boxes."""
+
+
+@dataclass(frozen=True)
+class Build:
+    """How trees are made. No parameter changes an answer.
+
+    deforming  a mesh that deforms, or of which nothing says what moves together: "rebuild": it is traced with a single tree
+               of all triangles, rebuilt in each frame; "refuse": it is rejected
+    """
+
+    deforming: str = "rebuild"
+
+    def __post_init__(self) -> None:
+        check_choices(self, deforming=("rebuild", "refuse"))
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are traced.
+
+    threads  of a CPU: each traces a share of the pixels; 0: one for each core that this process may use, at most 16
+    """
+
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        check_threads(self.threads)
 
 
 class TwoLevelTree(TreeMethod):

@@ -16,7 +16,7 @@ from ...harness.frame.schedule.passes import Pass
 from ..trees.builders.rebuild import RadixBuild
 from ..trees.builders.scene_box import MOST, SceneBox
 from ..trees.constants import BLOCK
-from ..trees.nodes import Tree
+from ..trees.nodes import empty_tree
 from .forest import Forest, references, used_vertices
 from .poses import WORDS, body_kernel, pose_kernel, vertex_kernel
 
@@ -68,14 +68,8 @@ class Levels:
         rows[:, 3, 0] = kept.forest.roots.view(np.float32)
         faces = 2 * np.arange(kept.count)[:, None] + [0, 1, 0]
         with wp.ScopedDevice(frame.device):
-            self.tree = filled(
-                Tree,
-                nodes=wp.array(nodes, dtype=wp.vec4f),
-                root=wp.zeros(1, dtype=wp.int32),
-                masked=frame.alpha.masked,
-                max_coordinate=frame.max_coordinate,
-                extent=wp.zeros(1, dtype=wp.float32),
-                bodies=wp.array(rows.reshape(-1, 4), dtype=wp.vec4f),
+            self.tree = empty_tree(
+                frame, nodes=wp.array(nodes, dtype=wp.vec4f), bodies=wp.array(rows.reshape(-1, 4), dtype=wp.vec4f)
             )
             self.rest = wp.array(kept.points, dtype=wp.vec3f)
             self.references = wp.array(kept.references, dtype=wp.vec3i)

@@ -16,6 +16,7 @@ from ...harness.frame.geometry import value_struct
 from ...harness.frame.vectors import to_float64
 from ..gpu.entries import entry, set_entry
 from ..trees.builders.scene_box import write_box
+from ..trees.native import BASICS
 from ..trees.nodes import LARGEST
 from ..trees.trace.bodies import MOST_RAY_UNITS, RAY_UNITS
 
@@ -112,16 +113,12 @@ def moved(bodies: wp.array(dtype=wp.vec4f), row: wp.int32, p: wp.vec3f) -> wp.fl
 
 
 @wp.func_native(
-    f"constexpr int WORDS = {WORDS};"
+    BASICS
+    + f"constexpr int WORDS = {WORDS};"
     + """
 const float least[WORDS] = {lower[0], lower[1], lower[2], -upper[0], -upper[1], -upper[2], -off};
-auto ordered = [](float value) {
-    union { float f; int i; } both;
-    both.f = value;
-    return both.i ^ ((both.i >> 31) & 0x7fffffff);
-};
 for (int k = 0; k < WORDS; k++) {
-    int own = ordered(least[k]), *at = found.data + WORDS * body + k;
+    int own = ordered((int)bits(least[k])), *at = found.data + WORDS * body + k;
 #if defined(__CUDA_ARCH__)
     for (int step = 16; step > 0; step >>= 1) own = min(own, __shfl_xor_sync(0xffffffffu, own, step));
     if ((threadIdx.x & 31) == 0) atomicMin(at, own);
@@ -135,13 +132,14 @@ def lower_to(lower: wp.vec3f, upper: wp.vec3f, off: wp.float32, body: wp.int32, 
     """Lower a body's words, integers in the order of floats, to these: by all lanes of a warp, on a CPU by one."""
 
 
-@wp.func_native("""
-int word = found.data[at];
-union { int i; float f; } both;
-both.i = word ^ ((word >> 31) & 0x7fffffff);
+@wp.func_native(
+    BASICS
+    + """
+float value = real((unsigned int)ordered(found.data[at]));
 found.data[at] = 0x7fffffff;
-return both.f;
-""")
+return value;
+"""
+)
 def taken(found: wp.array(dtype=wp.int32), at: wp.int32) -> wp.float32:
     """What a word was lowered to, as a float, not a number where nothing did; the word is as at first."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.methods.trees import constants
+from shadowbench.methods.trees import constants, quality
 from shadowbench.methods.trees.nodes import NODE_BYTES
 
 
@@ -38,8 +38,4 @@ def children(session: Session) -> tuple[NDArray, NDArray, NDArray, int]:
     """(centres, extents, references) of both children, [nodes, 2, ...], and the root's reference."""
     tree = session.method._rays.tree
     nodes = tree.nodes.numpy().reshape(-1, NODE_BYTES // 4)
-    centres, refs = nodes.reshape(-1, 3, 4)[:, :2, :3], nodes.reshape(-1, 3, 4)[:, :2, 3]
-    packed = np.ascontiguousarray(nodes[:, 8:11]).view(np.uint16).reshape(-1, 2, 3)
-    extents = (packed.astype(np.uint32) << 16).view(np.float32)
-    root = int(tree.root.numpy().view(np.uint32)[0])
-    return centres, extents, np.ascontiguousarray(refs).view(np.uint32).reshape(-1, 2), root
+    return *quality.children(nodes), int(tree.root.numpy().view(np.uint32)[0])

@@ -1,14 +1,13 @@
 """The radix tree of the keys, built in one pass from the leaves up (Apetrei 2014; Karras 2012; Lauterbach et al. 2009).
 
-One thread per leaf; those of a block meet in shared memory first (:mod:`.boxes`). A node has the number of its flag
+One thread per leaf; those of a block meet in shared memory first (:mod:`.climb`). A node has the number of its flag
 (:mod:`.climb`), so two builds of the same frame make the same tree.
 """
 
 import functools
 from typing import Any
 
-from .boxes import EXCHANGED, NEAR
-from .climb import make_builder
+from .climb import EXCHANGED, NEAR, make_builder
 
 START = """
 if (i >= count) return;

@@ -7,6 +7,7 @@ is left out in a frame has no box in it, as it has no place in a tree that is re
 
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ....harness.errors import UserError
@@ -17,7 +18,7 @@ from ...gpu.entries import entry
 from ..constants import BLOCK
 from ..native import BASICS
 from ..nodes import WRITE, Tree, empty_tree, padding
-from .boxes import BOXES, EXCHANGED, NEAR
+from .climb import BOXES, EXCHANGED, NEAR
 from .sah import sah_topology
 from .scene_box import SceneBox
 
@@ -150,13 +151,8 @@ class Refitted:
         points, valid = prepared.points(made_of)
         topology = sah_topology(points[prepared.faces], valid)
         with wp.ScopedDevice(frame.device):
-            self.topology = filled(
-                Topology,
-                order=wp.array(topology.order, dtype=wp.int32),
-                refs=wp.array(topology.leaves().view("int32"), dtype=wp.int32),
-                leaf_parent=wp.array(topology.leaf_parent, dtype=wp.int32),
-                node_parent=wp.array(topology.node_parent, dtype=wp.int32),
-            )
+            host = {**vars(topology), "refs": topology.leaves().view(np.int32)}
+            self.topology = filled(Topology, **{name: wp.array(of, dtype=wp.int32) for name, of in host.items()})
             self.scratch = wp.zeros(4 * frame.triangle_count, dtype=wp.vec4f)
             self.flags = wp.zeros(frame.triangle_count, dtype=wp.int32)
         self.tree = empty_tree(frame)

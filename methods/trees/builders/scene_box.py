@@ -23,7 +23,6 @@ FINISH = (
 const float least[6] = {lower[0], lower[1], lower[2], -upper[0], -upper[1], -upper[2]};
 #if defined(__CUDA_ARCH__)
 const unsigned int ALL = 0xffffffffu;
-auto ordered = [](int word) { return word ^ ((word >> 31) & MOST); };
 __shared__ int of_block[6];
 int lane = threadIdx.x & 31;
 if (threadIdx.x < 6) of_block[threadIdx.x] = MOST;

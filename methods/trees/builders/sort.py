@@ -15,6 +15,7 @@ Warp's own sort, which takes scratch memory each time and copies an odd number o
 import functools
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ....harness.frame.geometry import filled
@@ -199,20 +200,6 @@ def make_sweep_kernel(items: int) -> Any:
     return sweep_kernel
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def held_kernel(count: wp.int32, nothing: wp.int32, keys: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)):
-    """How many sorted keys there are before the first ``nothing``."""
-    low = wp.int32(0)
-    high = count
-    while low < high:
-        middle = (low + high) // 2
-        if keys[middle] < nothing:
-            low = middle + 1
-        else:
-            high = middle
-    held[0] = low
-
-
 def passes_of(bits: int) -> int:
     """One for each digit."""
     return -(-bits // DIGIT)
@@ -247,13 +234,12 @@ class Sort:
         """Sort what is in ``unsorted``, with its digits counted."""
         if self.device.is_cpu:
             wp.utils.radix_sort_pairs(self.keys, self.values, self.count, 0, self.bits)
-            self._run(held_kernel, 1, [self.count, self.nothing, self.keys], [self.held], 1)
+            self.held.numpy()[0] = np.searchsorted(self.keys.numpy()[: self.count], self.nothing)
             return
         for k in range(self.passes):
             source, target = self._halves[(self.passes + k) % 2], self._halves[(self.passes + k + 1) % 2]
             inputs = [self.count, k, self.tiles, self.nothing, source, self.state]
-            kernel = make_sweep_kernel(self.items)
-            self._run(kernel, SORT_THREADS * self.tiles, inputs, [self.held, target])
-
-    def _run(self, kernel: Any, threads: int, inputs: list[Any], outputs: list[Any], block: int = SORT_THREADS) -> None:
-        wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)
+            wp.launch(
+                make_sweep_kernel(self.items), SORT_THREADS * self.tiles, inputs, [self.held, target],
+                device=self.device, block_dim=SORT_THREADS,
+            )  # fmt: skip

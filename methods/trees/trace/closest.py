@@ -22,7 +22,7 @@ from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve
 from ..constants import EYE_REGISTERS, REGISTERS, RESOLVE_REGISTERS
 from ..nodes import Tree
-from .traversal import make_closest
+from .traversal import has_holes, make_closest
 from .undecided import Undecided
 
 
@@ -160,17 +160,14 @@ def write_weights(ray: Ray, pixel: wp.int32, share: Share):
 def make_eye(exact: bool, packets: bool, levels: int = 1) -> Any:
     """A function of a thread, 8 x 4 pixels per warp: the answer of its pixel, and the origin of shadow rays. Returns the
     pixel and the hit triangle, or -1."""
-    closest, closest_holes = (make_closest("eye", exact, packets, holes, levels) for holes in (False, True))
+    closest = make_closest("eye", exact, packets, levels)
 
     @wp.func(module="unique")
     def trace_eye(thread: wp.int32, share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided) -> wp.vec2i:
         at = pixel_at(share, thread)
         seen = at[0] >= 0
         ray = eye_ray(share.camera, at)
-        if wp.static(effects.alpha):
-            found = closest_holes(seen, ray.origin, ray.direction, share.tree, records, undecided)
-        else:
-            found = closest(seen, ray.origin, ray.direction, share.tree, records, undecided)
+        found = closest(seen, ray, share.tree, records, undecided, has_holes())
         if not seen:
             return wp.vec2i(-1, -1)
         pixel = at[1] * share.camera.width + at[0]
@@ -213,9 +210,7 @@ def make_eye_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
 @functools.cache
 def make_tests_kernel(records: str, exact: bool, levels: int = 1) -> Any:
     """One thread per pixel: how many triangles its ray is tested against. The kernels of a frame do not count."""
-    count, count_holes = (
-        make_closest(records, exact, holes=holes, levels=levels, counts=True) for holes in (False, True)
-    )
+    count = make_closest(records, exact, levels=levels, counts=True)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def tests_kernel(
@@ -227,10 +222,7 @@ def make_tests_kernel(records: str, exact: bool, levels: int = 1) -> Any:
             ray = eye_ray(share.camera, wp.vec2i(pixel - y * share.camera.width, y))
         else:
             ray = ray_at(share.rays, pixel)
-        if wp.static(effects.alpha):
-            tests[pixel] = count_holes(True, ray.origin, ray.direction, share.tree, triangles, undecided)[0]
-        else:
-            tests[pixel] = count(True, ray.origin, ray.direction, share.tree, triangles, undecided)[0]
+        tests[pixel] = count(True, ray, share.tree, triangles, undecided, has_holes())[0]
 
     return tests_kernel
 
@@ -252,7 +244,7 @@ def list_kernel(share: Share):
 def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
     """One thread per listed pixel: what the traversal found, vec4i [threads], for :func:`make_resolve_kernel`; in float32
     the answer and the origin of shadow rays."""
-    closest, closest_holes = (make_closest("ray", exact, holes=holes, levels=levels) for holes in (False, True))
+    closest = make_closest("ray", exact, levels=levels)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def listed_kernel(
@@ -263,10 +255,7 @@ def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
             return
         pixel = entry(share.listed, k)
         ray = ray_at(share.rays, pixel)
-        if wp.static(effects.alpha):
-            one = closest_holes(True, ray.origin, ray.direction, share.tree, records, undecided)
-        else:
-            one = closest(True, ray.origin, ray.direction, share.tree, records, undecided)
+        one = closest(True, ray, share.tree, records, undecided, has_holes())
         if wp.static(exact):
             set_entry(found, k, one)
         else:

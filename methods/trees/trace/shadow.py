@@ -17,7 +17,7 @@ from ...gpu.entries import entry, set_entry
 from ..constants import EYE_REGISTERS, REGISTERS
 from ..records.planes import LightPlanes
 from .closest import Share, make_eye, pixel_at, ray_at
-from .traversal import make_any
+from .traversal import has_holes, make_any
 from .undecided import Undecided
 
 
@@ -72,7 +72,7 @@ def make_shadow(exact: bool, marks: bool, levels: int = 1) -> Any:
 
     ``marks``: if only some hits receive the light, they are marked, too; else they are marked already.
     """
-    between, between_holes = (make_any(exact, holes, levels) for holes in (False, True))
+    between = make_any(exact, levels)
 
     @wp.func(module="unique")
     def trace_shadow(pixel: wp.int32, hit: wp.int32, share: Share, lit: Lit, undecided: Undecided):
@@ -90,11 +90,7 @@ def make_shadow(exact: bool, marks: bool, levels: int = 1) -> Any:
         found = wp.vec4i(-1, -1, -1, 0)
         place = entry(lit.lights, lit.light)
         if wanted:
-            start = entry(share.starts, pixel)
-            if wp.static(effects.alpha):
-                found = between_holes(start, place, hit, share.tree, lit.planes, undecided)
-            else:
-                found = between(start, place, hit, share.tree, lit.planes, undecided)
+            found = between(entry(share.starts, pixel), place, hit, share.tree, lit.planes, undecided, has_holes())
         if wp.static(exact):
             ray = ray_of(share.camera, pixel)
             if wp.static(effects.bounced):
@@ -159,7 +155,7 @@ def make_together_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
 @functools.cache
 def make_shadow_tests_kernel(exact: bool, levels: int = 1) -> Any:
     """One thread per pixel: how many triangles the shadow ray of its primary hit is tested against, added to its others."""
-    count, count_holes = (make_any(exact, holes, levels, counts=True) for holes in (False, True))
+    count = make_any(exact, levels, counts=True)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def shadow_tests_kernel(share: Share, lit: Lit, undecided: Undecided, tests: wp.array(dtype=wp.int32)):
@@ -171,9 +167,6 @@ def make_shadow_tests_kernel(exact: bool, levels: int = 1) -> Any:
         if wanted:
             place = entry(lit.lights, lit.light)
             start = entry(share.starts, pixel)
-            if wp.static(effects.alpha):
-                tests[pixel] += count_holes(start, place, hit, share.tree, lit.planes, undecided)[0]
-            else:
-                tests[pixel] += count(start, place, hit, share.tree, lit.planes, undecided)[0]
+            tests[pixel] += count(start, place, hit, share.tree, lit.planes, undecided, has_holes())[0]
 
     return shadow_tests_kernel

@@ -6,7 +6,8 @@ single, packet   each ray has its own stack; or the 32 rays of a warp share one 
 one level, two   a tree of triangles; or one of bodies, each with a tree of its own (:mod:`.bodies`)
 float32, exact   triangles are tested as usual; or with bounds (:mod:`.triangle_tests`), and what float32 does not decide
                  is left to float64 (:mod:`.undecided`)
-holes            every hit on a triangle with holes is left, too: float64 asks whether it lies in a hole
+holes            every hit on a triangle with holes is left, too: float64 asks whether it lies in a hole. An argument that a
+                 compiler knows (:func:`has_holes`)
 
 Shadow rays are traced from the light to the hit point: those of a warp, whose hit points are neighbours, then share the
 nodes near the light. That is valid as long as the light is not farther than boxes are padded for (:mod:`..nodes`). For a
@@ -21,6 +22,8 @@ from typing import Any
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import effects
+from ....harness.frame.geometry import Ray
 from ..constants import BLOCK
 from ..native import BASICS, STACK
 from ..nodes import MEET, Tree
@@ -34,6 +37,7 @@ constexpr bool ANY = false;
 float limit = 3.4e38f, u = 0.0f, v = 0.0f;
 int best = -1;
 const int own = -1;
+const wp::vec3f o = ray.origin, d = ray.direction;
 const float tiny = 1.0e-37f, shrink = !EXACT || tree.max_coordinate.data[0] < 1.0e25f ? 1.0f : 5.4210109e-20f;
 auto left_out = [](int) { return false; };
 """
@@ -163,9 +167,7 @@ auto traverse = [&](auto leave, auto full) {
 meet after each. To any hit they test a leaf in the iteration that has come to it. A packet goes down to the next one."""
 
 
-def traversal(
-    ray: str, test: str, result: str, exact: bool, packets: bool, holes: bool, levels: int, counts: bool
-) -> str:
+def traversal(ray: str, test: str, result: str, exact: bool, packets: bool, levels: int, counts: bool) -> str:
     """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle.
 
     ``counts``: its tests are counted, and no triangle is left to float64, which changes no later test."""
@@ -178,17 +180,24 @@ def traversal(
 
     left = exact and not counts
     single, together = (loop(SINGLE, "exact" if left else "float32"), loop(PACKET, "packet" if left else "float32"))
-    asked = f"constexpr bool EXACT = {exact:d}, HOLES = {holes:d};\nint first = -1, second = -1, last = -1;\n"
+    asked = f"constexpr bool EXACT = {exact:d};\nint first = -1, second = -1, last = -1;\n"
     asked += f"constexpr int ROOM = {ROOM[levels]};\n"
-    solid = "auto solid = [&](int at) { return !HOLES || tree.masked.data[at] == 0; };\n"
+    solid = "auto solid = [&](int at) { return !holes || tree.masked.data[at] == 0; };\n"
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n" if packets else single
     return BASICS + asked + ray + MEET + solid + by_device + f"return {'{tests, 0, 0, 0}' if counts else result};"
 
 
+@wp.func
+def has_holes() -> wp.bool:
+    """Whether triangles may have holes."""
+    holes = wp.bool(False)
+    if wp.static(effects.alpha):
+        holes = wp.bool(True)
+    return holes
+
+
 @functools.cache
-def make_closest(
-    records: str, exact: bool, packets: bool = False, holes: bool = False, levels: int = 1, counts: bool = False
-) -> Any:
+def make_closest(records: str, exact: bool, packets: bool = False, levels: int = 1, counts: bool = False) -> Any:
     """A function of a ray that gives (first, second, last, closest certain triangle), with what it left
     (:mod:`.undecided`); in float32 the bits of (t, u, v) and the closest triangle. -1: none. With ``counts`` it gives (its
     tests, 0, 0, 0).
@@ -197,23 +206,29 @@ def make_closest(
     ``seen`` is False in a lane without a ray; ``packets`` are traversed together only where a warp does, on the GPU."""
     result = "{first, second, last, best}" if exact else "{(int)bits(limit), (int)bits(u), (int)bits(v), best}"
 
-    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, packets, holes, levels, counts))
+    @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, packets, levels, counts))
     def closest(
-        seen: wp.bool, o: wp.vec3f, d: wp.vec3f, tree: Tree, records: wp.array(dtype=wp.vec4f), undecided: Undecided
+        seen: wp.bool, ray: Ray, tree: Tree, records: wp.array(dtype=wp.vec4f), undecided: Undecided, holes: wp.bool
     ) -> wp.vec4i: ...
 
     return closest
 
 
 @functools.cache
-def make_any(exact: bool, holes: bool = False, levels: int = 1, counts: bool = False) -> Any:
+def make_any(exact: bool, levels: int = 1, counts: bool = False) -> Any:
     """A function of the hit point h on triangle ``own`` and a light that gives (first, second, last, 1 if some other
     triangle certainly lies between, else 0), with what it left (:mod:`.undecided`); with ``counts`` (its tests, 0, 0, 0)."""
     result = "{first, second, last, (int)found}"
 
-    @wp.func_native(traversal(ANY[exact], TESTS["light", exact], result, exact, False, holes, levels, counts))
+    @wp.func_native(traversal(ANY[exact], TESTS["light", exact], result, exact, False, levels, counts))
     def any_between(
-        h: wp.vec3f, light: wp.vec3f, own: wp.int32, tree: Tree, planes: LightPlanes, undecided: Undecided
+        h: wp.vec3f,
+        light: wp.vec3f,
+        own: wp.int32,
+        tree: Tree,
+        planes: LightPlanes,
+        undecided: Undecided,
+        holes: wp.bool,
     ) -> wp.vec4i: ...
 
     return any_between

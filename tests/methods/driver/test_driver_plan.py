@@ -1,5 +1,10 @@
-"""What the method asks slangpy for, without a GPU: refusals, passes, arguments, memory. A recording stands for slangpy."""
+"""What the method asks slangpy for, without a GPU: refusals, passes, arguments, memory. A recording stands for slangpy.
 
+What it does, a package of someone else can do: its files, installed under another name, are such a method. Nothing else of
+the project knows of memory that a library holds, shaders as further sources, launches by the host outside of graphs.
+"""
+
+import importlib
 import re
 import sys
 from pathlib import Path
@@ -12,6 +17,7 @@ from helpers.holed_scenes import holed
 from helpers.mirror_scenes import hall_of_mirrors
 from helpers.recorded_slangpy import Recording, recorded
 from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.runner.source.closure import further_sources, source_files
@@ -23,12 +29,35 @@ from shadowbench.methods.driver import device, memory
 from shadowbench.methods.rays.offset import SHADOW_END
 
 SHADERS = Path(device.__file__).with_name("rays.slang").read_text(encoding="utf-8")
+OWN = Path(driver.__file__).parent
+THEIRS = "their_driver"
 UNIFORMS = set(re.findall(r"^uniform .*?(\w+);", SHADERS, re.M))
 
 
 @pytest.fixture
 def recording(monkeypatch) -> Recording:
     return recorded(monkeypatch, device, memory)
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch) -> Path:
+    """What pip leaves behind of the same files as a package of their own."""
+    package = tmp_path / "site" / THEIRS
+    package.mkdir(parents=True)
+    for file in OWN.iterdir():
+        if file.suffix in (".py", ".slang"):
+            text = file.read_text(encoding="utf-8").replace("from ...harness", "from shadowbench.harness")
+            text = re.sub(r"from \.\.(?=\w)", "from shadowbench.methods.", text)
+            (package / file.name).write_text(text.replace('name = "driver"', f'name = "{THEIRS}"'), encoding="utf-8")
+    about = package.parent / f"{THEIRS}-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {THEIRS}\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[shadowbench.methods]\n{THEIRS} = {THEIRS}:Driver\n")
+    monkeypatch.syspath_prepend(str(package.parent))
+    importlib.invalidate_caches()
+    yield package.parent
+    for name in [name for name in sys.modules if name.partition(".")[0] == THEIRS]:
+        del sys.modules[name]
 
 
 def still(count: int = 60) -> Prepared:
@@ -80,11 +109,6 @@ def test_a_cpu_is_refused_and_each_thing_that_a_machine_lacks_is_named(monkeypat
     (tmp_path / "include/cuda_runtime.h").write_text("")
     assert reason() is None
     device.missing.cache_clear()
-
-
-def test_records_depend_on_the_shaders():
-    found = further_sources(driver.Driver, source_files(driver.Driver))
-    assert [Path(name).name for name in found] == ["rays.slang"]
 
 
 def test_the_shaders_have_the_constants_and_entry_points_of_the_method():
@@ -170,3 +194,28 @@ def test_a_mesh_that_no_ray_can_hit_asks_the_driver_for_nothing(recording):
     assert not recording.builds
     assert own.method.held_bytes() == 0
     assert (own.answers(odd.moment(0, 8, 6))["triangle"] == -1).all()
+
+
+def test_nothing_outside_its_package_knows_of_it_but_lists():
+    """The experiments say whom they compare, an environment which versions of packages it has."""
+    known = re.compile(r"slangpy|methods\.driver|\.driver import|Entry\(.driver")
+    files = (path for part in ("harness", "methods", "experiments") for path in (OWN.parents[1] / part).rglob("*.py"))
+    named = {path.name for path in files if OWN not in path.parents and known.search(path.read_text("utf-8"))}
+    assert named == {"_rivals.py", "environment.py"}
+
+
+def test_the_same_files_are_a_method_of_another_package(installed, monkeypatch):
+    theirs, memory_of_theirs = (importlib.import_module(f"{THEIRS}.{name}") for name in ("device", "memory"))
+    cls = registry.method_class(THEIRS)
+    assert cls.__module__ == THEIRS
+    assert [Path(name).name for name in further_sources(cls, source_files(cls))] == ["rays.slang"]
+    made = recorded(monkeypatch, theirs, memory_of_theirs)
+    prepared = still()
+    own = Session(registry.make_method(THEIRS, {"build": "update"}), prepared, 8, 6, "cpu")
+    assert not own.capturable
+    assert not own.replays
+    held = sum(len(buffer) for buffer in made.memory) + 2 * 1000
+    assert own.method.held_bytes() == held > 0
+    own.load(prepared.moment(0, 8, 6))
+    own.run()
+    assert made.device.create_command_encoder.return_value.begin_ray_tracing_pass.call_count == 3, "eye, two lights"

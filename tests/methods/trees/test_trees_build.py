@@ -1,4 +1,6 @@
-"""The tree itself: every triangle once, boxes that hold their children, depth, and the same tree on every device."""
+"""The tree itself: every triangle once, boxes that hold their children, depth, leaves, the same tree on every device."""
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ BUILDS = [
     {"builder": "hploc", "RADIUS": 8},
     {"update": "refit"},
 ]
+LIGHTS = [(5.0, 4.0, 3.0)]
 
 
 def checked_depth(session: Session, prepared: Prepared) -> int:
@@ -26,13 +29,10 @@ def checked_depth(session: Session, prepared: Prepared) -> int:
     points, valid = prepared.points(0)
     corners = points[prepared.faces].astype(np.float64)
     centres, extents, refs, root = children(session)
-    low, high = centres.astype(np.float64) - extents, centres.astype(np.float64) + extents
-    if root == NONE:
-        assert not valid.any()
-        return 0
+    low, high = centres - extents, centres + extents
     found, deepest = [], 0
-    now = np.array([root], dtype=np.int64)
-    inside = np.array([[[-np.inf] * 3, [np.inf] * 3]])
+    now = np.array([root] if root != NONE else [], dtype=np.int64)
+    inside = np.array([[[-np.inf] * 3, [np.inf] * 3]])[: len(now)]
     while len(now):
         leaf = (now & LEAF) != 0
         first, pair = now[leaf] & INDEX, (now[leaf] & PAIR) != 0
@@ -67,6 +67,7 @@ def scenes() -> dict[str, tuple[NDArray, NDArray]]:
     block = constants.BLOCK
     sets |= {f"{count}": soup(count, count)[0] for count in (3, block - 1, block, block + 1, 2 * block + 1)}
     sets |= {"few": soup(6, 17)[0], "halved": halved, "nested": nested, "one centroid": same, "broken": broken}
+    sets["nothing"] = np.full((9, 3), np.nan)
     return {name: (points, np.arange(len(points)).reshape(-1, 3)) for name, points in sets.items()}
 
 
@@ -76,31 +77,21 @@ SCENES = scenes()
 @pytest.mark.parametrize("settings", BUILDS, ids=str)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
-    prepared = make_scene(*SCENES[name], [(5.0, 4.0, 3.0)])
-    assert checked_depth(built(prepared, settings, device), prepared) <= STACK
-
-
-def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
-    prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
-    assert checked_depth(built(prepared, {"builder": "lbvh", "SHARED_AREA": 0.0}), prepared) <= 24 + 15
+    """A radix tree is no deeper than the bits of a key and of a number of triangles."""
+    prepared = make_scene(*SCENES[name], LIGHTS)
+    depth = checked_depth(built(prepared, settings, device), prepared)
+    assert depth <= (constants.KEY_BITS + 15 if settings.get("builder") == "lbvh" else STACK)
 
 
 @pytest.mark.parametrize(("count", "builder"), [(1, "lbvh"), (39, "lbvh"), (40, "hploc")])
 def test_the_builder_follows_the_number_of_triangles(count, builder, device):
-    prepared = make_scene(*soup(count, count), [(5.0, 4.0, 3.0)])
+    prepared = make_scene(*soup(count, count), LIGHTS)
     assert built(prepared, {"MANY_TRIANGLES": 40}, device).method.built()["tree"] == builder
-
-
-def test_nothing_valid_is_an_empty_tree(device):
-    points = np.full((9, 3), np.nan)
-    prepared = make_scene(points, np.arange(9).reshape(-1, 3), [(5.0, 4.0, 3.0)])
-    for settings in BUILDS:
-        assert checked_depth(built(prepared, settings, device), prepared) in (0, 1, 2)
 
 
 @pytest.mark.parametrize("settings", BUILDS, ids=str)
 def test_devices_and_runs_make_the_same_tree(settings, device):
-    prepared = make_scene(*soup(9, 3000), [(5.0, 4.0, 3.0)])
+    prepared = make_scene(*soup(9, 3000), LIGHTS)
     trees = [built(prepared, settings, where) for where in ("cpu", device, device)]
     nodes = [session.method._rays.tree.nodes.numpy().view(np.uint32) for session in trees]
     for other in nodes[1:]:
@@ -118,3 +109,19 @@ def test_deep_sah_trees_are_halved():
         above = np.where(above >= 0, topology.node_parent[above >> 1], -1)
     assert depth <= DEEP + 8
     assert sorted(topology.order) == list(range(len(corners)))
+
+
+def test_neighbours_of_the_mesh_share_a_leaf_where_their_common_box_is_small(device):
+    quad = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0.0, 0, 0], [1, 0, 1], [0, 0, 1]])
+    corners = np.concatenate([quad + [k % 10, 0.1 * k, k // 10] for k in range(60)]).reshape(-1, 3, 3)
+    apart = np.stack([corners[:60], corners[60:]], axis=1).reshape(-1, 3, 3)
+
+    def leaves(triangles: NDArray, settings: dict[str, Any]) -> int:
+        points = triangles.reshape(-1, 3)
+        _, _, refs, _ = children(
+            built(make_scene(points, np.arange(len(points)).reshape(-1, 3), LIGHTS), settings, device)
+        )
+        return int(((refs & LEAF) != 0).sum())
+
+    assert leaves(corners, {}) == leaves(corners[:-1], {}) == leaves(apart, {"SHARED_AREA": 1000.0}) == 60
+    assert leaves(corners, {"SHARED_AREA": 0.0}) == leaves(apart, {}) == 120

@@ -6,10 +6,8 @@ Pairs of triangles with a common edge: shadow rays leave out what cannot hide th
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import assert_exact
+from helpers.method_trials import assert_exact, assert_same, trace
 from helpers.tuned_trees import tuned
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.trees.records.planes import joined_pairs
 
@@ -23,8 +21,8 @@ def over_floor(scale: float, corners: np.ndarray, light: np.ndarray, eye: np.nda
     return make_scene(vertices * scale, [[0, 1, 2], [4, 5, 6]], [places[0]], places[1], places[2], fov, (0.0, 0.0, 1.0))
 
 
-@pytest.mark.parametrize("gap", [2.0**-18, 2.0**-17, 2.0**-16, 2.0**-15, 2.0**-14])
-@pytest.mark.parametrize("width", [0.8, 0.9, 1.0, 1.1])
+@pytest.mark.parametrize("gap", [2.0**-18, 2.0**-16, 2.0**-14])
+@pytest.mark.parametrize("width", [0.8, 1.0])
 def test_a_small_triangle_of_a_small_scene_hides_the_floor_under_it(width, gap, device):
     """Its normal times a coordinate is below float32's normal numbers."""
     edge, scale = width * 2.0**-7, 2.0**-41
@@ -43,9 +41,8 @@ def test_a_triangle_close_to_a_light_of_a_large_scene_hides_the_floor(side, devi
     place = np.array([0.4 * side, 1.0, 0.3 * side])
     corners = place + np.array([[0, 0, 0], [0, 0, edge], [edge, 0, 0]])
     light = place + [edge / 4, edge, edge / 4]
-    got = assert_exact(
-        "bvh2", {}, over_floor(scale, corners, light, (0.0, 2.5, 0.1), (0.0, 0.7, 0.0), 60.0), 24, 24, device
-    )
+    prepared = over_floor(scale, corners, light, (0.0, 2.5, 0.1), (0.0, 0.7, 0.0), 60.0)
+    got = assert_exact("bvh2", {}, prepared, 24, 24, device)
     under = got["triangle"] == 0
     assert 0 < got["shadowed"][0][under].sum() < under.sum()
 
@@ -61,11 +58,10 @@ def test_float32_decides_nearly_all_rays_to_a_light_however_far_away(distance, s
     vertices = np.vstack([vertices, floor]) * scale
     faces = np.vstack([faces, np.arange(3) + len(vertices) - 3])
     prepared = make_scene(vertices, faces, [sun], tuple(np.array([0.3, 1.0, 3.0]) * scale))
-    got = assert_exact("bvh2", {}, prepared, 40, 30, device)
+    session, _, got = trace("bvh2", {}, prepared, 40, 30, device)
     hits = int((got["triangle"] >= 0).sum())
     assert 0 < got["shadowed"][0].sum() < hits
-    session = Session(make_method("bvh2", {}), prepared, 40, 30, device)
-    session.answers(prepared.moment(0, 40, 30))
+    assert_same(trace("uniform_grid", {}, prepared, 40, 30, device)[2], got)
     assert session.method.counters()["shadow undecided pairs"] < hits / 20
 
 
@@ -85,32 +81,20 @@ def folded(angle: float, faces: list[list[int]]):
 
 @pytest.mark.parametrize("area", [0.0, 1000.0])
 @pytest.mark.parametrize("faces", [OPPOSITE, SAME], ids=["opposite", "same"])
-@pytest.mark.parametrize("angle", [5, 20, 50, 85, 100, 140, 175, 180, 185, 230, 290, 340, 355])
+@pytest.mark.parametrize("angle", [5, 20, 85, 100, 175, 180, 185, 230, 340, 355])
 def test_folds_are_shadowed_as_by_brute_force(angle, faces, area, device):
+    """At 20 degrees the light sees the back of the upper triangle: leaving out every neighbour would find no shadow."""
     with tuned({"SHARED_AREA": area}) as settings:
-        assert_exact("bvh2", settings, folded(angle, faces), 40, 30, device)
-
-
-def test_a_fold_hides_what_lies_under_it():
-    """The light sees the back of the upper triangle: leaving out every neighbour would find no shadow."""
-    with tuned({"SHARED_AREA": 1000.0}) as settings:
-        answers = assert_exact("bvh2", settings, folded(20, OPPOSITE), 40, 30)
-    under = answers["triangle"] == 0
-    assert answers["shadowed"][0][under].any()
-
-
-def facing_of(angle: float) -> list[int]:
-    prepared = folded(angle, OPPOSITE)
-    method = make_method("bvh2", {})
-    Session(method, prepared, 8, 8, "cpu").answers(prepared.moment(0, 8, 8))
-    return method._rays.planes[0].facing.numpy().tolist()
+        answers = assert_exact("bvh2", settings, folded(angle, faces), 40, 30, device)
+    assert angle != 20 or answers["shadowed"][0][answers["triangle"] == 0].any()
 
 
 def test_the_light_sees_one_side_of_a_flat_pair_and_two_of_a_fold():
-    flat, sharp = facing_of(170), facing_of(20)
+    flat, sharp = (
+        trace("bvh2", {}, folded(angle, OPPOSITE), 8, 8)[0].method._rays.planes[0].facing.numpy() for angle in (170, 20)
+    )
     assert flat[0] == flat[1] != 0
-    assert 0 not in sharp
-    assert sharp[0] != sharp[1]
+    assert sorted(sharp) == [1, 2]
 
 
 def test_pairs_are_joined_by_an_edge_in_opposite_directions():
@@ -127,8 +111,5 @@ def test_pairs_are_joined_by_an_edge_in_opposite_directions():
         assert joined_pairs(make_scene(points, faces, [])).tolist() == [expected]
     last = [*OPPOSITE, [4, 5, 6], [4, 5, 7], [5, 6, 7]]
     assert joined_pairs(make_scene(points, last, [])).tolist() == [1, 0, 0]
-
-
-def test_equal_positions_are_one_vertex_where_nothing_moves():
-    points = np.random.default_rng(3).normal(size=(4, 3))
+    # Equal positions are one vertex where nothing moves.
     assert joined_pairs(make_scene(points[[0, 1, 2, 1, 0, 3]], [[0, 1, 2], [3, 4, 5]], [])).tolist() == [1]

@@ -39,10 +39,11 @@ def test_equals_brute_force_as_bodies_move(name, device):
     assert session.regrown == 0
 
 
-@pytest.mark.parametrize("scale", [1e-36, 1e-30, 1e-6, 1e6, 1e30])
+@pytest.mark.parametrize("scale", [1e-36, 1e-30, 1e-6, 1e6, 1e30, 3e37])
 def test_equals_brute_force_at_any_size(scale, device):
+    """A scene too large to be turned in float32 has one tree."""
     session = assert_exact_in_frames(moving(TWO_BALLS, tumbling, scale=scale), [0, 2], device=device)
-    assert bodies_of(session) == 3
+    assert bodies_of(session) == (3 if scale < 1e37 else 0)
 
 
 @pytest.mark.parametrize("way", [(1e3, 0.0, 0.0), (1e6, 2e5, 0.0)], ids=str)
@@ -67,10 +68,8 @@ def test_rotations_that_add_up():
     for _ in range(300):
         poses.append(turned.astype(np.float64))
         turned = turned @ turn((1.0, 2.0, 3.0), 0.2).astype(np.float32)
-    prepared = moving(
-        TWO_BALLS, lambda body, frame: (poses[frame] if body else np.eye(3), np.zeros(3)), frames=len(poses)
-    )
-    assert bodies_of(assert_exact_in_frames(prepared, [0, 299])) == 3
+    pose = lambda body, frame: (poses[frame] if body else np.eye(3), np.zeros(3))  # noqa: E731
+    assert bodies_of(assert_exact_in_frames(moving(TWO_BALLS, pose, frames=len(poses)), [0, 299])) == 3
 
 
 def test_a_thousand_bodies(device):
@@ -110,8 +109,7 @@ def test_effects_have_the_bits_of_bvh2(effect, device):
     assert_same_as_bvh2(prepare(scene), (0, 1, 2), device)
 
 
-SAMPLE = ["P01y", "P06 holes 208", "P11", "S04", "S09", "S21", "A03", "M02b", "H03", "V ball x1e+03", "V subnormal x",
-          "V scale 5e+18", "V sun 1e+20"]  # fmt: skip
+SAMPLE = ["P01y", "P06 holes 208", "S09", "S21", "A03", "M02b", "H03", "V ball x1e+03", "V subnormal x", "V sun 1e+20"]
 
 
 @pytest.mark.parametrize("name", SAMPLE)
@@ -185,17 +183,13 @@ def plain(prepared: Prepared) -> Prepared:
     return replace(prepared, geometry=replace(prepared.geometry, motion=None))
 
 
-@pytest.mark.parametrize(("prepared", "said"), [
-    (wobbling(0.05), "vertices move by 0.00\\d of the scene or more among themselves, and of a mesh that deforms no tree"),
-    (plain(wobbling(0.05)), "nothing says which triangles of rigid move together, and of a mesh that deforms no tree"),
-])  # fmt: skip
-def test_or_rejected_where_that_is_asked_for(prepared, said):
-    with pytest.raises(CapacityRejected, match=said):
-        assert_exact_in_frames(prepared, [0, 1], deforming="refuse")
-
-
-def test_a_scene_too_large_to_be_turned_in_float32_has_one_tree():
-    assert bodies_of(assert_exact_in_frames(moving(TWO_BALLS, tumbling, scale=3e37), [0, 1])) == 0
+def test_or_rejected_where_that_is_asked_for():
+    for prepared, why in (
+        (wobbling(0.05), "vertices move by 0.00\\d of the scene or more among themselves"),
+        (plain(wobbling(0.05)), "nothing says which triangles of rigid move together"),
+    ):
+        with pytest.raises(CapacityRejected, match=f"{why}, and of a mesh that deforms no tree"):
+            assert_exact_in_frames(prepared, [0, 1], deforming="refuse")
 
 
 def test_triangles_that_lose_their_area_and_gain_one(device):
@@ -203,7 +197,7 @@ def test_triangles_that_lose_their_area_and_gain_one(device):
     thin = np.array([(-1.0, 0.25, 0.5), (0.0, 0.5, 0.75), (1.0, 0.75, 1.0)])
     prepared = moving([GROUND, ball(0.5, (0.0, 0.4, 0.0)), triangles(*thin), triangles(*[thin[0]] * 3)], tumbling)
     assert len({int(prepared.points(k)[1].sum()) for k in range(3)}) > 1
-    assert_exact_in_frames(prepared, [0, 1, 2, 1, 0], device=device)
+    assert_exact_in_frames(prepared, [0, 1, 2, 0], device=device)
 
 
 def test_vertices_that_are_no_numbers(device):
@@ -255,8 +249,7 @@ def test_tests_of_both_levels_are_counted():
         session = Session(make_method(NAME), dealt(prepared, bodies), 32, 32, "cpu")
         session.answers(prepared.moment(0, 32, 32))
         counts = session.method.counters()
-        found.append(
-            [*(tests.sum() for tests in session.method.tests_per_pixel()), counts["expected tests a hundred rays"]]
-        )
+        tests = [one.sum() for one in session.method.tests_per_pixel()]
+        found.append([*tests, counts["expected tests a hundred rays"]])
     assert np.allclose(*found, rtol=0.5)
     assert all(found[0])

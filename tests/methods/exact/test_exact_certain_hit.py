@@ -47,51 +47,35 @@ def test_a_quotient_is_that_of_a_division(device):
     a[:10] = 0.0
     near = np.arange(10, COUNT // 2)  # quotients next to a number of 53 bits, and halfway between two
     a[near] = b[near] * (1.0 + random.integers(0, 2**20, len(near)) * 2.0**-53)
-    found = wp.zeros(COUNT, dtype=wp.float64, device=device)
-    wp.launch(
-        quotient_kernel,
-        dim=COUNT,
-        inputs=[wp.array(a, device=device), wp.array(b, device=device)],
-        outputs=[found],
-        device=device,
-    )
+    with wp.ScopedDevice(device):
+        found = wp.zeros(COUNT, dtype=wp.float64)
+        wp.launch(quotient_kernel, COUNT, inputs=[wp.array(a), wp.array(b)], outputs=[found])
     np.testing.assert_array_equal(found.numpy(), a / b)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3, 30.0])
 def test_certain_hits_are_those_of_the_shared_functions(size, device):
+    """Of some origins that are so far away that every hit point is vague."""
     random = np.random.default_rng(7)
     corners = random.normal(0, 1, (COUNT, 1, 3)) + random.normal(0, size, (COUNT, 3, 3))
     corners = corners.astype(np.float32)
-    origin = random.normal(0, 2, (COUNT, 3)).astype(np.float32)
+    extent = float(np.abs(corners).max())
+    far = np.arange(COUNT) % 7 == 0
+    origin = np.where(
+        far[:, None], random.choice([-1.0, 1.0], (COUNT, 3)) * 1100 * extent, random.normal(0, 2, (COUNT, 3))
+    )
+    origin = origin.astype(np.float32)
     weights = random.dirichlet((1, 1, 1), COUNT)
     weights[::5] = [1, 0, 0]  # at a corner
     direction = ((weights[:, :, None] * corners).sum(axis=1) - origin).astype(np.float32)
     welds = random.permuted(np.tile(np.arange(3, dtype=np.int32), (COUNT, 1)), axis=1)
-    t = wp.zeros((2, COUNT), dtype=wp.float64, device=device)
-    uv = wp.zeros((2, COUNT), dtype=wp.vec2f, device=device)
-    vague = wp.zeros((2, COUNT), dtype=wp.uint8, device=device)
-    rays = [wp.array(values, dtype=wp.vec3f, device=device) for values in (origin, direction, corners)]
-    wp.launch(
-        hit_kernel,
-        dim=COUNT,
-        inputs=[*rays, wp.array(welds, dtype=wp.vec3i, device=device), float(np.abs(corners).max())],
-        outputs=[t, uv, vague],
-        device=device,
-    )
-    np.testing.assert_array_equal(*t.numpy())
-    np.testing.assert_array_equal(*uv.numpy())
-    np.testing.assert_array_equal(*vague.numpy())
-    assert 0 < vague.numpy()[0].sum() < COUNT / 10
-
-
-def test_a_far_eye_makes_every_hit_point_vague(device):
-    @wp.kernel(enable_backward=False, module="unique")
-    def far_kernel(origins: wp.array(dtype=wp.vec3f), far: wp.array(dtype=wp.uint8)):
-        i = wp.tid()
-        far[i] = wp.uint8(is_far(origins[i], 2.0))
-
-    origins = wp.array([(0.0, 1000.0, 0.0), (0.0, 0.0, -1100.0)], dtype=wp.vec3f, device=device)
-    far = wp.zeros(2, dtype=wp.uint8, device=device)
-    wp.launch(far_kernel, dim=2, inputs=[origins], outputs=[far], device=device)
-    assert far.numpy().tolist() == [0, 1]
+    with wp.ScopedDevice(device):
+        t, uv, vague = (wp.zeros((2, COUNT), dtype=kind) for kind in (wp.float64, wp.vec2f, wp.uint8))
+        rays = [wp.array(values, dtype=wp.vec3f) for values in (origin, direction, corners)]
+        inputs = [*rays, wp.array(welds, dtype=wp.vec3i), extent]
+        wp.launch(hit_kernel, COUNT, inputs=inputs, outputs=[t, uv, vague])
+    for found in (t, uv, vague):
+        np.testing.assert_array_equal(*found.numpy())
+    left = vague.numpy()[0].astype(bool)
+    assert left[far].all()
+    assert 0 < left[~far].sum() < COUNT / 10
