@@ -11,7 +11,7 @@ from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.load import load, source
-from shadowbench.harness.scene.readers.polygons import fan
+from shadowbench.harness.scene.readers.polygons import triangulate
 from shadowbench.harness.scene.scene import Camera, Scene
 
 PENTAGON = [(0, 1, 2, 3, 4), (0, 1, 2), (0, 1, 2, 3)]
@@ -123,7 +123,7 @@ def test_fans_of_many_polygons_across_blocks():
     for count in counts:
         expected += [(at, at + i, at + i + 1) for i in range(1, count - 1)]
         at += count
-    assert np.array_equal(fan(counts, corners), expected)
+    assert np.array_equal(triangulate(np.zeros((1, 3)), counts, corners), expected)
 
 
 def test_stl_keeps_every_triangle_and_its_corners(tmp_path):
