@@ -15,8 +15,6 @@ from shadowbench.harness.scene.readers.text import first_wrong, numbers
 from shadowbench.harness.scene.scene import Camera, Scene
 
 WRITERS = {
-    "a.ply": files.ply_binary, "b.ply": files.ply_ascii, "c.obj": files.obj, "UPPER.OBJ": files.obj, "d.off": files.off,
-}  # fmt: skip
     "a.ply": files.ply_binary,
     "b.ply": files.ply_ascii,
     "c.obj": files.obj,
