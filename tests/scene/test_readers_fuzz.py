@@ -17,7 +17,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.readers import apart
 from shadowbench.harness.scene.readers.load import load
 
-CASES = 100
+CASES = 60
 """Damaged files of each format, and as many cut short."""
 
 SEEDS = seeds()
@@ -77,7 +77,7 @@ GRID = np.random.default_rng(0).random((SIDE * SIDE, 3)).astype(np.float32)
 CORNERS = (np.arange(SIDE - 1)[:, None] * SIDE + np.arange(SIDE - 1)).ravel()
 TRIANGLES = np.stack([CORNERS, CORNERS + 1, CORNERS + SIDE], axis=1).tolist()
 POINT_COUNT, FACE_COUNT = str(len(GRID)).encode(), str(len(TRIANGLES)).encode()
-HUGE = (10**5, 10**7, 2**31 - 1, 2**32 - 1, 10**12)
+HUGE = (10**5, 2**31 - 1, 10**12)
 
 
 def counted(old: bytes, fields: bytes):
