@@ -153,34 +153,6 @@ def test_buffers_beside_the_file_and_within_it(tmp_path):
         load(beside[0])
 
 
-SHAPES = {
-    "box": trimesh.creation.box(),
-    "ball": trimesh.creation.icosphere(2),
-    "ring": trimesh.creation.annulus(1, 2, 0.5),
-    "capsule": trimesh.creation.capsule(),
-    "cone": trimesh.creation.cone(1, 2),
-}
-
-
-@pytest.mark.parametrize("suffix", ["glb", "gltf", "draco.glb"])
-def test_files_of_trimesh_have_its_bounds_and_counts(tmp_path, suffix):
-    scene = trimesh.Scene()
-    for i, shape in enumerate(SHAPES.values()):
-        turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(i).random(3))
-        turn[:3, 3] = [3 * i, i, -i]
-        scene.add_geometry(shape, node_name=f"n{i}", transform=turn, parent_node_name=f"n{i - 1}" if i else None)
-    path = tmp_path / f"a.{suffix}"
-    if suffix == "gltf":
-        for name, blob in scene.export(file_type="gltf").items():
-            (tmp_path / name.replace("model.gltf", path.name)).write_bytes(blob)
-    else:
-        path.write_bytes(scene.export(file_type="glb", extension_draco="draco" in suffix))
-    ours, theirs = load(path), trimesh.load_scene(path, process=False)
-    assert len(ours.faces) == sum(len(shape.faces) for shape in SHAPES.values())
-    assert np.allclose(bounds(ours), theirs.bounds, atol=1e-6)
-    assert np.allclose(bounds(ours), scene.bounds, atol=1e-3 if "draco" in suffix else 1e-5)
-
-
 def test_large_embedded_data_are_no_json(tmp_path, monkeypatch):
     """Embedded images of any size are not parsed; only what is read is decoded."""
     monkeypatch.setattr(container, "_JSON_LIMIT", 1 << 12)
