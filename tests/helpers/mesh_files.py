@@ -116,10 +116,10 @@ def written(tmp_path, name, content) -> Path:
     return path
 
 
-def refused(path, *words) -> str:
+def refused(path, *words, read=load) -> str:
     """Loading fails with one line that names the file and all words."""
     with pytest.raises(UserError) as caught:
-        load(path)
+        read(path)
     line = str(caught.value)
     assert "\n" not in line
     assert str(path) in line

@@ -13,11 +13,14 @@ from shadowbench.harness.scene.readers.load import load
 
 
 def test_objects_are_built_in_the_order_of_the_items(tmp_path):
+    """What is mirrored is turned round."""
     one = np.array([(0, 1, 2)])
-    text = model([mesh(1), mesh(7, files.QUAD * 2, one)], item(7, (10, 0, 0)), item(1), item(7))
+    mirror = (-1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
+    text = model([mesh(1), mesh(7, files.QUAD * 2, one)], item(7, (10, 0, 0)), item(1), item(7, mirror))
     loaded = load(written(tmp_path, "a.3mf", package(text)))
-    assert loaded.faces.tolist() == [[0, 1, 2], *[[5 + i for i in face] for face in files.FACES], [10, 11, 12]]
-    assert np.array_equal(loaded.frames[0], np.concatenate([files.QUAD * 2 + [10, 0, 0], files.QUAD, files.QUAD * 2]))
+    assert loaded.faces.tolist() == [[0, 1, 2], *[[5 + i for i in face] for face in files.FACES], [10, 12, 11]]
+    expected = [files.QUAD * 2 + [10, 0, 0], files.QUAD, files.QUAD * [-2, 2, 2]]
+    assert np.array_equal(loaded.frames[0], np.concatenate(expected))
     assert loaded.up == (0, 0, 1)
     assert loaded.notes == ()
 
@@ -35,12 +38,6 @@ def test_components_are_moved_by_all_above_them(tmp_path):
     ]
     assert np.allclose(loaded.frames[0], np.concatenate(expected))
     assert len(loaded.faces) == 12
-
-
-def test_a_mirrored_object_is_turned_round(tmp_path):
-    mirror = (-1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
-    loaded = load(written(tmp_path, "a.3mf", package(model([mesh(1)], item(1, mirror)))))
-    assert loaded.faces.tolist() == [[a, c, b] for a, b, c in files.FACES]
 
 
 def test_parts_of_a_package_have_their_own_objects(tmp_path):
@@ -70,18 +67,24 @@ def test_it_is_what_trimesh_reads(tmp_path):
     assert np.allclose(mine, other)
 
 
-def test_what_is_left_out_is_noted(tmp_path):
-    lattice = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
-    beams = mesh(1).replace("</mesh>", f'<b:beamlattice xmlns:b="{lattice}"/></mesh>')
-    loaded = load(written(tmp_path, "a.3mf", package(model(['<basematerials id="9"/>', beams], item(1)))))
-    assert loaded.notes == ("beam lattices left out", "materials left out")
+LATTICE = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
+BEAMS = mesh(1).replace("</mesh>", f'<b:beamlattice xmlns:b="{LATTICE}"/></mesh>')
 
 
-def test_what_is_not_built_and_another_unit_are_noted(tmp_path):
-    text = model([mesh(1), mesh(2), group(3, use(1))], item(1)).replace("millimeter", "inch")
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [
+        (model(['<basematerials id="9"/>', BEAMS], item(1)), ("beam lattices left out", "materials left out")),
+        (
+            model([mesh(1), mesh(2), group(3, use(1))], item(1)).replace("millimeter", "inch"),
+            ("objects that are not built (2) left out", "unit of length: inch"),
+        ),
+    ],
+)
+def test_what_is_left_out_and_another_unit_are_noted(tmp_path, text, notes):
     loaded = load(written(tmp_path, "a.3mf", package(text)))
     assert np.array_equal(loaded.frames[0], files.QUAD)
-    assert loaded.notes == ("objects that are not built (2) left out", "unit of length: inch")
+    assert loaded.notes == notes
 
 
 def test_elements_of_other_namespaces_are_not_those_of_the_core(tmp_path):
@@ -125,23 +128,28 @@ def test_broken_files(tmp_path, content, words):
     refused(written(tmp_path, "a.3mf", content), *words)
 
 
-def test_a_package_without_a_model(tmp_path):
+def zipped(name: str, text: str) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr("other.txt", "")
-    refused(written(tmp_path, "a.3mf", stream.getvalue()), "no part '_rels/.rels'")
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr("_rels/.rels", "<Relationships/>")
-    refused(written(tmp_path, "a.3mf", stream.getvalue()), "names no 3D model")
+        archive.writestr(name, text)
+    return stream.getvalue()
 
 
-def test_a_package_that_unpacks_to_far_more_than_its_size(tmp_path):
-    blob = package(model([" " * (70 << 20), mesh(1)], item(1)))
-    assert len(blob) < 1 << 20
-    refused(written(tmp_path, "a.3mf", blob), "unpacks to far more than its size")
+def nested(first: str) -> bytes:
+    """Twice the object before it, 64 times over."""
+    return package(model([first, *(group(k + 1, use(k), use(k)) for k in range(64))], item(64)))
 
 
-def test_components_of_components_do_not_multiply_without_end(tmp_path):
-    for first in (mesh(0), group(0)):
-        objects = [first, *(group(k + 1, use(k), use(k)) for k in range(64))]
-        refused(written(tmp_path, "a.3mf", package(model(objects, item(64)))), "builds 36893488147419103231 objects")
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (zipped("other.txt", ""), "no part '_rels/.rels'"),
+        (zipped("_rels/.rels", "<Relationships/>"), "names no 3D model"),
+        (package(model([" " * (70 << 20), mesh(1)], item(1))), "unpacks to far more than its size"),
+        (nested(mesh(0)), "builds 36893488147419103231 objects"),
+        (nested(group(0)), "builds 36893488147419103231 objects"),
+    ],
+    ids=["no part", "no model", "bomb", "meshes", "groups"],
+)
+def test_packages_beyond_reason(tmp_path, content, word):
+    refused(written(tmp_path, "a.3mf", content), word)

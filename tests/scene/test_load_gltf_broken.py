@@ -113,10 +113,16 @@ def test_a_wrong_value_is_named(tmp_path, sample, place, value, word):
     refused(written(tmp_path, "a.glb", binary(head, bytes(made.data))), word)
 
 
-def test_broken_instances(tmp_path):
-    refused(instanced({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}).write(tmp_path), "[1, 2]")
-    refused(instanced({"TRANSLATION": [[0, 0]]}).write(tmp_path), "not 3 floats")
-    refused(instanced({}).write(tmp_path), "counts []")
+@pytest.mark.parametrize(
+    ("attributes", "word"),
+    [
+        ({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}, "[1, 2]"),
+        ({"TRANSLATION": [[0, 0]]}, "not 3 floats"),
+        ({}, "counts []"),
+    ],
+)
+def test_broken_instances(tmp_path, attributes, word):
+    refused(instanced(attributes).write(tmp_path), word)
 
 
 @pytest.mark.parametrize(

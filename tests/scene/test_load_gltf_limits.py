@@ -9,12 +9,12 @@ import pytest
 from helpers.fuzzed_inputs import READ, REFUSED
 from helpers.gltf_files import SQUARE, Gltf, binary
 from helpers.gltf_samples import FACES, POINTS, draco, everything, packed
-from helpers.mesh_files import refused
+from helpers.mesh_files import refused, written
 from helpers.reader_fuzz import outcome
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.readers.load import load
 
-CASES = 2
+CASES = 1
 """Values that are tried in each place of a JSON part."""
 
 
@@ -114,21 +114,21 @@ def test_values_replaced(tmp_path, name):
     assert outcomes == {READ, REFUSED}
 
 
-def test_json_nested_beyond_reason(tmp_path):
-    path = tmp_path / "deep.gltf"
-    path.write_bytes(b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}")
-    refused(path, "JSON part cannot be read")
-
-
-def test_a_json_part_beyond_reason(tmp_path):
-    path = tmp_path / "large.gltf"
-    path.write_bytes(b'{"a": [' + b"0," * (1 << 24) + b"0]}")
-    refused(path, "its JSON part has", "more than")
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "JSON part cannot be read"),
+        (b'{"a": [' + b"0," * (1 << 24) + b"0]}", "bytes, more than 33554432"),
+    ],
+    ids=["nested", "long"],
+)
+def test_a_json_part_beyond_reason(tmp_path, content, word):
+    refused(written(tmp_path, "a.gltf", content), word)
 
 
 def test_counts_that_the_file_does_not_hold_take_no_memory(tmp_path):
     for accessor in range(len(everything().head["accessors"])):
-        for count in (10**5, 2**31 - 1, 10**12):
+        for count in (10**5, 10**12):
             changed = everything()
             changed.head["accessors"][accessor]["count"] = count
             path = changed.write(tmp_path)

@@ -57,21 +57,18 @@ def test_the_camera_of_an_animation_is_that_of_its_first_frame(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "camera",
+    ("camera", "scale"),
     [
-        {"type": "perspective", "perspective": {"yfov": 4}},
-        {"type": "perspective", "perspective": {"yfov": "x"}},
-        {"type": "perspective"},
-        {"type": "orthographic", "orthographic": {"ymag": 0}},
-        {},
+        ({"type": "perspective", "perspective": {"yfov": 4}}, 1),
+        ({"type": "perspective", "perspective": {"yfov": "x"}}, 1),
+        ({"type": "perspective"}, 1),
+        ({"type": "orthographic", "orthographic": {"ymag": 0}}, 1),
+        ({}, 1),
+        (PERSPECTIVE, 0),
     ],
 )
-def test_cameras_that_see_nothing_are_left_out(tmp_path, camera):
-    assert load(with_camera(camera).write(tmp_path)).cameras == {}
-
-
-def test_a_camera_of_no_size_is_left_out(tmp_path):
-    assert load(with_camera(PERSPECTIVE, scale=[0, 0, 0]).write(tmp_path)).cameras == {}
+def test_cameras_that_see_nothing_are_left_out(tmp_path, camera, scale):
+    assert load(with_camera(camera, scale=[scale] * 3).write(tmp_path)).cameras == {}
 
 
 def test_point_lights(tmp_path):
@@ -98,9 +95,11 @@ def test_spots(tmp_path):
     assert load(with_light({"type": "spot"}).write(tmp_path)).lights["light"].spot.angle == pytest.approx(45)
 
 
-def test_hidden_and_useless_lights_are_left_out(tmp_path):
-    made = with_light({"type": "point"})
-    made.extend(made.head["nodes"][1], "KHR_node_visibility", {"visible": False})
+@pytest.mark.parametrize(
+    ("light", "shown"),
+    [({"type": "point"}, 0), ({}, 1), ({"type": "area"}, 1), ({"type": "spot", "spot": {"outerConeAngle": 0}}, 1)],
+)
+def test_hidden_and_useless_lights_are_left_out(tmp_path, light, shown):
+    made = with_light(light)
+    made.extend(made.head["nodes"][1], "KHR_node_visibility", {"visible": bool(shown)})
     assert load(made.write(tmp_path)).lights == {}
-    for light in ({}, {"type": "area"}, {"type": "spot", "spot": {"outerConeAngle": 0}}):
-        assert load(with_light(light).write(tmp_path)).lights == {}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.mesh_files import refused, written
-from helpers.usd_stages import HEAD, POINTS, TRIANGLE, bounds, mesh, moved_by, needs_usd
+from helpers.usd_stages import HEAD, POINTS, TRIANGLE, mesh, moved_by, needs_usd
 from shadowbench.harness.scene.readers.checks import Wanted
 from shadowbench.harness.scene.readers.load import load
 
@@ -17,29 +17,6 @@ def read(tmp_path, text, **wanted):
 def lefts(loaded) -> list[float]:
     """The least x of each triangle, in order."""
     return loaded.frames[0][loaded.faces][..., 0].min(axis=1).tolist()
-
-
-SAMPLED = moved_by(0).replace("= (0, 0.0, 0.0)", ".timeSamples = { 1: (5, 0, 0) }")
-
-
-@pytest.mark.parametrize("start", ["", "startTimeCode = 1\n endTimeCode = 1\n"])
-def test_transforms_that_have_only_samples(tmp_path, start):
-    text = HEAD.replace(")\n", start + ")\n") + mesh("Left") + mesh("Right", SAMPLED)
-    loaded = load(written(tmp_path, "a.usda", text))
-    assert bounds(loaded) == [[0, 0, 0], [6, 1, 0]]
-    assert len(loaded.frames) == 1
-
-
-def test_points_at_the_earliest_sample_where_the_file_names_no_start(tmp_path):
-    points = POINTS.replace("points =", "points.timeSamples = { 3:").replace("\n", " }\n")
-    loaded = read(tmp_path, mesh("A", points=points) + mesh("B", SAMPLED))
-    assert bounds(loaded) == [[0, 0, 0], [6, 1, 0]]
-    assert loaded.frames[0].dtype == np.float64
-
-
-def test_what_is_not_moved_stays_as_it_is_stored(tmp_path):
-    loaded = read(tmp_path, mesh("A") + mesh("B"))
-    assert loaded.frames[0].dtype == np.float32
 
 
 @pytest.mark.parametrize(
@@ -75,6 +52,13 @@ def test_what_is_not_moved_stays_as_it_is_stored(tmp_path):
 )  # fmt: skip
 def test_what_is_drawn(tmp_path, text, places):
     assert lefts(read(tmp_path, text)) == places
+
+
+def test_what_is_not_moved_stays_as_it_is_stored_and_a_mesh_without_faces_is_named(tmp_path):
+    loaded = read(tmp_path, mesh("A") + mesh("B"))
+    assert (loaded.frames[0].dtype, loaded.notes) == (np.float32, ())
+    none = mesh("None").replace("[3]", "[]").replace("[0, 1, 2]", "[]")
+    assert read(tmp_path, mesh("A") + none).notes == ("in no frame, empty or invisible: /None",)
 
 
 def test_instances_of_the_scene_graph_nested(tmp_path):
@@ -195,15 +179,6 @@ def test_opacities_are_noted(tmp_path, value, given, opaque):
     assert read(tmp_path, mesh("A", shown)).notes == (() if value else (f"{said}1",))
 
 
-def test_a_mesh_without_faces_is_named(tmp_path):
-    none = mesh("None").replace("[3]", "[]").replace("[0, 1, 2]", "[]")
-    assert read(tmp_path, mesh("A") + none).notes == ("in no frame, empty or invisible: /None",)
-
-
-def test_a_plain_mesh_has_no_notes(tmp_path):
-    assert read(tmp_path, mesh("A")).notes == ()
-
-
 @pytest.mark.parametrize(
     ("text", "word"),
     [
@@ -225,9 +200,3 @@ def test_too_many_prims_are_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr(prims, "MOST_PRIMS", 3)
     refused(written(tmp_path, "a.usda", HEAD + "".join(map(mesh, "ABCD"))), "more than 3 prims")
-
-
-def test_deep_prims_inherit_along_the_way(tmp_path):
-    depth = 300
-    text = "".join(f'def Xform "X{i}" {{\n{moved_by(1)}' for i in range(depth)) + mesh("M") + "}\n" * depth
-    assert lefts(read(tmp_path, text)) == [depth]

@@ -37,16 +37,10 @@ def lefts(tmp_path, text) -> list[float]:
     return loaded.frames[0][loaded.faces][..., 0].min(axis=1).tolist()
 
 
-def test_a_prototype_inside_is_drawn_once_for_each_instance(tmp_path):
-    path = written(tmp_path, "a.usda", HEAD + FIELD)
-    loaded = load(path)
-    assert len(loaded.faces) == 3
-    assert bounds(loaded) == [[10, 0, 0], [31, 1, 0]] == bounds_of_library(path, 0.0)
-
-
 @pytest.mark.parametrize(
     ("text", "places"),
     [
+        (FIELD, [10, 20, 30]),
         # a prototype outside is drawn where it stands, too
         (mesh("P", moved_by(5)) + instancer("</P>", "[0, 0, 0]", ROW), [5, 15, 25, 35]),
         # unless it lies below an over; its own transform counts, those above it do not
@@ -127,7 +121,7 @@ def test_native_instances_within_a_prototype(tmp_path):
     assert lefts(tmp_path, text) == [11, 12, 21, 22]
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_generated_instancers_have_the_bounds_of_the_library(tmp_path, seed):
     """Boxes that are not turned, since the library bounds the boxes of turned prototypes."""
     from pxr import Usd, UsdGeom, Vt

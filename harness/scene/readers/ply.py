@@ -12,8 +12,7 @@ import numpy as np
 
 from ...arrays import I32, Floats
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
-from .ply_data import Column, Columns, Records, Rows
-from .ply_header import CORNERS, Element, read_header
+from .ply_data import CORNERS, Column, Columns, Element, Records, Rows, read_header
 from .polygons import polygon_sizes, triangulate
 from .text import decoded
 

@@ -40,53 +40,39 @@ def triangulate(points: Floats, counts: Ints, corners: Ints) -> I32:
     counts   number of corners of each polygon, at least 3
     corners  the vertex indices of all polygons, one after the other, below 2^31. If one is out of range, all polygons are
              fans: the caller refuses the file
-    """
-    faces = fan(counts, corners)
-    if len(faces) == len(counts) or corners.min() < 0 or corners.max() >= len(points):
-        return faces
-    starts = np.cumsum(counts, dtype=np.int64) - counts
-    triangles = starts - 2 * np.arange(len(counts))
-    for polygons in _alike(counts):
-        size = counts[polygons[0]]
-        own = corners[starts[polygons][:, None] + np.arange(size)]
-        wrong = _wrong_fans(points[own])
-        if wrong.any():
-            cut = _cut(points[own[wrong]].astype(np.float64)).reshape(wrong.sum(), -1)
-            places = triangles[polygons[wrong]][:, None] + np.arange(size - 2)
-            faces[places.ravel()] = np.take_along_axis(own[wrong], cut, axis=1).reshape(-1, 3)
-    return faces
-
-
-def fan(counts: Ints, corners: Ints) -> I32:
-    """Polygons as fans about their first corner, int32 [sum(counts - 2), 3]; arguments as of :func:`triangulate`.
 
     It works in blocks and needs little memory beside its result.
     """
     if (counts == 3).all():
         return corners.astype(np.int32, copy=False).reshape(-1, 3)
-    result = np.empty((int(counts.sum()) - 2 * len(counts), 3), dtype=np.int32)
-    corner, triangle, first = 0, 0, 0
-    ends = np.cumsum(counts, dtype=np.int64)
-    while first < len(counts):
-        last = max(first + 1, int(np.searchsorted(ends, corner + _BLOCK, side="right")))
-        each = counts[first:last].astype(np.int64)
-        block = corners[corner : ends[last - 1]]
-        start = np.repeat(np.cumsum(each) - each, each - 2)
-        before = np.repeat(np.cumsum(each - 2) - (each - 2), each - 2)
-        second = start + (np.arange(len(start)) - before) + 1
-        part = result[triangle : triangle + len(start)]
-        part[:, 0], part[:, 1], part[:, 2] = block[start], block[second], block[second + 1]
-        first, corner, triangle = last, int(ends[last - 1]), triangle + len(start)
-    return result
+    known = corners.min() >= 0 and corners.max() < len(points)
+    faces = np.empty((int(counts.sum()) - 2 * len(counts), 3), dtype=np.int32)
+    starts = np.cumsum(counts, dtype=np.int64) - counts
+    triangles = starts - 2 * np.arange(len(counts))
+    for polygons in _alike(counts):
+        size = counts[polygons[0]]
+        own = corners[starts[polygons][:, None] + np.arange(size)]
+        places = triangles[polygons][:, None] + np.arange(size - 2)
+        faces[places] = own[:, _fan(size)]
+        wrong = _wrong_fans(points[own]) if known and size > 3 else np.zeros(len(own), dtype=bool)
+        if wrong.any():
+            cut = _cut(points[own[wrong]].astype(np.float64))
+            faces[places[wrong]] = own[wrong][np.arange(wrong.sum())[:, None, None], cut]
+    return faces
+
+
+def _fan(size: int) -> I64:
+    """The triangles of a polygon about its first corner, [size - 2, 3]."""
+    corner = np.arange(1, size - 1)
+    return np.stack([0 * corner, corner, corner + 1], axis=1)
 
 
 def _alike(counts: Ints) -> Iterator[I64]:
-    """The polygons of more than 3 corners, in groups of one size and of about :data:`_BLOCK` corners."""
+    """The polygons in groups of one size and of about :data:`_BLOCK` corners."""
     order = np.argsort(counts, kind="stable")
     sizes, firsts = np.unique(counts[order], return_index=True)
     for size, group in zip(sizes.tolist(), np.split(order, firsts[1:]), strict=True):
-        if size > 3:
-            yield from np.array_split(group, min(len(group), -(-len(group) * size // _BLOCK)))
+        yield from np.array_split(group, min(len(group), -(-len(group) * size // _BLOCK)))
 
 
 def _wrong_fans(points: Floats) -> Bools:
@@ -109,7 +95,7 @@ def _cut(points: F64) -> I64:
     points  the corners, [polygons, corners, 3]
     """
     many, size, _ = points.shape
-    about_first = fan(np.array([size]), np.arange(size)).astype(np.int64)
+    about_first = _fan(size)
     cut = np.tile(about_first, (many, 1, 1))
     left = np.arange(many)
     for corner in range(1, min(size, _CORNERS)):
@@ -147,10 +133,8 @@ def _clipped(flat: F64) -> I64 | None:
     if (e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]).sum() < 0.0:  # all are turned the same way, those without area too
         cut = cut[:, [0, 2, 1]]
     if len(cut) < count - 2:
-        rings = [np.array(ring) for ring in _rings_left(cut, count) if len(ring) > 2]
-        if rings:
-            sizes = np.array([len(ring) for ring in rings])
-            cut = np.concatenate([cut, fan(sizes, np.concatenate(rings))])
+        rings = [np.array(ring)[_fan(len(ring))] for ring in _rings_left(cut, count)]
+        cut = np.concatenate([cut, *rings])
     return cut if len(cut) == count - 2 else None
 
 

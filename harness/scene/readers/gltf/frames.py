@@ -1,20 +1,24 @@
-"""The vertices of a glTF scene at a time, and in the frames of its animation."""
+"""The vertices of a glTF scene at a time: displaced by morph targets, then moved by their node or bent by a skin."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ....arrays import F64, I32, Floats
 from .animation import Animation
-from .deformation import bent, displaced, transformed
 from .model import Block, Model
 from .nodes import Matrices, Tree
+from .primitives import Vertices
 
 MOST_POSITIONS = 1 << 27
 """Largest number of vertices of all frames together: 3 GiB."""
 
 MOST_FRAMES = 1 << 14
 """Largest number of frames that are read: each takes about half a millisecond, however little moves."""
+
+_BLOCK = 1 << 16
+"""Vertices that are bent at a time."""
 
 
 class Frames:
@@ -66,9 +70,54 @@ class Frames:
 def _write(result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, F64]) -> None:
     """Write the positions of some blocks into ``result`` [vertex_count, 3]."""
     for block in blocks:
-        points = displaced(block.vertices, weights.get(block.place, block.weights))
+        points = _displaced(block.vertices, weights.get(block.place, block.weights))
         part = result[block.start : block.start + block.count]
         if block.skin is not None:
-            bent(points, block.vertices, block.skin.matrices(world), part)
+            _bent(points, block.vertices, block.skin.matrices(world), part)
         else:
-            transformed(points, block.matrices(world), part.reshape(len(block.instances), -1, 3))
+            _transformed(points, block.matrices(world), part.reshape(len(block.instances), -1, 3))
+
+
+def _displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats:
+    """Positions [count, 3] with each target's displacement times its weight; float64 where there is one."""
+    result: Floats = vertices.positions
+    with np.errstate(over="ignore", invalid="ignore"):
+        for target, weight in zip(vertices.targets, weights, strict=False):
+            if target is not None and weight:
+                result = result + np.multiply(target, weight, dtype=np.float64)
+    return result
+
+
+def _transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
+    """Write each transform of the points into ``result`` [matrix_count, point_count, 3].
+
+    Points that no transform moves stay as they are stored, bit for bit.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        if (matrices == np.eye(4)).all():
+            result[:] = points
+            return
+        exact = points.astype(np.float64)
+        for k in range(0, len(matrices), step := max(1, _BLOCK // max(1, len(points)))):
+            some = matrices[k : k + step]
+            result[k : k + step] = exact @ some[:, :3, :3].transpose(0, 2, 1) + some[:, None, :3, 3]
+
+
+def _bent(points: Floats, vertices: Vertices, joints: Matrices, result: Floats) -> None:
+    """Write the points, each moved by the weighted mean of its joints' transforms, into ``result`` [count, 3].
+
+    Weights need not add up to 1: in homogeneous coordinates, as renderers have them, their sum divides out. A point
+    without any weight follows its first joint.
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for k in range(0, len(points), _BLOCK):
+            some = slice(k, k + _BLOCK)
+            weights = vertices.weights[some].astype(np.float64)
+            weights[~weights.any(axis=1), :1] = 1.0
+            places = np.where(weights != 0.0, vertices.joints[some], 0)
+            sums = np.zeros((len(weights), 3, 4))
+            for i in range(weights.shape[1]):
+                sums += weights[:, i, None, None] * joints[places[:, i], :3]
+            own = points[some].astype(np.float64)
+            moved = np.einsum("vij,vj->vi", sums[:, :, :3], own) + sums[:, :, 3]
+            result[some] = moved / weights.sum(axis=1, keepdims=True)

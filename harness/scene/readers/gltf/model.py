@@ -8,9 +8,8 @@ import numpy as np
 from ....arrays import I32, Bools
 from .accessors import Accessors
 from .container import MissingError
-from .deformation import Skin
 from .entries import Entry, counted
-from .nodes import ONCE, Instances, Matrices, Tree, mirrored
+from .nodes import ONCE, Instances, Matrices, Skin, Tree, mirrored
 from .primitives import Meshes, Primitive, Vertices
 
 _DRAWN = 1 << 25
@@ -168,8 +167,16 @@ class Model:
             self.blocks.append(block)
             self.vertex_count += block.count
             if block.skin is not None:
-                self._doubtful += block.skin.unweighted(block.vertices, self._tree.entries[block.place])
+                self._doubtful += self._unweighted(block.vertices, len(block.skin.joints), block.place)
         return self._blocks[key]
+
+    def _unweighted(self, vertices: Vertices, joints: int, place: int) -> int:
+        """The number of vertices without any weight. Raises :class:`UserError` for a joint that is not there."""
+        wrong = (vertices.joints >= joints) & (vertices.weights != 0)
+        if wrong.any():
+            problem = f"names joint {vertices.joints[wrong].max()}, but its skin has {joints}"
+            raise self._tree.entries[place].error(problem)
+        return int(np.count_nonzero(~vertices.weights.any(axis=1)))
 
     def faces(self) -> I32:
         """All triangles, int32 [triangle_count, 3]. Where a transform mirrors, the last two corners change places."""

@@ -1,4 +1,4 @@
-"""The nodes of a glTF scene: their order, their transforms to the scene, which are shown, and the instances of a node."""
+"""The nodes of a glTF scene: order, transforms to the scene, which are shown, their instances, and the skins of joints."""
 
 from collections.abc import Sequence
 
@@ -186,3 +186,28 @@ class Instances:
             for part, rest in REST.items()
         }
         return composed(**columns)
+
+
+class Skin:
+    """The joints that bend a mesh: their places in the tree, and the transforms of a mesh to each of them."""
+
+    def __init__(self, accessors: Accessors, tree: Tree, entry: Entry) -> None:
+        entry.refuse_unknown()
+        nodes = entry.items("joints")
+        if not nodes:
+            raise entry.error("has no joints")
+        for node in nodes:
+            if type(node) is not int or node not in tree.place:
+                raise entry.error(f": its joint {node!r} is no node of the scene")
+        self.joints = np.array([tree.place[node] for node in nodes], dtype=np.int64)
+        self.inverse = np.broadcast_to(np.eye(4), (len(nodes), 4, 4))
+        if "inverseBindMatrices" in entry:
+            stored = accessors.floats(entry, "inverseBindMatrices", 16)
+            if len(stored) < len(nodes):
+                raise entry.error(f"has {len(nodes)} joints, but {len(stored)} matrices")
+            self.inverse = affine(stored[: len(nodes)].astype(np.float64), entry)
+
+    def matrices(self, world: Matrices) -> Matrices:
+        """The transforms of a mesh to the scene by each joint, [joint_count, 4, 4]."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return world[self.joints] @ self.inverse

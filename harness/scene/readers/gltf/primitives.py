@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....arrays import Floats, Ints
-from .accessors import Accessors, normal
-from .compressed import Draco
+from .accessors import Accessors, Draco, normal
 from .entries import DRACO, Entry
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6

@@ -1,18 +1,16 @@
 """USD through the package usd-core: all that the stage draws, in the order of the stage, over its time.
 
-stage       opens it, and finds missing and used files
 prims       which prims have a place; transforms and visibility
 shapes      triangles of meshes, of spheres, cubes ..., and of what a skeleton bends
-drawing     what is drawn where; instancers: many times
+drawing     what is drawn where, and what instancers draw many times
 views       its cameras and lights
-read        all of this together, at which time codes, with what it has approximated or left out
+read        opens it, puts all of this together, and says what is missing, approximated or left out
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 from ....errors import UserError, install
-from ..checks import ALL, Loaded, Wanted, guarded, read_bytes
+from ..checks import ALL, Loaded, Wanted, read_bytes
 
 
 def missing() -> str:
@@ -37,12 +35,7 @@ def read_usd(path: Path, wanted: Wanted = ALL) -> Loaded:
     """
     if not available():
         raise UserError(f"{path}: {missing()}")
-    from . import read, stage
+    from . import read
 
     read_bytes(path, 1024)  # missing and unreadable files get the same message as in every other format
-    notes: list[str] = []
-    with guarded(path, "USD"), stage.listening(path, notes):
-        opened = stage.opened(path, wanted.allow_missing, notes)
-        mesh = read.over_time(path, opened, wanted, notes)
-        files = stage.layer_files(opened, path)
-    return replace(mesh, files=files, notes=tuple(notes))
+    return read.read(path, wanted)

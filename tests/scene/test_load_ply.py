@@ -1,0 +1,184 @@
+"""PLY: headers and rows in all the forms that programs write, triangle strips, and broken files in one line."""
+
+import struct
+
+import numpy as np
+import pytest
+from helpers import mesh_files as files
+from helpers.mesh_files import refused, written
+from shadowbench.harness.scene.readers.load import load
+
+PLAIN = files.ply_ascii().decode()
+
+
+def with_line(line: str) -> bytes:
+    """An ASCII PLY with one more line in its header."""
+    return PLAIN.replace("element vertex", f"{line}\nelement vertex").encode("latin-1")
+
+
+FORMS = {
+    "big": files.ply_binary(big=True),
+    "other types": files.ply_binary(count="int", index="ushort"),
+    "a comment with end_header": with_line("comment the data follow end_header"),
+    "a comment of end_header": with_line("comment\nobj_info end_header"),
+    "byte 0x85 in a comment": with_line("comment made by \xc5\x85sa \x85 end"),
+    "a form feed in a comment": with_line("comment a\x0cb \x1c \x1d \x0b c"),
+    "an unknown line": with_line("made by a small exporter"),
+    "an empty line": with_line(""),
+    "20,000 elements": with_line("".join(f"element e{i} 0\n" for i in range(20_000))),
+    "blanks after words": PLAIN.replace("\n", " \t\n").encode(),
+    "blanks after end_header": PLAIN.replace("end_header\n", "end_header  \n\n \n").encode(),
+    "CR LF": PLAIN.replace("\n", "\r\n").encode(),
+    "CR": PLAIN.replace("\n", "\r").encode(),
+    "CR LF in the header alone": PLAIN.replace("end_header\n", "end_header").replace("\n", "\r\n", 9).replace(
+        "end_header", "end_header\n").encode(),
+    "binary, blanks after end_header": files.ply_binary().replace(b"end_header\n", b"end_header \t\n"),
+    "binary, a comment with end_header": files.ply_binary().replace(b"by hand", b"end_header"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_forms(tmp_path, form):
+    loaded = load(written(tmp_path, "a.ply", FORMS[form]))
+    assert loaded.faces.tolist() == [list(face) for face in files.FACES]
+    assert np.array_equal(loaded.frames[0], files.QUAD)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_the_first_byte_of_the_data_may_be_a_line_end(tmp_path, end):
+    """10.0 in big-endian float32 begins with no line end; 1.3e-36 in little-endian with 0x0a does."""
+    points = files.QUAD.copy()
+    points[0, 0] = struct.unpack("<f", b"\n\0\0\0")[0]
+    blob = files.ply_binary(points).replace(b"\n", end, 9)
+    assert np.array_equal(load(written(tmp_path, "a.ply", blob)).frames[0], points)
+
+
+def test_other_properties_elements_and_orders(tmp_path):
+    text = """ply
+format ascii 1.0
+element camera 1
+property float x
+element face 2
+property uchar red
+property list uchar int vertex_index
+property list uchar float texcoord
+element vertex 4
+property float x
+property float nx
+property float y
+property double z
+element edge 1
+property int vertex1
+property int vertex2
+end_header
+9
+255 4 0 1 2 3 2 0.5 0.5
+0 3 0 1 2 0
+0 7 0 0
+1 7 0 0
+1 7 1 0
+0 7 1 0
+0 1
+"""
+    loaded = load(written(tmp_path, "a.ply", text))
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2]]
+    assert loaded.frames[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert loaded.notes == ("elements left out: camera, edge",)
+
+
+STRIP = """ply
+format ascii 1.0
+element vertex 6
+property float x
+property float y
+property float z
+element tristrips {rows}
+property list int int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+1 1 0
+0 2 0.5
+1 2 0.5
+"""
+
+
+@pytest.mark.parametrize(
+    ("strips", "faces"),
+    [
+        (["8 0 1 2 3 -1 2 3 4"], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
+        (["4 0 1 2 3", "3 2 3 4"], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
+        (["6 0 1 2 3 4 5"], [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]),
+        (["12 -1 0 1 -1 -1 0 1 2 -1 5 4 3"], [[0, 1, 2], [5, 4, 3]]),
+        (["0", "2 0 1", "3 0 1 2"], [[0, 1, 2]]),
+    ],
+)
+def test_triangle_strips_with_restarts(tmp_path, strips, faces):
+    text = STRIP.format(rows=len(strips)) + "\n".join(strips)
+    assert load(written(tmp_path, "a.ply", text)).faces.tolist() == faces
+    head, _, body = text.replace("ascii", "binary_little_endian").partition("end_header\n")
+    rows = body.splitlines()
+    binary = (head + "end_header\n").encode()
+    binary += np.array([row.split() for row in rows[:6]], "<f4").tobytes()
+    binary += b"".join(np.array(row.split(), "<i4").tobytes() for row in rows[6:])
+    assert load(written(tmp_path, "b.ply", binary)).faces.tolist() == faces
+
+
+def test_faces_come_before_strips(tmp_path):
+    face = "element face 1\nproperty list uchar int vertex_indices\nend_header"
+    text = STRIP.format(rows=1).replace("end_header", face) + "4 0 1 2 3\n3 5 4 3\n"
+    assert load(written(tmp_path, "a.ply", text)).faces.tolist() == [[5, 4, 3], [0, 1, 2], [2, 1, 3]]
+
+
+BINARY = files.ply_binary()
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (STRIP.format(rows=1) + "3 0 1 6", "vertex 6 (from 0), but there are 6"),
+        (STRIP.format(rows=1) + "2 0 1", "holds no triangles"),
+        (files.ply_binary(polygons=[(0, 1, 5)]), "vertex 5 (from 0), but there are 5"),
+        (files.ply_binary(polygons=[(0, 1, -1)]), "vertex -1"),
+        (files.ply_ascii(polygons=[(0, 1, 5)]), "vertex 5"),
+        (files.ply_binary(vertices=2_000_000_000), "claims 2000000000 of 'vertex'"),
+        (files.ply_binary(faces=2_000_000_000), "claims 2000000000 of 'face'"),
+        (files.ply_ascii(vertices=2_000_000_000), "claims 2000000000"),
+        (files.ply_binary(faces=5), "truncated"),
+        (files.ply_binary(faces=3), "13 bytes remain"),
+        (files.ply_binary(vertices=4), "truncated or its header wrong"),
+        (files.ply_ascii(faces=3), "more rows follow than the header claims: 1"),
+        (files.ply_ascii(faces=5), "claims 5 of 'face', but 4 rows follow"),
+        (BINARY[:-1], "truncated"),
+        (BINARY[:100], "truncated"),
+        (BINARY[:3], "no end_header"),
+        (b"", "ply"),
+        (b"ply\nend_header\n", "no format"),
+        (files.ply_binary(faces=-1), "negative"),
+        (files.ply_binary(polygons=[(0, 1)]), "face 0 has 2 vertices"),
+        (files.ply_ascii(polygons=[(0, 1, 2), (0, 1)]), "face 1 has 2 vertices"),
+        (files.ply_binary(polygons=[]), "no triangles"),
+        (BINARY.replace(b"float z", b"float w"), "lacks x, y or z"),
+        (BINARY.replace(b"vertex_indices", b"other_indices"), "vertex_indices"),
+        (BINARY.replace(b"list uchar", b"list float"), "not of an integer type"),
+        (BINARY.replace(b"property float x", b"property quad x"), "header line 'property quad x'"),
+        *(
+            (PLAIN.replace(old, new, 1), word)
+            for old, new, word in [
+                ("0.5 0.5 1", "0.5 half 1", "not a number"),
+                ("3 0 1 2\n", "3 0 1.5 2\n", "not a whole number"),
+                ("3 0 2 3\n", "3 0 2 3 255 0 0\n", "row 1 (from 0) of 'face', 7, is not the declared one"),
+                ("1 1 0\n", "1 1 0 9\n", "row 2 (from 0) of 'vertex', 4, is not the declared one"),
+                ("1 1 0\n", "1 1\n", "row 2 (from 0) of 'vertex', 2, is not the declared one"),
+                ("1 1 0\n", "1 1\n0\n", "row 2 (from 0) of 'vertex', 2, is not the declared one"),
+                ("1 1 0\n", "1 1 zero\n", "line 12: a value is not a number"),
+                ("3 0 2 3\n", "2 0 2\n", "face 1 has 2 vertices"),
+                *(("3 0 2 3\n", f"{count} 0 2 3\n", "row 1 (from 0) of 'face', 4, is not the declared one")
+                  for count in (4, -3, 3.5, "nan", 1e300)),
+            ]
+        ),
+    ],
+)  # fmt: skip
+def test_broken_files(tmp_path, content, word):
+    refused(written(tmp_path, "a.ply", content), word)
