@@ -104,7 +104,9 @@ class ChosenView:
     def read(facts: dict[str, Any] | None) -> ChosenView:
         """The view with these :meth:`facts`."""
         known = dict(facts or {})
-        places = {name: tuple(map(vector, known.pop(name))) for name in ("camera", "lights") if name in known}
+        places: dict[str, Any] = {
+            name: tuple(map(vector, known.pop(name))) for name in ("camera", "lights") if name in known
+        }
         lights_of, wanted = tuple(known.pop("lights_of", ())), Wanted.read(known.pop("wanted", {}))
         return ChosenView(**places, **known, lights_of=lights_of, wanted=wanted)
 
