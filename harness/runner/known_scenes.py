@@ -17,10 +17,10 @@ from ..files import write_atomic
 from ..results.folder import ResultsFolder, read_json
 from ..results.record import FAILURES, Record, SceneFacts
 from ..results.schema import whole_record
-from ..scene.catalogue import TITLES, name_in
+from ..scene.catalogue import name_in
 from ..scene.chosen_view import ChosenView
 from ..scene.declaration import SUFFIX
-from ..scene.names import NAMES
+from ..scene.names import NAMES, TITLES
 from ..scene.overrides import Lighting
 from ..typed_json import WrongFieldError, checked
 from .planning.run_options import Options

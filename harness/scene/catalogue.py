@@ -4,7 +4,6 @@ A scene of the paper is a procedural stand-in, unless the folder of original sce
 there is a scene of its name, too.
 """
 
-import importlib
 import importlib.util
 import os
 import re
@@ -17,7 +16,7 @@ from ..errors import UserError, did_you_mean, install, note, one_line, warn
 from ..texts import visible
 from .declaration import SUFFIX, declared_scene
 from .facts import triangles
-from .names import BUNNY, NAMES, scene_names
+from .names import BUNNY, NAMES, TITLES, scene_names, stand_in
 from .offered import FURTHER
 from .readers import usd
 from .readers.apart import load, load_sequence
@@ -30,16 +29,6 @@ from .standins import balls
 from .views import inside, outside, view
 
 FOLDER_VARIABLE = "SHADOWBENCH_SCENES"
-
-TITLES = {
-    "fairy": "Fairy Forest",
-    "sibenik": "Sibenik",
-    "bunny_dragon": "Bunny/Dragon",
-    "conference": "Conference",
-    "cloth": "Cloth",
-    "buddha": "Buddha",
-    BUNNY: "Bunny",
-}
 
 BUNNY_NOTES = "a real mesh, bunny.usd of the warp-lang package"
 
@@ -83,7 +72,7 @@ def _found(name: str | Path, scene_dir: str | Path | None, wanted: Wanted, withi
         if text == BUNNY:
             return replace(_from_files(bunny_file(), BUNNY, TITLES[BUNNY], wanted), notes=BUNNY_NOTES)
         _without_file(text, wanted)
-        return importlib.import_module(f".standins.{text}", __package__).scene()
+        return stand_in(text)
     if balls.count_of(text) is not None:
         _without_file(text, wanted)
         return balls.scene(text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from ..arrays import F64
 from ..errors import UserError
+from ..files import plain
 from .catalogue import resolve
+from .light_paths import vector
 from .moment import ray_tables
 from .readers.checks import ALL, Wanted
 from .scene import Light, Scene, Vector, offered
@@ -76,18 +78,8 @@ class ChosenView:
 
     def facts(self) -> dict[str, Any]:
         """JSON types, as :meth:`read` reads them; {} if nothing is given."""
-        given = {
-            "camera": self.camera and [list(place) for place in self.camera],
-            "fov": self.fov,
-            "lights": [list(place) for place in self.lights],
-            "wanted": self.wanted.facts(),
-            "camera_of": self.camera_of,
-            "lights_of": list(self.lights_of),
-            "light_size": self.light_size,
-            "light_samples": self.light_samples,
-            "light_shape": self.light_shape,
-        }
-        return {name: value for name, value in given.items() if value or value == 0.0}
+        given = {field.name: getattr(self, field.name) for field in fields(self)} | {"wanted": self.wanted.facts()}
+        return {name: plain(value) for name, value in given.items() if value or value == 0.0}
 
     def text(self) -> str:
         """The given camera and lights, as a phrase for tables: "camera 0,1,5 to 0,0,0; light 2,3,4"; "" if nothing is."""
@@ -111,28 +103,16 @@ class ChosenView:
     @staticmethod
     def read(facts: dict[str, Any] | None) -> ChosenView:
         """The view with these :meth:`facts`."""
-        known = facts or {}
-        camera = known.get("camera")
-        return ChosenView(
-            (_vector(camera[0]), _vector(camera[1])) if camera else None,
-            known.get("fov"),
-            tuple(_vector(place) for place in known.get("lights", ())),
-            Wanted.read(known.get("wanted", {})),
-            known.get("camera_of"),
-            tuple(known.get("lights_of", ())),
-            known.get("light_size"),
-            known.get("light_samples"),
-            known.get("light_shape"),
-        )
+        known = dict(facts or {})
+        places: dict[str, Any] = {
+            name: tuple(map(vector, known.pop(name))) for name in ("camera", "lights") if name in known
+        }
+        lights_of, wanted = tuple(known.pop("lights_of", ())), Wanted.read(known.pop("wanted", {}))
+        return ChosenView(**places, **known, lights_of=lights_of, wanted=wanted)
 
 
 AS_IT_IS = ChosenView()
 """The scene with its own camera and lights, and all of its file."""
-
-
-def _vector(numbers: list[float]) -> Vector:
-    x, y, z = numbers
-    return x, y, z
 
 
 def _upright(view: F64, up: Vector) -> Vector:
@@ -140,5 +120,4 @@ def _upright(view: F64, up: Vector) -> Vector:
     size = float(np.abs(view).max())
     if size and np.linalg.norm(np.cross(np.divide(view, size), up)) > 1e-6 * np.linalg.norm(up):
         return up
-    x, y, z = np.eye(3)[np.abs(view).argmin()].tolist()
-    return x, y, z
+    return vector(np.eye(3)[np.abs(view).argmin()])

@@ -87,8 +87,7 @@ class Lighting:
     @property
     def changes(self) -> bool:
         """Whether anything differs from the scene as it is."""
-        plain = {field.name: field.default for field in fields(Lighting) if field.name != "label"}
-        return any(getattr(self, name) != value for name, value in plain.items())
+        return any(getattr(self, field.name) != field.default for field in fields(self) if field.name != "label")
 
     @property
     def targets(self) -> int:
@@ -151,18 +150,13 @@ class Lighting:
             lights = tuple(as_directional(light, middle) for light in lights)
         if not self.shadows:
             lights = tuple(replace(light, shadows=False) for light in lights)
-        path = Orbit(middle, scene.camera.up, self.turns) if self.turns else scene.light_path
-        return replace(scene, lights=lights, light_path=path, **self._called_for(scene))
-
-    def _called_for(self, scene: Scene) -> dict[str, Any]:
-        """The scene's fields that declare effects, if they change."""
-        fields: dict[str, Any] = {}
-        if self.facing:
-            fields["facing"] = True
+        changed: dict[str, Any] = {"lights": lights, "facing": scene.facing or self.facing}
+        if self.turns:
+            changed["light_path"] = Orbit(middle, scene.camera.up, self.turns)
         if self.alpha:
-            fields["alpha"] = lambda geometry: perforated(geometry, self.alpha, HOLES)
+            changed["alpha"] = lambda geometry: perforated(geometry, self.alpha, HOLES)
         if self.bounces:
-            fields["mirror"], fields["bounces"] = largest_triangles, self.bounces
+            changed |= {"mirror": largest_triangles, "bounces": self.bounces}
         if self.color:
-            fields["outputs"] = (*scene.outputs, "color")
-        return fields
+            changed["outputs"] = (*scene.outputs, "color")
+        return replace(scene, **changed)

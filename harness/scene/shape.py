@@ -60,14 +60,10 @@ class Shape:
         total = float(np.linalg.norm(normals, axis=1).sum())
         return float(np.abs(normals @ direction).sum()) / total if total else 1.0
 
-    def frame(self) -> tuple[NDArray, NDArray, NDArray]:
+    def frame(self) -> tuple[F64, F64, F64]:
         """Right, up and towards the viewer of the front view: right-handed."""
-        right, up, front = np.eye(3)[[0, 1, 2]]
-        if self.up == 2:  # the front of a z-up scene is its -y side
-            right, up, front = np.eye(3)[0], np.eye(3)[2], -np.eye(3)[1]
-        elif self.up == 0:
-            right, up, front = -np.eye(3)[1], np.eye(3)[0], np.eye(3)[2]
-        return right, up, front
+        x, y, z = np.eye(3)
+        return ((-y, x, z), (x, y, z), (x, z, -y))[self.up]  # the front of a z-up scene is its -y side
 
 
 def shape_of(geometry: Geometry, up: Vector | None = None) -> Shape:
@@ -131,9 +127,7 @@ def _quantile(values: F64, weights: F64, share: float) -> float:
 
 
 def _covered(corners: F64, low: NDArray, high: NDArray) -> F64:
-    """Share of each side of the box that triangles within 3 % of it and parallel to it add up to. [axis,
-    end].
-    """
+    """Share of each side of the box that triangles within 3 % of it and parallel to it add up to, [axis, end]."""
     extent = np.maximum(high - low, 1e-30)
     sides = np.zeros((3, 2))
     with np.errstate(invalid="ignore", over="ignore"):
@@ -155,12 +149,7 @@ def _upward(low: NDArray, high: NDArray) -> int:
     extent = np.maximum(high - low, 1e-30)
     rests = (np.abs(low) <= 0.03 * extent) & (high > 0)
     straddles = (low < -0.2 * extent) & (high > 0.2 * extent)
-    for axis in range(3):
-        others = [i for i in range(3) if i != axis]
-        if rests[axis] and straddles[others].all():
-            return axis
-    for axis in range(3):
-        others = [i for i in range(3) if i != axis]
-        if (extent[axis] < 0.4 * extent[others]).all():
-            return axis
-    return 1
+    others = [np.delete(np.arange(3), axis) for axis in range(3)]
+    standing = [axis for axis in range(3) if rests[axis] and straddles[others[axis]].all()]
+    thin = [axis for axis in range(3) if (extent[axis] < 0.4 * extent[others[axis]]).all()]
+    return [*standing, *thin, 1][0]

@@ -17,18 +17,14 @@ AZIMUTH, ELEVATION = 35.0, 20.0
 _MARGIN = 1.04
 _WALL = 0.6
 _OPEN = 0.25
-"""A side of the bounding box counts as a wall when triangles lie on this share of it, as open below the
-other.
-"""
+"""A side of the bounding box counts as a wall when triangles lie on this share of it, as open below the other."""
 
 _EDGE_ON = 0.05
 """Share of the area that a view must see."""
 
 
 def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
-    """Camera and lights for any mesh: from within a closed room, into a box that is open on one side, else the whole
-    thing from outside.
-    """
+    """For any mesh: from within a closed room, into a box that is open on one side, else the whole thing from outside."""
     samples = interior(shape.corners, shape.low, shape.high, shape.sides, shape.up)
     if samples is not None:
         eye, target, light = standpoint(samples, shape.low, shape.high, shape.up)
@@ -43,24 +39,16 @@ def outside(shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION
 
     Where that sees planes edge-on, it is turned.
     """
-    azimuth = next(
-        (turned for turned in _turns(azimuth) if shape.facing(_direction(shape, turned, elevation)) > _EDGE_ON), azimuth
-    )
+    turns = (azimuth, azimuth - 45.0, azimuth + 45.0, azimuth - 90.0)
+    azimuth = next((turn for turn in turns if shape.facing(_direction(shape, turn, elevation)) > _EDGE_ON), azimuth)
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
     middle = (shape.low + shape.high) / 2
     place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 60.0, 45.0)
     return camera, (Light(vector(place)),)
 
 
-def _turns(azimuth: float) -> tuple[float, ...]:
-    """Azimuths to look from, the wanted one first."""
-    return azimuth, azimuth - 45.0, azimuth + 45.0, azimuth - 90.0
-
-
 def _direction(shape: Shape, azimuth: float, elevation: float) -> F64:
-    """Unit vector from the middle towards an azimuth (from the front, to the right) and an elevation in
-    degrees.
-    """
+    """Unit vector from the middle towards an azimuth (from the front, to the right) and an elevation in degrees."""
     right, up, front = shape.frame()
     a, e = math.radians(azimuth), math.radians(elevation)
     return math.cos(e) * (math.sin(a) * right + math.cos(a) * front) + math.sin(e) * up
@@ -99,14 +87,13 @@ def _opening(shape: Shape) -> tuple[int, int] | None:
 
 def _into_box(shape: Shape, axis: int, end: int) -> tuple[Camera, tuple[Light, ...]]:
     """Straight through the open side; the light inside, under the ceiling, a little off the middle."""
-    toward = np.zeros(3)
-    toward[axis] = 1.0 if end else -1.0
-    up = np.eye(3)[shape.up]
-    light = shape.low + (shape.high - shape.low) * 0.5
-    light[shape.up] = shape.low[shape.up] + 0.88 * (shape.high - shape.low)[shape.up]
+    toward = np.eye(3)[axis] * (1.0 if end else -1.0)
+    extent = shape.high - shape.low
+    light = shape.low + extent * 0.5
+    light[shape.up] = shape.low[shape.up] + 0.88 * extent[shape.up]
     side = 3 - shape.up - axis
-    light[side] += 0.12 * (shape.high - shape.low)[side]
-    return _fitted(shape, toward, up), (Light(vector(light)),)
+    light[side] += 0.12 * extent[side]
+    return _fitted(shape, toward, np.eye(3)[shape.up]), (Light(vector(light)),)
 
 
 def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Camera, tuple[Light, ...]]:
@@ -115,8 +102,7 @@ def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Came
     ``along``: the eye's place as a share of that axis. ``height``: its share of the upward axis.
     """
     extent = shape.high - shape.low
-    level = [axis for axis in range(3) if axis != shape.up]
-    axis = max(level, key=lambda i: extent[i])
+    axis = max({0, 1, 2} - {shape.up}, key=lambda i: extent[i])
     eye, target, light = (shape.low + 0.5 * extent for _ in range(3))
     eye[axis] = shape.low[axis] + along * extent[axis]
     eye[shape.up] = target[shape.up] = shape.low[shape.up] + height * extent[shape.up]

@@ -128,6 +128,18 @@ def test_a_gzip_file_is_an_archive_of_one_file(serve, tmp_path):
             scenes("fetch", ["armadillo"], tmp_path / "other")
 
 
+def test_of_several_those_that_can_be_fetched_are_and_the_others_are_named(serve, tmp_path, capsys):
+    serve(b"no archive", files="*.ply", name="armadillo")
+    serve(WHOLE)
+    with pytest.raises(UserError, match="armadillo could not be fetched"):
+        scenes("fetch", ["armadillo", "fairy", "sibenik"], tmp_path)
+    said = capsys.readouterr().err
+    assert "warning: armadillo: " in said
+    assert "fairy: has to be fetched by hand" in said
+    assert catalogue.resolve("sibenik", tmp_path).stand_in is None
+    assert scenes("fetch", ["fairy", "sibenik"], tmp_path) == 1
+
+
 def test_a_checksum_that_is_not_pinned_is_warned_of(serve, tmp_path, capsys):
     serve(WHOLE)
     scenes("fetch", ["sibenik"], tmp_path)

@@ -20,7 +20,7 @@ TRIANGLES = {"fairy": 174_000, "bunny_dragon": 252_000, "cloth": 92_000}
 
 @pytest.fixture(scope="module")
 def built() -> dict[str, Geometry]:
-    return {name: module.scene().geometry() for name, module in MODULES.items()}
+    return {name: module.geometry() for name, module in MODULES.items()}
 
 
 def digest(geometry: Geometry, frames: list[int]) -> str:
@@ -65,7 +65,7 @@ def test_no_frame_depends_on_the_frames_asked_for_before(built, name):
 @pytest.mark.parametrize("name", ["fairy", "bunny_dragon"])
 def test_same_bytes_when_built_again(built, name):
     frames = [0, built[name].frame_count - 1]
-    assert digest(MODULES[name].scene().geometry(), frames) == digest(built[name], frames)
+    assert digest(MODULES[name].geometry(), frames) == digest(built[name], frames)
 
 
 def test_cloth_runs_the_same_again():
@@ -244,7 +244,7 @@ def test_bodies_keep_their_shape(name):
     [("fairy", "deforming", False), ("cloth", "deforming", False), ("bunny_dragon", "rigid", True)],
 )
 def test_motion_is_what_is_declared(name, kind, whole):
-    geometry = {"fairy": fairy, "cloth": cloth, "bunny_dragon": bunny_dragon}[name].scene().geometry()
+    geometry = {"fairy": fairy, "cloth": cloth, "bunny_dragon": bunny_dragon}[name].geometry()
     assert geometry.motion is not None
     assert geometry.motion.kind == kind
     assert (geometry.motion.vertices is None) == whole

@@ -8,6 +8,7 @@ import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from helpers.mesh_checks import areas, edge_faults
+from shadowbench.harness.scene.names import stand_in
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.standins import buddha, conference, implicit, shapes, sibenik
 
@@ -18,7 +19,7 @@ NAMES = sorted(MODULES)
 
 @functools.cache
 def prepared(name: str) -> Prepared:
-    return prepare(MODULES[name].scene())
+    return prepare(stand_in(name))
 
 
 @functools.cache
@@ -58,7 +59,7 @@ def test_every_vertex_is_used(name: str) -> None:
 
 
 def test_buddha_is_closed_and_faces_outwards() -> None:
-    assert buddha.scene().closed
+    assert stand_in("buddha").closed
     assert edge_faults(prepared("buddha").faces) == 0
     points, faces = prepared("buddha").points(0)[0].astype(np.float64), prepared("buddha").faces
     a, b, c = (points[faces[:, k]] for k in range(3))
@@ -69,7 +70,7 @@ def test_buddha_is_closed_and_faces_outwards() -> None:
 @pytest.mark.parametrize("name", ["sibenik", "conference"])
 def test_camera_and_light_are_inside_a_closed_room(name: str) -> None:
     """Rays all around from eye and light hit something, at a distance that shows they are in free space."""
-    assert not MODULES[name].scene().closed
+    assert not stand_in(name).closed
     moment = prepared(name).moment(0, 8, 8)
     directions = np.random.default_rng(1).normal(size=(4000, 3)).astype(np.float32)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...arrays import Floats
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Geometry
 from .implicit import polygonise
 
 """Arrays [n] in float32, unless a caller wants more."""
@@ -19,20 +19,6 @@ SPACING = 0.00414
 """Lattice spacing in metres; sets the triangle count (Stanford's mesh has 1,087,716)."""
 BLOCK = 8192
 """Points evaluated at once, so that the arrays stay in cache."""
-
-
-def scene() -> Scene:
-    """Camera: the statue fills most of the image. The light is in front of it and above."""
-    return Scene(
-        name="buddha",
-        title="Buddha (stand-in)",
-        geometry=geometry,
-        camera=Camera(eye=(0.75, 1.35, 4.6), target=(0.0, 0.96, 0.0), fov=26.5),
-        lights=(Light((-2.2, 4.2, 4.0)),),
-        stand_in="procedural stand-in for the Happy Buddha of the Stanford 3D Scanning Repository",
-        closed=True,
-        notes="one closed surface from signed distances, 1.09M triangles of nearly one size",
-    )
 
 
 def geometry() -> Geometry:

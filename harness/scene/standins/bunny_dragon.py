@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import F64, I64
-from ..scene import Camera, Geometry, Light, Moves, Scene
+from ..scene import Geometry, Moves
 from .bodies import Blob, Body, ball, both, chain, curve, limb, normals, scales, spread_points
 from .shapes import Mesh, join, noise
 
@@ -22,19 +22,6 @@ CRACK_SPEED = 9.0
 BUNNY_SPACING = 0.00994
 DRAGON_SPACING = 0.0094
 SEED = 5
-
-
-def scene() -> Scene:
-    """The Bunny/Dragon entry of the catalogue."""
-    return Scene(
-        name="bunny_dragon",
-        title="Bunny/Dragon (stand-in)",
-        geometry=_geometry,
-        camera=Camera(eye=(-2.5, 1.35, 2.9), target=(-0.74, 0.56, 0.0), fov=44.0),
-        lights=(Light((-1.6, 4.2, 3.4)),),
-        stand_in="procedural stand-in for the UNC Bunny/Dragon animation (exploding dragon)",
-        notes="two dense bodies; after the impact every patch of them flies on its own",
-    )
 
 
 def bunny() -> Body:
@@ -164,7 +151,7 @@ def _tail_tip() -> list[Blob]:
     return blobs
 
 
-def _geometry() -> Geometry:
+def geometry() -> Geometry:
     rabbit = _skinned(bunny().mesh(BUNNY_SPACING), 0.0)
     rabbit = Mesh(rabbit.vertices + _BUNNY_START, rabbit.faces)
     beast = _skinned(dragon().mesh(DRAGON_SPACING), 0.045)

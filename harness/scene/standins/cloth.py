@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...arrays import F64, I64
-from ..scene import Camera, Geometry, Light, Moves, Scene
+from ..scene import Geometry, Moves
 from .cloth_solver import ClothSettings, simulate
 
 FRAMES = 16
@@ -20,20 +20,7 @@ BALL_SEGMENTS, BALL_RINGS = 35, 22
 GROUND_HALF = 2.5
 
 
-def scene() -> Scene:
-    """The Cloth entry of the catalogue."""
-    return Scene(
-        name="cloth",
-        title="Cloth (stand-in)",
-        geometry=_geometry,
-        camera=Camera(eye=(0.5, 1.85, 1.95), target=(0.0, 0.3, 0.08), fov=42.0),
-        lights=(Light((1.6, 3.4, 1.4)),),
-        stand_in="procedural stand-in for the UNC Cloth/Ball animation",
-        notes="simulated: XPBD sheet of 72 x 72 vertices with self-contact, refined to 214 x 214",
-    )
-
-
-def _geometry() -> Geometry:
+def geometry() -> Geometry:
     count = SETTINGS.cells * REFINE + 1
     sheet_faces = _grid_faces(count)
     ball, ball_faces = _ball()

@@ -6,7 +6,7 @@ chairs, lamps and cups that hold most of the triangles. x runs along the table, 
 
 import numpy as np
 
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Geometry
 from . import furniture
 from .furniture import X_AXIS, Z_AXIS, raised_field
 from .shapes import Mesh, box, cylinder, flip, join, lathe, pairs, patch, place, sphere, transform, tube
@@ -16,19 +16,6 @@ X, Z = LENGTH / 2, WIDTH / 2
 TABLE_X, TABLE_Z, TABLE_Y = 3.7, 1.15, 0.75
 """Half length, half width and height of the table."""
 SEED = 284
-
-
-def scene() -> Scene:
-    """From a corner over the table; the light is inside, just below the ceiling."""
-    return Scene(
-        name="conference",
-        title="Conference (stand-in)",
-        geometry=geometry,
-        camera=Camera(eye=(-5.55, 2.15, 3.2), target=(0.6, 0.62, -0.45), fov=58.0),
-        lights=(Light((0.7, 2.8, 0.5)),),
-        stand_in="procedural stand-in for the Conference Room by Anat Grynberg and Greg Ward",
-        notes="closed room, light inside; furniture of all sizes and many large triangles",
-    )
 
 
 def geometry() -> Geometry:

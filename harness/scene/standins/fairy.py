@@ -7,7 +7,7 @@ motion repeats after the last frame. Both figures are modelled looking towards +
 
 import numpy as np
 
-from ..scene import Camera, Geometry, Light, Moves, Scene
+from ..scene import Geometry, Moves
 from . import forest
 from .bodies import Blob, Body, Point, ball, both, chain, curve, limb
 from .motion import Animated, Carry, Drift, Motion, Part, Sway, Swing
@@ -23,20 +23,7 @@ FAIRY_PLACE, FAIRY_TURN = (0.05, 0.30, 0.0), -66.0
 DRAGONFLY_PLACE, DRAGONFLY_TURN = (0.93, 1.66, 0.50), 200.0
 
 
-def scene() -> Scene:
-    """The Fairy Forest entry of the catalogue."""
-    return Scene(
-        name="fairy",
-        title="Fairy Forest (stand-in)",
-        geometry=_geometry,
-        camera=Camera(eye=(0.75, 1.55, 3.7), target=(0.0, 1.02, 0.0), fov=42.0),
-        lights=(Light((3.2, 6.5, 4.2)),),
-        stand_in="procedural stand-in for the Utah Fairy Forest",
-        notes="a very large ground, a few dense figures, thousands of leaves and blades; the motion is periodic",
-    )
-
-
-def _geometry() -> Geometry:
+def geometry() -> Geometry:
     parts = [
         Part(forest.ground()),
         Part(forest.trees()),

@@ -6,7 +6,7 @@ turned columns, balusters and mouldings, as in the original. x runs from the wes
 
 import numpy as np
 
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Geometry
 from .masonry import COLUMN_HEIGHT, arch, rib, rose, turned_column, window
 from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, pairs, patch, place, sphere, transform, tube
 
@@ -20,19 +20,6 @@ WEST, EAST = -20.0, 20.0
 CROSSING = (4.0, 12.0)
 COLUMNS = (-16.0, -12.0, -8.0, -4.0, 0.0, 16.0)
 BAYS = tuple((x, x + 4.0) for x in (-20.0, -16.0, -12.0, -8.0, -4.0, 0.0, 12.0, 16.0))
-
-
-def scene() -> Scene:
-    """Looking up the nave from the west door; the light hangs in the nave, before the crossing."""
-    return Scene(
-        name="sibenik",
-        title="Sibenik (stand-in)",
-        geometry=geometry,
-        camera=Camera(eye=(-18.2, 5.0, -1.7), target=(6.0, 6.6, 0.5), fov=66.0),
-        lights=(Light((-0.87, 9.05, 1.17)),),
-        stand_in="procedural stand-in for the Sibenik Cathedral by Marko Dabrovic",
-        notes="interior with very large, long thin and finely tessellated triangles side by side",
-    )
 
 
 def geometry() -> Geometry:
