@@ -1,17 +1,26 @@
 """The commands verify and explain, on small meshes and methods made for the purpose."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
+from helpers import misbehaving_methods
 from helpers import rational_brute_force as cases
+from helpers.right_and_wrong_methods import Point
+from helpers.tiny_runs import options
+from shadowbench.harness.commands.check import check
 from shadowbench.harness.commands.explain import explain
+from shadowbench.harness.commands.run import run as measure
 from shadowbench.harness.commands.verify import verify
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.chosen_view import ChosenView
+from shadowbench.harness.scene.facts import few_hits
 from shadowbench.harness.scene.prepared import prepare
 
 start_warp()  # as the commands do: what it has to say must not end up in a test's output
@@ -130,6 +139,72 @@ def test_a_wrong_call_is_one_line(mesh, change, message):
     with pytest.raises(UserError, match=message) as caught:
         verify(**arguments)
     assert "\n" not in str(caught.value)
+
+
+CHANGED = "repeat {} of the same frame gave different answers: {}"
+
+
+@pytest.mark.parametrize(
+    ("method", "limit", "status", "reason"),
+    [
+        ("steady", 1 << 20, "ok", ""),
+        ("once", None, "failed", CHANGED.format(1, "triangle, t, u, v")),
+        ("slow_start", None, "failed", CHANGED.format(1, "triangle, t")),
+        ("fickle", None, "failed", CHANGED.format(8, "shadowed")),
+        ("greedy", 1 << 20, "rejected", "the limit is 1,048,576"),
+        ("hoards", 1 << 20, "rejected", "the limit is 1,048,576"),
+        ("greedy", None, "ok", ""),
+    ],
+)
+def test_methods_that_misbehave_are_found(monkeypatch, capsys, scene, method, limit, status, reason):
+    known = {cls.name: Point(cls) for cls in misbehaving_methods.CLASSES}
+    monkeypatch.setattr(registry, "_entry_points", lambda: known)
+    away = ("0.2,0.2,5", "0.2,0.2,9")  # every ray misses, as these methods answer
+    code = verify([scene], [method], size="8x8", device="cpu", camera=away, memory_limit=limit, as_json=True)
+    (row,) = json.loads(capsys.readouterr().out)["scenes"][0]["methods"]
+    assert row["status"] == status
+    assert row["reason"].endswith(reason)
+    assert code == (status == "failed")
+
+
+# --- where hardly a ray hits anything ---
+
+AWAY = ((9.0, 9.0, 9.0), (20.0, 20.0, 20.0))
+FEW = "hit anything, fewer than 1%: this checked misses, and little else"
+
+
+def test_the_warning_begins_below_a_hundredth():
+    assert few_hits(10, 1000) == few_hits(1, 100) == few_hits(0, 0) == ""
+    assert few_hits(9, 1000) == f"warning: 9 of 1,000 rays {FEW}; choose another --camera"
+
+
+@pytest.mark.parametrize("away", [False, True])
+def test_verify_warns(scene, capsys, away):
+    camera = tuple(",".join(map(str, place)) for place in AWAY) if away else None
+    assert verify([scene], method=["uniform_grid"], device="cpu", size="16x16", camera=camera, as_json=True) == 0
+    (report,) = json.loads(capsys.readouterr().out)["scenes"]
+    assert (FEW in report["warning"]) == away
+    assert (report["hits"] == 0) == away
+    verify([scene], method=["uniform_grid"], device="cpu", size="16x16", camera=camera)
+    assert ("0 of 256 rays hit anything" in " ".join(capsys.readouterr().out.split())) == away
+
+
+def test_run_warns(scene, tmp_path, capsys):
+    asked = replace(options(tmp_path, [scene], ["uniform_grid"], rounds=1, frames=1), view=ChosenView(AWAY))
+    for _ in range(2):  # the second time from the records
+        assert measure(asked, as_json=True) == 0
+        (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+        assert FEW in warning
+        assert warning.startswith("tetra: 0 of 64")
+
+
+def test_check_warns_where_its_cases_hit_nothing(capsys):
+    found = {}
+    for case in ("P11b", "P15"):
+        check("uniform_grid", device="cpu", case=[case], as_json=True)
+        found[case] = json.loads(capsys.readouterr().out)["warning"]
+    assert FEW in found["P11b"]
+    assert found["P15"] == ""
 
 
 # --- explain ------------------------------------------------------------------------------------------------

@@ -5,15 +5,18 @@ import json
 import lzma
 import os
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
+from helpers.tiny_runs import options
 from shadowbench.harness import files
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.commands.listing import rows_of
 from shadowbench.harness.commands.report import report
+from shadowbench.harness.commands.run import run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
@@ -22,7 +25,9 @@ from shadowbench.harness.results.disputes import read_disputes
 from shadowbench.harness.results.folder import ResultsFolder, read_environment, read_json
 from shadowbench.harness.results.table import samples, tidy
 from shadowbench.harness.results.throttled import disturbances
+from shadowbench.harness.runner.machine import environment
 from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.runner.workers.pool import GRADER, Workers
 from shadowbench.harness.scene.chosen_view import ChosenView
 
 ODD = "a\x1b[31m<b>x</b> $\\foo$ & $ \udc80 \u202e | [l](javascript:1) `c`"
@@ -223,3 +228,60 @@ def test_arrays_that_unpack_to_too_much_are_refused(tmp_path):
     (tmp_path / "b.npz").write_bytes(b"\x80\x04\x95")
     with pytest.raises(files.DAMAGED, match=r"it is no \.npz file"), files.opened_arrays(tmp_path / "b.npz"):
         raise AssertionError
+
+
+# --- folders in which something else stands in the place of a file ---
+
+PLACES = (
+    "table1.svg", "cluster.jsonl", ".lock", "scenes.json", "answers/a-0.npz", "logs/uniform_grid.log", "journal/a.jsonl",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, scene: str, place: str) -> None:
+    victim, out = tmp_path / "victim", tmp_path / "out"
+    victim.write_text("precious")
+    files.write_atomic(out / "records" / "a.json", {})
+    (tmp_path / "larger disk").mkdir()
+    (out / "images").symlink_to(tmp_path / "larger disk")  # a folder may be a link
+    path = out / place
+    path.parent.mkdir(exist_ok=True)
+    chosen = options(out, [scene], ["uniform_grid"])
+    for plant in (
+        lambda: path.symlink_to(victim),
+        lambda: path.symlink_to(tmp_path / "nowhere"),
+        lambda: os.mkfifo(path),
+    ):
+        plant()
+        acts = [
+            lambda: run(chosen),
+            lambda: show("table1", out),
+            lambda: report(out),
+            lambda: keep([out], tmp_path / "kept"),
+        ]
+        for act in acts:
+            with pytest.raises(UserError) as refused:
+                act()
+            assert str(refused.value) == f"{path}: a link, or no file at all; put a file in its place, or remove it"
+        path.unlink()
+    assert victim.read_text() == "precious"
+    assert {one.name for one in tmp_path.iterdir()} == {"victim", "out", "larger disk"}
+    with ResultsFolder(out).locked():
+        pass
+
+
+def test_an_environment_that_cannot_be_read_is_written_again(tmp_path: Path) -> None:
+    facts = {"id": "abc", "cpu": {"model": "any"}}
+    path = tmp_path / "environments" / "abc.json"
+    path.parent.mkdir()
+    for damage in ("", "{", "[]", '{"id": "abc"}'):
+        path.write_text(damage)
+        environment.keep(tmp_path, facts)
+        assert environment.read_json(path) == facts
+
+
+def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path, scene: str) -> None:
+    workers = Workers(ResultsFolder(tmp_path), options(tmp_path, [scene], ["uniform_grid"]))
+    (tmp_path / "logs" / f"{GRADER}.log").mkdir(parents=True)
+    with pytest.raises(UserError, match=rf"cannot write \(.*{GRADER}.log: Is a directory\)"):
+        workers.send(workers.get(GRADER), do="free")
