@@ -13,14 +13,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 from helpers import mesh_files as files
 from helpers.tiny_runs import TETRAHEDRON
-from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene import archives, catalogue
 from shadowbench.harness.scene.download import downloaded, recorded
-from shadowbench.harness.scene.names import NAMES, scene_names
+from shadowbench.harness.scene.names import scene_names
 from shadowbench.harness.scene.offered import FURTHER, OFFERS, ORIGINALS, Offer
 
 
@@ -139,21 +136,11 @@ def test_a_checksum_that_is_not_pinned_is_warned_of(serve, tmp_path, capsys):
     assert "not pinned" not in capsys.readouterr().err
 
 
-def test_table_1_takes_the_originals(tmp_path):
+def test_originals_take_the_place_of_stand_ins(tmp_path):
     for name in scene_names():
         (tmp_path / f"{name}.obj").write_text(TETRAHEDRON)
-    found = {name: catalogue.resolve(name, tmp_path) for name in scene_names()}
-    assert {name: (scene.stand_in, scene.source.file) for name, scene in found.items()} == {
-        name: (None, f"{name}.obj") for name in scene_names()
-    }
-    chosen = plan_run(
-        "table1", "quick", "cpu", NAMES[-1:], ["embree"], scene_dir=tmp_path, out=tmp_path / "out", size="8x8",
-        overrides={"frames": 1, "samples": 1, "most": 1, "rounds": 1}, score=False,
-    )  # fmt: skip
-    (record,) = Run(chosen, Silent()).go()
-    assert (record.status, record.scene["stand_in"], record.scene["source"]["file"]) == ("ok", None, f"{NAMES[-1]}.obj")
-    chosen.experiment.draw(chosen.out, True)
-    assert "stand-in" not in (chosen.out / "table1.md").read_text()
+        found = catalogue.resolve(name, tmp_path)
+        assert (found.stand_in, found.source.file) == (None, f"{name}.obj")
 
 
 def test_a_cut_file_is_continued_and_replaces_the_stand_in(serve, tmp_path, capsys):
@@ -205,7 +192,8 @@ def taped(text="", **member):
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:gz") as tape:
         made = tarfile.TarInfo("a/sibenik.obj")
-        vars(made).update(size=len(text), **member)
+        for name, value in {"size": len(text), **member}.items():
+            setattr(made, name, value)
         tape.addfile(made, io.BytesIO(text.encode()))
     return buffer.getvalue()
 

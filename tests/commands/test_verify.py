@@ -10,6 +10,7 @@ from helpers import misbehaving_methods
 from helpers import rational_brute_force as cases
 from helpers.right_and_wrong_methods import Point
 from helpers.tiny_runs import options
+from shadowbench.harness.commands import answering
 from shadowbench.harness.commands.check import check
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.commands.run import run as measure
@@ -33,40 +34,26 @@ def run(capsys, *names: str, scenes: list[str], **options) -> tuple[int, dict]:
     return code, json.loads(capsys.readouterr().out)
 
 
-def test_a_right_method_passes(capsys, mesh):
-    code, report = run(capsys, "right", scenes=[mesh])
-    assert code == 0
-    assert report["passed"] is True
+def test_a_wrong_method_fails_unless_it_says_so(capsys, mesh):
+    code, report = run(capsys, "right", "wrong", "honest", "lazy", scenes=[mesh])
     (scene,) = report["scenes"]
-    (row,) = scene["methods"]
-    assert row["status"] == "ok"
-    assert row["score"]["check"] == "ok"
-    assert row["score"]["shadow"][0]["scored"] > 50
+    rows = {row["method"]: row for row in scene["methods"]}
+    bits = {name: row["score"]["shadow"][0] for name, row in rows.items()}
+    assert (code, report["passed"]) == (1, False)
+    assert {name: row["counts_against"] for name, row in rows.items()} == {
+        "right": False, "wrong": True, "honest": False, "lazy": True,
+    }  # fmt: skip
+    assert (rows["right"]["status"], rows["right"]["score"]["check"]) == ("ok", "ok")
+    assert bits["right"]["scored"] > 50
+    assert (bits["wrong"]["leak"], bits["honest"]["leak"]) == (1, 1)
+    assert rows["honest"]["known_inexact"] == "it leaks, and says so"
+    assert bits["lazy"]["invalid"] == 24 * 18, "unwritten bits are found"
     assert scene["triangles"] == len(cases.ball_on_floor().geometry().faces)
     assert len(scene["sha256"]) == 64
 
 
-def test_a_wrong_method_fails_unless_it_says_so(capsys, mesh):
-    code, report = run(capsys, "wrong", scenes=[mesh])
-    row = report["scenes"][0]["methods"][0]
-    assert code == 1
-    assert row["score"]["shadow"][0]["leak"] == 1
-    code, report = run(capsys, "honest", scenes=[mesh])
-    row = report["scenes"][0]["methods"][0]
-    assert code == 0
-    assert row["score"]["shadow"][0]["leak"] == 1
-    assert row["known_inexact"] == "it leaks, and says so"
-
-
-def test_unwritten_shadows_are_found(capsys, mesh):
-    code, report = run(capsys, "lazy", scenes=[mesh])
-    score = report["scenes"][0]["methods"][0]["score"]
-    assert code == 1
-    assert score["shadow"][0]["invalid"] == 24 * 18
-
-
 def test_one_method_does_not_hide_another(capsys, mesh):
-    code, report = run(capsys, "crashing", "greedy", "choosy", "right", scenes=[mesh, mesh])
+    code, report = run(capsys, "crashing", "greedy", "choosy", "right", scenes=[mesh, mesh], everything=True)
     assert code == 1
     assert len(report["scenes"]) == 2
     rows = {row["method"]: row for row in report["scenes"][1]["methods"]}
@@ -74,29 +61,22 @@ def test_one_method_does_not_hide_another(capsys, mesh):
     assert (rows["greedy"]["status"], rows["greedy"]["reason"]) == ("rejected", "needs 12 pairs")
     assert (rows["choosy"]["status"], rows["choosy"]["reason"]) == ("skipped", "only spheres")
     assert rows["right"]["score"]["check"] == "ok"
+    assert rows["right"]["score"]["primary"]["judged"] == 24 * 18, "every pixel is decided"
     assert run(capsys, "greedy", "choosy", scenes=[mesh])[0] == 0
 
 
-def test_the_table_shows_what_is_wrong(capsys, mesh):
-    assert verify([mesh], ["right", "honest", "choosy"], size="24x18", device="cpu") == 0
-    text = capsys.readouterr().out
-    assert "ball.ply" in text
-    assert "failed*" in text
-    assert "* honest declares itself inexact: it leaks, and says so" in text
-    assert "skipped: only spheres" in text
-    assert "reference" in text
-
-
 @pytest.mark.parametrize("columns", ["80", "200"])
-def test_tables_are_as_wide_as_asked(capsys, mesh, monkeypatch, columns):
+def test_tables_show_what_is_wrong_and_are_as_wide_as_asked(capsys, mesh, monkeypatch, columns):
     """A pipe has no width of its own: COLUMNS counts, else 80."""
     monkeypatch.setenv("COLUMNS", columns)
-    verify([mesh], ["perspective_spherical", "honest"], size="24x18", device="cpu")
-    table, _, notes = capsys.readouterr().out.partition("* honest")
-    assert max(map(len, table.splitlines())) <= 80
+    assert verify([mesh], ["perspective_spherical", "choosy", "honest"], size="24x18", device="cpu") == 0
+    table, mark, notes = capsys.readouterr().out.partition("* honest")
+    assert max(map(len, table.partition("choosy on")[0].splitlines())) <= 80
     assert max(map(len, notes.splitlines())) <= int(columns)
+    assert all(text in table for text in ("ball.ply", "failed*", "skipped: only spheres", "reference"))
     row = next(line for line in table.splitlines() if line.startswith("perspective_spherical "))
     assert row.split()[-1] == "ok"
+    assert f"{mark}{notes}".startswith("* honest declares itself inexact: it leaks, and says so")
     assert "leak: a shadowed point called lit" in notes
 
 
@@ -116,11 +96,6 @@ def test_triangles_that_cannot_be_hit_are_reported(tmp_path, capsys, broken, wor
     code, report = run(capsys, "right", scenes=[str(path)])
     assert code == 0
     assert words in report["scenes"][0]["warning"]
-
-
-def test_every_pixel_can_be_decided(capsys, mesh):
-    _, report = run(capsys, "right", scenes=[mesh], everything=True)
-    assert report["scenes"][0]["methods"][0]["score"]["primary"]["judged"] == 24 * 18
 
 
 @pytest.mark.parametrize(
@@ -159,6 +134,7 @@ CHANGED = "repeat {} of the same frame gave different answers: {}"
 def test_methods_that_misbehave_are_found(monkeypatch, capsys, scene, method, limit, status, reason):
     known = {cls.name: Point(cls) for cls in misbehaving_methods.CLASSES}
     monkeypatch.setattr(registry, "_entry_points", lambda: known)
+    monkeypatch.setattr(answering, "REPEATS", 8)
     away = ("0.2,0.2,5", "0.2,0.2,9")  # every ray misses, as these methods answer
     code = verify([scene], [method], size="8x8", device="cpu", camera=away, memory_limit=limit, as_json=True)
     (row,) = json.loads(capsys.readouterr().out)["scenes"][0]["methods"]
@@ -264,7 +240,7 @@ def test_explain_a_miss(capsys, mesh):
     assert "exact: a miss" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("pixel", ["24,0", "0,18", "1", "1,2,3", "-1,0", "a,b"])
-def test_explain_needs_a_pixel_of_the_image(mesh, pixel):
-    with pytest.raises(UserError, match="--pixel"):
-        explain(mesh, pixel, ["right"], "cpu", "24x18")
+def test_explain_needs_a_pixel_of_the_image(mesh):
+    for pixel in ("24,0", "0,18", "1", "1,2,3", "-1,0", "a,b"):
+        with pytest.raises(UserError, match="--pixel"):
+            explain(mesh, pixel, ["right"], "cpu", "24x18")
