@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
-from shadowbench.harness.judge import blocks
+from shadowbench.harness.judge import consistency
 from shadowbench.harness.judge import reference as references
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
@@ -86,7 +86,7 @@ def test_an_index_out_of_range_is_refused():
 def test_several_blocks_give_the_same_as_one(ball, monkeypatch):
     prepared, moment = ball
     whole, checked = embree_reference(prepared, moment), Judge.of(prepared, moment).checked_reference
-    monkeypatch.setattr(blocks, "BLOCK", 100)
+    monkeypatch.setattr(consistency, "BLOCK", 100)
     cut = embree_reference(prepared, moment)
     for name, value in whole.answers().items():
         np.testing.assert_array_equal(value, cut.answers()[name])
