@@ -70,15 +70,22 @@ def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, c
     assert "line" in line
 
 
-def test_an_archive_that_takes_too_much_memory_to_unpack_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(schema, "MOST_DICTIONARY", 1 << 20)
-    line = refused(packed(tmp_path, lzma.compress(json.dumps(one()).encode(), preset=9)))
-    assert "damaged (Memory usage limit" in line
-
-
-def test_an_archive_with_more_behind_it_is_refused(tmp_path):
-    content = lzma.compress(json.dumps(one()).encode() + b"\n")
-    assert "bytes follow its end" in refused(packed(tmp_path, content + b"x"))
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda text: lzma.compress(text)[:-40], "damaged (it ends too early)"),
+        (lambda text: b"not at all" * 9, "damaged (Input format not supported"),
+        (lambda text: lzma.compress(b"{}\n"), "line 1: schema None"),
+        (lambda text: lzma.compress(text + b"[\n"), "line 2: not a record"),
+        (lambda text: lzma.compress(text) + b"x", "bytes follow its end"),
+        (lambda text: lzma.compress(text, preset=9), "damaged (Memory usage limit"),
+    ],
+)
+def test_a_damaged_archive_is_reported_by_its_name(tmp_path, monkeypatch, damage, said):
+    monkeypatch.setattr(schema, "MOST_DICTIONARY", 32 << 20)
+    line = refused(packed(tmp_path, damage(json.dumps(one()).encode() + b"\n")))
+    assert said in line
+    assert schema.ARCHIVE in line
 
 
 def test_a_record_that_is_too_long_or_no_file_is_refused(tmp_path, monkeypatch):
