@@ -54,10 +54,19 @@ LEGEND = (
     """
 )
 def verify(
-    scene: list[str], method: list[str] | None = None, setting: list[str] | None = None, device: str | None = None,
-    size: str = "256x256", frame: int = 0, everything: bool = False, memory_limit: int | None = None,
-    scene_dir: Path | None = None, as_json: bool = False, *, view: ChosenView,
-) -> int:  # fmt: skip
+    scene: list[str],
+    method: list[str] | None = None,
+    setting: list[str] | None = None,
+    device: str | None = None,
+    size: str = "256x256",
+    frame: int = 0,
+    everything: bool = False,
+    memory_limit: int | None = None,
+    scene_dir: Path | None = None,
+    as_json: bool = False,
+    *,
+    view: ChosenView,
+) -> int:
     """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
     Each frame is repeated up to 16 times, and a method whose answers change has failed.
