@@ -170,8 +170,8 @@ def score(folder: Path, again: bool = False, scene_dir: Path | None = None, as_j
         changed = charge_folder(place)
         for (row, record), own in zip(found, places, strict=True):
             if own == place and record is not None and record.key in changed:
-                frames = changed[record.key].frames
-                row["score"] = next((one.score for one in frames if one.frame == row["frame"]), row["score"])
+                frame = changed[record.key].frame(row["frame"])
+                row["score"] = frame.score if frame else row["score"]
     for row, record in found:
         row["counts_against"] = row["score"] is None or not (row["score"].passed or _known_inexact(record))
     rows = [row for row, _ in found]
@@ -197,7 +197,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
                 raise UserError(f"{record_path}: the record of other answers; remove them, or it")
             record = known
             row |= {"record_path": str(record_path), "method": record.method["name"]}
-            frame = next((one for one in record.frames if one.frame == facts["frame"]), None)
+            frame = record.frame(facts["frame"])
         if frame and frame.score and not again:
             return {**row, "status": "had a score", "score": frame.score}, record
         scored = score_raw(path, scene_dir, folder / "truth")
