@@ -245,7 +245,7 @@ PLACES = (
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, scene: str, place: str) -> None:
+def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, place: str) -> None:
     victim, out = tmp_path / "victim", tmp_path / "out"
     victim.write_text("precious")
     files.write_atomic(out / "records" / "a.json", {})
@@ -253,7 +253,7 @@ def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, scene: st
     (out / "images").symlink_to(tmp_path / "larger disk")  # a folder may be a link
     path = out / place
     path.parent.mkdir(exist_ok=True)
-    chosen = options(out, [scene], ["uniform_grid"])
+    chosen = options(out, ["tetra.obj"], ["uniform_grid"])
     for plant in (
         lambda: path.symlink_to(victim),
         lambda: path.symlink_to(tmp_path / "nowhere"),
@@ -287,8 +287,8 @@ def test_an_environment_that_cannot_be_read_is_written_again(tmp_path: Path) -> 
         assert environment.read_json(path) == facts
 
 
-def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path, scene: str) -> None:
-    workers = Workers(ResultsFolder(tmp_path), options(tmp_path, [scene], ["uniform_grid"]))
+def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    workers = Workers(ResultsFolder(tmp_path), options(tmp_path, ["tetra.obj"], ["uniform_grid"]))
     (tmp_path / "logs" / f"{GRADER}.log").mkdir(parents=True)
     with pytest.raises(UserError, match=rf"cannot write \(.*{GRADER}.log: Is a directory\)"):
         workers.send(workers.get(GRADER), do="free")
