@@ -119,10 +119,11 @@ def test_a_gzip_file_is_an_archive_of_one_file(serve, tmp_path):
     found = catalogue.resolve("armadillo", tmp_path)
     assert (found.name, found.stand_in, len(found.geometry().faces)) == ("armadillo", None, 4)
     assert (tmp_path / "armadillo.source.txt").read_text().startswith(f"armadillo\nfrom: {OFFERS['armadillo'].where}")
-    for broken in (packed[:-9], packed[:10] + b"x" * 40, packed[:2] + b"x" * 40):
+    for number, broken in enumerate((packed[:-9], packed[:10] + b"x" * 40, packed[:2] + b"x" * 40)):
         (tmp_path / "a.ply.gz").write_bytes(broken)
+        (tmp_path / str(number)).mkdir()
         with pytest.raises(UserError, match="damaged"):
-            archives.unpack(tmp_path / "a.ply.gz", "*.ply", tmp_path / "other")
+            archives.unpack(tmp_path / "a.ply.gz", "*.ply", tmp_path / str(number))
 
 
 def test_a_checksum_that_is_not_pinned_is_warned_of(serve, tmp_path, capsys):

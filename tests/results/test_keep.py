@@ -13,6 +13,8 @@ from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.schema import ARCHIVE, read_records
 from shadowbench.harness.runner.planning.experiment import Entry
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 ENTRIES = [Entry("perspective_spherical", {}, "ours"), Entry("warp_bvh", {}, "tree"), Entry("ray_grids", {}, "grids")]
 
 
