@@ -30,9 +30,12 @@ from .tables import make_table, print_legend, print_lines, tell
     """
 )
 def check(
-    method: str, device: str | None = None, setting: list[str] | None = None, case: list[str] | None = None,
+    method: str,
+    device: str | None = None,
+    setting: list[str] | None = None,
+    case: list[str] | None = None,
     as_json: bool = False,
-) -> int:  # fmt: skip
+) -> int:
     """Run one method on small scenes that are hard to trace, and test that it keeps the rules of the interface.
 
     Every answer is compared with exact arithmetic. A wrong answer that float32 rounding explains (near-tie, edge) is

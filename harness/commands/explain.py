@@ -38,10 +38,18 @@ from .tables import make_table, print_legend, print_lines, tell
     """
 )
 def explain(
-    scene: str, pixel: str, method: list[str] | None = None, device: str | None = None, size: str = "256x256",
-    frame: int = 0, setting: list[str] | None = None, scene_dir: Path | None = None, as_json: bool = False,
-    *, view: ChosenView,
-) -> int:  # fmt: skip
+    scene: str,
+    pixel: str,
+    method: list[str] | None = None,
+    device: str | None = None,
+    size: str = "256x256",
+    frame: int = 0,
+    setting: list[str] | None = None,
+    scene_dir: Path | None = None,
+    as_json: bool = False,
+    *,
+    view: ChosenView,
+) -> int:
     """Show the answer of every method at one pixel with its class, the answer of the reference, and the exact answer.
 
     The classes are those that `verify --every-pixel` counts. Distances to edges are in units of the error bound of a

@@ -35,9 +35,13 @@ KINDS = ("methods", "scenes", "experiments")
     """
 )
 def list_(
-    kind: str, name: list[str] | None = None, rate: float | None = None, allow_missing: bool = False,
-    scene_dir: Path | None = None, as_json: bool = False,
-) -> int:  # fmt: skip
+    kind: str,
+    name: list[str] | None = None,
+    rate: float | None = None,
+    allow_missing: bool = False,
+    scene_dir: Path | None = None,
+    as_json: bool = False,
+) -> int:
     """List the methods, scenes or experiments; of a method its parameters; of an experiment its presets; of a file its
     triangles and frames, its cameras and its lights."""
     rows = rows_of(kind, name or [], lambda: view_of(rate=rate, allow_missing=allow_missing), scene_dir, not as_json)

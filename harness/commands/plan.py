@@ -40,10 +40,17 @@ if TYPE_CHECKING:
     """
 )
 def plan(
-    scene: str, method: list[str] | None = None, setting: list[str] | None = None, size: str = "256x256",
-    device: str | None = None, frame: int = 0, scene_dir: Path | None = None, as_json: bool = False,
-    *, view: ChosenView,
-) -> int:  # fmt: skip
+    scene: str,
+    method: list[str] | None = None,
+    setting: list[str] | None = None,
+    size: str = "256x256",
+    device: str | None = None,
+    frame: int = 0,
+    scene_dir: Path | None = None,
+    as_json: bool = False,
+    *,
+    view: ChosenView,
+) -> int:
     """List the effects of a scene and the passes of each method, with the reason why each pass runs.
 
     The passes are listed for the first frame that is traced (--frame), and for a later one in which only the camera, only

@@ -122,10 +122,20 @@ def with_turning_light(described: Scene, places: int) -> Prepared:
     """
 )
 def render(
-    scene: list[str], method: str | None = None, out: Path | None = None, animation: Path | None = None,
-    size: str = "512x512", frame: int = 0, frames: str | None = None, seconds: float | None = None,
-    setting: list[str] | None = None, device: str | None = None, scene_dir: Path | None = None, *, view: ChosenView,
-) -> int:  # fmt: skip
+    scene: list[str],
+    method: str | None = None,
+    out: Path | None = None,
+    animation: Path | None = None,
+    size: str = "512x512",
+    frame: int = 0,
+    frames: str | None = None,
+    seconds: float | None = None,
+    setting: list[str] | None = None,
+    device: str | None = None,
+    scene_dir: Path | None = None,
+    *,
+    view: ChosenView,
+) -> int:
     """Render a scene from the hits and shadow bits that a method finds.
 
     The picture of a stand-in scene has a caption that says so.

@@ -139,26 +139,20 @@ def plan_run(
         if extra not in declared.extras:
             known = ", ".join(declared.extras) or "nothing"
             raise UserError(f"--with {extra}: {experiment} offers {known}{did_you_mean(extra, declared.extras)}")
-    changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     own = tuple(entry for part in chosen.parts() for entry in part.methods)
     refuse_own_settings(declared.name, list(settings), own)
     _refuse_own_areas(declared.name, chosen, view)
-    changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
-    also: tuple[Preset, ...] = ()
-    if not (scenes or size):
-        also = tuple(
-            dataclasses.replace(
-                part,
-                **{k: v for k, v in changes.items() if k not in ("scenes", "methods")},
-                methods=parse_settings(list(settings), choose_methods(part.methods, list(methods))),
-            )
-            for part in chosen.also
-        )
-    changes["also"] = also
+
+    def changed(part: Preset, **more: Any) -> Preset:
+        entries = parse_settings(list(settings), choose_methods(part.methods, list(methods)))
+        return dataclasses.replace(part, **changes, **more, methods=entries)
+
+    also = () if scenes or size else tuple(changed(part) for part in chosen.also)
+    whole = changed(chosen, scenes=tuple(dict.fromkeys(scenes)) or chosen.scenes, also=also)
     where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
     named: dict[str, str] = {}
     seen = view or ChosenView()
-    for scene in changes["scenes"]:
+    for scene in whole.scenes:
         # Pictures and tables identify a scene by its name.
         other = named.setdefault(seen.resolved(scene, where).name, scene)
         if other != scene:
@@ -166,7 +160,7 @@ def plan_run(
     return Options(
         experiment=declared,
         preset_name=name,
-        preset=dataclasses.replace(chosen, **changes),
+        preset=whole,
         device=place,
         out=out or RESULTS / f"{experiment}-{name}",
         scene_dir=where,
@@ -177,12 +171,8 @@ def plan_run(
 
 def _refuse_own_areas(experiment: str, preset: Preset, view: ChosenView | None) -> None:
     """Raise :class:`UserError` for the area of a light where every lighting of the experiment has its own."""
-    given = {
-        "--light-size": view and view.light_size,
-        "--light-samples": view and view.light_samples,
-        "--light-shape": view and view.light_shape,
-    }
-    named = ", ".join(name for name, value in given.items() if value is not None)
+    names = ("light_size", "light_samples", "light_shape")
+    named = ", ".join(f"--{name.replace('_', '-')}" for name in names if getattr(view, name, None) is not None)
     if named and all(lighting.samples for part in preset.parts() for lighting in part.lightings):
         raise UserError(f"{named}: {experiment} gives lights their areas itself; leave it out")
 

@@ -54,10 +54,19 @@ LEGEND = (
     """
 )
 def verify(
-    scene: list[str], method: list[str] | None = None, setting: list[str] | None = None, device: str | None = None,
-    size: str = "256x256", frame: int = 0, everything: bool = False, memory_limit: int | None = None,
-    scene_dir: Path | None = None, as_json: bool = False, *, view: ChosenView,
-) -> int:  # fmt: skip
+    scene: list[str],
+    method: list[str] | None = None,
+    setting: list[str] | None = None,
+    device: str | None = None,
+    size: str = "256x256",
+    frame: int = 0,
+    everything: bool = False,
+    memory_limit: int | None = None,
+    scene_dir: Path | None = None,
+    as_json: bool = False,
+    *,
+    view: ChosenView,
+) -> int:
     """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
     Each frame is repeated up to 16 times, and a method whose answers change has failed.
@@ -161,8 +170,8 @@ def score(folder: Path, again: bool = False, scene_dir: Path | None = None, as_j
         changed = charge_folder(place)
         for (row, record), own in zip(found, places, strict=True):
             if own == place and record is not None and record.key in changed:
-                frames = changed[record.key].frames
-                row["score"] = next((one.score for one in frames if one.frame == row["frame"]), row["score"])
+                frame = changed[record.key].frame(row["frame"])
+                row["score"] = frame.score if frame else row["score"]
     for row, record in found:
         row["counts_against"] = row["score"] is None or not (row["score"].passed or _known_inexact(record))
     rows = [row for row, _ in found]
@@ -188,7 +197,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
                 raise UserError(f"{record_path}: the record of other answers; remove them, or it")
             record = known
             row |= {"record_path": str(record_path), "method": record.method["name"]}
-            frame = next((one for one in record.frames if one.frame == facts["frame"]), None)
+            frame = record.frame(facts["frame"])
         if frame and frame.score and not again:
             return {**row, "status": "had a score", "score": frame.score}, record
         scored = score_raw(path, scene_dir, folder / "truth")

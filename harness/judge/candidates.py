@@ -41,16 +41,12 @@ def build_tree(points: F32, faces: I32, valid: NDArray, device: str, mask: Alpha
     lows[: len(ids)], highs[: len(ids)] = low[order], high[order]
     low_heap = np.full((2 * leaves, 3), np.inf, dtype=np.float32)
     high_heap = -low_heap
-    level_low = lows.reshape(leaves, LEAF, 3).min(axis=1)
-    level_high = highs.reshape(leaves, LEAF, 3).max(axis=1)
-    size = leaves
-    while True:
-        low_heap[size : 2 * size], high_heap[size : 2 * size] = level_low, level_high
-        if size == 1:
-            break
-        size //= 2
-        level_low = level_low.reshape(size, 2, 3).min(axis=1)
-        level_high = level_high.reshape(size, 2, 3).max(axis=1)
+    low_heap[leaves:] = lows.reshape(leaves, LEAF, 3).min(axis=1)
+    high_heap[leaves:] = highs.reshape(leaves, LEAF, 3).max(axis=1)
+    for first in (1 << level for level in reversed(range(leaves.bit_length() - 1))):
+        level, below = slice(first, 2 * first), slice(2 * first, 4 * first)
+        low_heap[level] = low_heap[below].reshape(first, 2, 3).min(axis=1)
+        high_heap[level] = high_heap[below].reshape(first, 2, 3).max(axis=1)
     with wp.ScopedDevice(device):
         return filled(
             Tree, low=wp.array(low_heap, dtype=wp.vec3f), high=wp.array(high_heap, dtype=wp.vec3f),

@@ -3,21 +3,34 @@
 The check of t, u and v runs over every pixel in float64, whose own error is far below the float32 tolerance.
 """
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F64, Bools
+from ..frame.schedule.threads import processors
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .arithmetic import UNIT, edge_bound
-from .blocks import in_blocks
 from .planes import plane_numbers
 from .receivers import not_receivers
 
 T_UNITS = 64.0
 """Allowed relative error of t and absolute error of u and v, in units of 2^-24, on a triangle seen along its normal."""
+
+
+BLOCK = 1 << 15
+"""Rays of a block: its temporary arrays fit into a processor's cache."""
+
+
+def in_blocks(count: int, work: Callable[[slice], None]) -> None:
+    """Call ``work`` on slices of ``count`` rays, on every processor: numpy and Embree release the interpreter's lock."""
+    blocks = [slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
+    with ThreadPoolExecutor(processors()) as pool:
+        list(pool.map(work, blocks))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,8 @@ from ..scene.effects import Effects
 from ..scene.facts import input_hashes
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
-from .blocks import in_blocks
-from .hits import Exact
+from .consistency import in_blocks
+from .decisions import Exact
 from .planes import plane_numbers
 from .referee import Referee
 

@@ -1,8 +1,8 @@
 """Judge and count answers, in these steps:
 
 1. consistency  is the answer valid, and do t, u and v fit its triangle?        :func:`.consistency.check_consistency`
-2. agreement    where does it differ from the reference?                        :func:`.selection.compare`
-3. selection    those pixels, their neighbours and a random sample              :func:`.selection.select`
+2. agreement    where does it differ from the reference?                        :func:`.classify.compare`
+3. selection    those pixels, their neighbours and a random sample              :func:`.classify.select`
 4. referee      the exact answers at the selected pixels                        :func:`.classify.decide`
 5. classes      the class of every pixel's closest hit and of every shadow bit  :func:`.classify.classify`
 6. counts       the number of answers in each class: the score                  :func:`score_answers`
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..arrays import I8
 from .bounces import bounce_answers, bounce_judge, wrong_rays
-from .classify import EXAMPLES, Judgement, classify, decide, examples_of
+from .classify import EXAMPLES, Judgement, classify, compare, decide, examples_of, select
 from .consistency import check_consistency
 from .context import Judge
 from .counts import (
@@ -33,7 +33,6 @@ from .counts import (
     ShadowCounts,
     check_of,
 )
-from .selection import compare, select
 from .shared_errors import Disputes, find_disputes
 from .verdict import ERRORS, PRIMARY, RIGHT, SHADOW, Verdict
 

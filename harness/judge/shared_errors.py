@@ -1,6 +1,6 @@
 """Errors that methods share with the reference.
 
-The referee decides the answers of a method where they differ from the reference (:mod:`.judge.selection`). Everywhere
+The referee decides the answers of a method where they differ from the reference (:mod:`.judge.classify`). Everywhere
 else the method gave the same answer as the reference, and the referee may have decided that pixel because another method
 differs there. So each score stores, for each set of rays, the pixels at which its own answers were decided and the classes
 of the reference's answers there (:class:`Disputes`). When all methods of a frame are scored, :func:`share_errors` adds the

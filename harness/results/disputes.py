@@ -67,13 +67,13 @@ def charge_folder(folder: Path) -> dict[str, Record]:
         if not place.is_file():
             continue  # its point is being measured, or does not belong to this folder
         record = read_record(place)
-        score = next((one.score for one in record.frames if one.frame == frame), None)
-        whole = read_disputes(path) if score else None
-        if score is None or whole is None:
+        scored = record.frame(frame)
+        whole = read_disputes(path) if scored and scored.score else None
+        if scored is None or scored.score is None or whole is None:
             continue
-        charged = charge(score, whole[2], pool)
-        if charged is not score:
-            next(one for one in record.frames if one.frame == frame).score = charged
+        charged = charge(scored.score, whole[2], pool)
+        if charged is not scored.score:
+            scored.score = charged
             write_atomic(place, record.to_json())
             changed[key] = record
         mark_wrong(wrong_path(folder, key, frame), *charged_pixels(whole[2], pool))

@@ -16,8 +16,7 @@ from ..errors import UserError, warn
 from ..files import PARTIAL, open_regular, read_regular, write_atomic
 from ..texts import all_visible
 from ..typed_json import WrongFieldError, checked
-from .events import EVENTS
-from .journal import Journal
+from .journal import EVENTS, Journal
 from .record import Record
 from .schema import archived, whole_record
 

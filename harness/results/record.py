@@ -255,6 +255,9 @@ class Record:
         """The frames that have samples."""
         return [frame for frame in self.frames if frame.measured]
 
+    def frame(self, number: int) -> Frame | None:
+        return next((frame for frame in self.frames if frame.frame == number), None)
+
     @property
     def says_nothing(self) -> bool:
         """Whether it says nothing about the method, or nothing about its answers: ``--retry`` measures the point again."""

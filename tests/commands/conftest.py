@@ -4,6 +4,7 @@ import pytest
 from helpers.called_command import exit_code
 from helpers.right_and_wrong_methods import INSTALLED, ball_file
 from helpers.tiny_runs import write_scene
+from shadowbench.harness.commands import answering
 from shadowbench.harness.frame import registry
 
 
@@ -26,8 +27,9 @@ def scene(tmp_path):
 
 @pytest.fixture
 def right_and_wrong(monkeypatch):
-    """The methods of :mod:`helpers.right_and_wrong_methods`, as if they were installed."""
+    """The methods of :mod:`helpers.right_and_wrong_methods`, as if they were installed; frames are repeated twice only."""
     monkeypatch.setattr(registry, "_entry_points", lambda: INSTALLED)
+    monkeypatch.setattr(answering, "REPEATS", 2)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import io
+import json
 import re
 import tarfile
 import threading
@@ -12,14 +13,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 from helpers import mesh_files as files
 from helpers.tiny_runs import TETRAHEDRON
-from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene import archives, catalogue
 from shadowbench.harness.scene.download import downloaded, recorded
-from shadowbench.harness.scene.names import NAMES, scene_names
+from shadowbench.harness.scene.names import scene_names
 from shadowbench.harness.scene.offered import FURTHER, OFFERS, ORIGINALS, Offer
 
 
@@ -107,25 +105,25 @@ MEMBERS = {
 
 
 @pytest.mark.parametrize("name", MEMBERS)
-def test_of_an_archive_the_wanted_mesh_is_taken_and_is_a_scene(serve, tmp_path, name):
+def test_of_an_archive_the_wanted_mesh_is_taken(tmp_path, name):
     wanted, *others = MEMBERS[name]
-    mesh = files.ply_binary(files.QUAD) if wanted.endswith("ply") else TETRAHEDRON
-    serve(zipped({wanted: mesh, **dict.fromkeys(others, "no mesh")}), files=OFFERS[name].files, name=name)
-    assert scenes("fetch", [name], tmp_path) == 0
-    found = catalogue.resolve(name, tmp_path)
-    assert (found.name, found.stand_in, len(found.geometry().faces)) == (name, None, 4)
-    assert (tmp_path / f"{name}.source.txt").read_text().startswith(f"{name}\nfrom: {OFFERS[name].where}")
+    (tmp_path / "a.zip").write_bytes(zipped({wanted: "mesh", **dict.fromkeys(others, "no mesh")}))
+    (made,) = archives.unpack(tmp_path / "a.zip", OFFERS[name].files, tmp_path)
+    assert (made.name, made.read_text()) == (wanted.rpartition("/")[2], "mesh")
 
 
 def test_a_gzip_file_is_an_archive_of_one_file(serve, tmp_path):
     packed = gzip.compress(files.ply_binary(files.QUAD))
     serve(packed, files="*.ply", name="armadillo", ending="ply.gz")
     assert scenes("fetch", ["armadillo"], tmp_path) == 0
-    assert len(catalogue.resolve("armadillo", tmp_path).geometry().faces) == 4
-    for broken in (packed[:-9], packed[:10] + b"x" * 40, packed[:2] + b"x" * 40):
-        serve(broken, files="*.ply", name="armadillo", ending="ply.gz")
+    found = catalogue.resolve("armadillo", tmp_path)
+    assert (found.name, found.stand_in, len(found.geometry().faces)) == ("armadillo", None, 4)
+    assert (tmp_path / "armadillo.source.txt").read_text().startswith(f"armadillo\nfrom: {OFFERS['armadillo'].where}")
+    for number, broken in enumerate((packed[:-9], packed[:10] + b"x" * 40, packed[:2] + b"x" * 40)):
+        (tmp_path / "a.ply.gz").write_bytes(broken)
+        (tmp_path / str(number)).mkdir()
         with pytest.raises(UserError, match="damaged"):
-            scenes("fetch", ["armadillo"], tmp_path / "other")
+            archives.unpack(tmp_path / "a.ply.gz", "*.ply", tmp_path / str(number))
 
 
 def test_of_several_those_that_can_be_fetched_are_and_the_others_are_named(serve, tmp_path, capsys):
@@ -151,26 +149,11 @@ def test_a_checksum_that_is_not_pinned_is_warned_of(serve, tmp_path, capsys):
     assert "not pinned" not in capsys.readouterr().err
 
 
-def test_what_is_offered_and_not_there_is_told(tmp_path):
-    with pytest.raises(UserError, match="dragon: not in the folder of scenes; shadowbench scenes fetch dragon"):
-        catalogue.resolve("dragon", tmp_path)
-
-
-def test_table_1_takes_the_originals(tmp_path):
+def test_originals_take_the_place_of_stand_ins(tmp_path):
     for name in scene_names():
         (tmp_path / f"{name}.obj").write_text(TETRAHEDRON)
-    found = {name: catalogue.resolve(name, tmp_path) for name in scene_names()}
-    assert {name: (scene.stand_in, scene.source.file) for name, scene in found.items()} == {
-        name: (None, f"{name}.obj") for name in scene_names()
-    }
-    chosen = plan_run(
-        "table1", "quick", "cpu", NAMES[-1:], ["embree"], scene_dir=tmp_path, out=tmp_path / "out", size="8x8",
-        overrides={"frames": 1, "samples": 1, "most": 1, "rounds": 1}, score=False,
-    )  # fmt: skip
-    (record,) = Run(chosen, Silent()).go()
-    assert (record.status, record.scene["stand_in"], record.scene["source"]["file"]) == ("ok", None, f"{NAMES[-1]}.obj")
-    chosen.experiment.draw(chosen.out, True)
-    assert "stand-in" not in (chosen.out / "table1.md").read_text()
+        found = catalogue.resolve(name, tmp_path)
+        assert (found.stand_in, found.source.file) == (None, f"{name}.obj")
 
 
 def test_a_cut_file_is_continued_and_replaces_the_stand_in(serve, tmp_path, capsys):
@@ -183,13 +166,10 @@ def test_a_cut_file_is_continued_and_replaces_the_stand_in(serve, tmp_path, caps
     assert scenes("fetch", ["sibenik"], tmp_path) == 0
     assert len(asked) == 3, "it is there, and not fetched again"
     assert "already in" in capsys.readouterr().err
-
-
-def test_what_was_cut_off_too_often_is_continued_by_the_next_command(serve, tmp_path):
     asked = serve(WHOLE, cuts=(40, 30, 20))
     with pytest.raises(UserError, match="the same command continues it"):
-        scenes("fetch", ["sibenik"], tmp_path)
-    assert scenes("fetch", ["sibenik"], tmp_path) == 0
+        scenes("fetch", ["sibenik"], tmp_path / "other")
+    assert scenes("fetch", ["sibenik"], tmp_path / "other") == 0
     assert asked[-1] == "bytes=90-"
 
 
@@ -207,44 +187,31 @@ def test_a_server_that_cannot_be_reached_is_named_once(tmp_path, host, said):
 @pytest.mark.parametrize("pinned", [True, False])
 def test_a_wrong_checksum_is_refused(serve, tmp_path, pinned):
     """Pinned in the program, or recorded when it was first fetched."""
-    if not pinned:
-        serve(WHOLE)
-        scenes("fetch", ["sibenik"], tmp_path)
-        (tmp_path / "sibenik.obj").unlink()
-        (tmp_path / "archives" / "sibenik.zip").unlink()
-        url, digest = next(iter(recorded(tmp_path / "archives").items()))
-        port = url.split("/")[2]
     serve(WHOLE + b"altered", sha256="0" * 64 if pinned else "")
+    archived = tmp_path / "archives"
     if not pinned:
-        new = OFFERS["sibenik"].where
-        (tmp_path / "archives" / "checksums.json").write_text(f'{{"{new}": "{digest}"}}')
-        assert port not in new
+        archived.mkdir()
+        known = {OFFERS["sibenik"].where: hashlib.sha256(WHOLE).hexdigest()}
+        (archived / "checksums.json").write_text(json.dumps(known))
     with pytest.raises(UserError, match="its checksum is not") as refused:
         scenes("fetch", ["sibenik"], tmp_path)
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "sibenik.obj").exists()
-    assert [path.name for path in (tmp_path / "archives").iterdir() if path.suffix != ".json"] == []
+    assert [path.name for path in archived.iterdir() if path.suffix != ".json"] == []
 
 
-def taped(name, text):
+def taped(text="", **member):
+    """A compressed tape of one member."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:gz") as tape:
-        member = tarfile.TarInfo(name)
-        member.size = len(text)
-        tape.addfile(member, io.BytesIO(text.encode()))
+        made = tarfile.TarInfo("a/sibenik.obj")
+        for name, value in {"size": len(text), **member}.items():
+            setattr(made, name, value)
+        tape.addfile(made, io.BytesIO(text.encode()))
     return buffer.getvalue()
 
 
-packed_tar = taped("a/sibenik.obj", TETRAHEDRON * 500)
-
-
-def linked():
-    buffer = io.BytesIO()
-    with tarfile.open(fileobj=buffer, mode="w:gz") as tape:
-        link = tarfile.TarInfo("a/sibenik.obj")
-        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
-        tape.addfile(link)
-    return buffer.getvalue()
+packed_tar = taped(TETRAHEDRON * 500)
 
 
 @pytest.mark.parametrize(
@@ -262,7 +229,7 @@ def linked():
         (WHOLE[:-30], "no archive but"),
         (zipped({"n" * 3000 + "sibenik.obj": ""}).replace(b"n" * 3000, b"m" * 3000, 1), "damaged"),
         (packed_tar[: len(packed_tar) // 2], "damaged"),
-        (linked(), "a link or no file"),
+        (taped(type=tarfile.SYMTYPE, linkname="/etc/passwd"), "a link or no file"),
     ],
 )
 def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, content, said):
@@ -278,28 +245,20 @@ def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, cont
     assert [path.name for path in tmp_path.rglob("*.obj")] == []
 
 
-PAGE = b"<html><head><title>Service unavailable</title></head></html>"
-
-
-def test_an_error_page_is_not_taken_for_the_archive_and_pins_nothing(serve, tmp_path):
-    """A server may send one with the status of a success."""
-    serve(PAGE)
-    with pytest.raises(UserError, match="no archive but '<html>") as refused:
-        scenes("fetch", ["sibenik"], tmp_path)
-    assert "\n" not in str(refused.value)
-    assert recorded(tmp_path / "archives") == {}
+def test_what_is_not_the_archive_pins_nothing(serve, tmp_path):
+    """A server may send an error page with the status of a success."""
+    page = b"<html><head><title>Service unavailable</title></head></html>"
+    for content in (page, zipped({"a/readme.txt": "x"}), zipped({"a/sibenik.obj": "no mesh"}), WHOLE[:-30]):
+        serve(content)
+        with pytest.raises(UserError) as refused:
+            scenes("fetch", ["sibenik"], tmp_path)
+        assert ("no archive but '<html>" in str(refused.value)) == (content == page)
+        assert "\n" not in str(refused.value)
+        assert recorded(tmp_path / "archives") == {}
+        assert list((tmp_path / "archives").iterdir()) == []
     serve(WHOLE)
     assert scenes("fetch", ["sibenik"], tmp_path) == 0
     assert list(recorded(tmp_path / "archives").values()) == [hashlib.sha256(WHOLE).hexdigest()]
-
-
-def test_an_archive_without_the_mesh_pins_nothing(serve, tmp_path):
-    for content in (zipped({"a/readme.txt": "x"}), zipped({"a/sibenik.obj": "no mesh"}), WHOLE[:-30]):
-        serve(content)
-        with pytest.raises(UserError):
-            scenes("fetch", ["sibenik"], tmp_path)
-        assert recorded(tmp_path / "archives") == {}
-        assert list((tmp_path / "archives").iterdir()) == []
 
 
 def test_an_encrypted_address_must_not_lead_to_another(tmp_path, monkeypatch):
@@ -331,6 +290,8 @@ def test_what_a_person_has_to_fetch_is_told(tmp_path, capsys, monkeypatch):
     said = capsys.readouterr().err
     assert "by hand" in said
     assert f"{tmp_path} as fairy_001.obj" in said
+    with pytest.raises(UserError, match="dragon: not in the folder of scenes; shadowbench scenes fetch dragon"):
+        catalogue.resolve("dragon", tmp_path)
     monkeypatch.delenv(catalogue.FOLDER_VARIABLE, raising=False)
     for arguments, text in [(("fetch", ["fary"], tmp_path), "did you mean fairy"), (("get", ["fairy"]), "only scenes fetch"),
                             (("fetch", ["fairy"]), "give --scene-dir")]:  # fmt: skip

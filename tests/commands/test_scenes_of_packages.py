@@ -16,12 +16,8 @@ from shadowbench.harness.scene.offered import OFFERS
 
 LIMBS = ("lowerleg01", "upperleg01", "lowerarm01", "upperarm01", "wrist")
 HEADS = {
-    "upperleg01": (1, 0, 0),
-    "lowerleg01": (1, 0, -4),
-    "upperarm01": (2, 0, 5),
-    "lowerarm01": (3, 0, 4),
-    "wrist": (4, 0, 3),
-}
+    "upperleg01": (1, 0, 0), "lowerleg01": (1, 0, -4), "upperarm01": (2, 0, 5), "lowerarm01": (3, 0, 4), "wrist": (4, 0, 3),
+}  # fmt: skip
 """Joints of the left side, in the rig's axes: z is up."""
 
 
@@ -43,10 +39,7 @@ def index(tmp_path, monkeypatch):
         }
         path = shelf / f"{stem}-py3-none-any.whl"
         with zipfile.ZipFile(path, "w") as packed:
-            for name, content in {
-                **members,
-                **{f"{stem}.dist-info/{key}": text for key, text in about.items()},
-            }.items():
+            for name, content in (members | {f"{stem}.dist-info/{key}": text for key, text in about.items()}).items():
                 packed.writestr(name, content)
         made = hashlib.sha256(path.read_bytes()).hexdigest()
         monkeypatch.setitem(OFFERS, scene, replace(OFFERS[scene], sha256=pinned or made))

@@ -5,6 +5,8 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
+import networkx
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("harness", "methods", "experiments")
 
@@ -51,28 +53,6 @@ def _statements(text: str) -> tuple[tuple[int, str | None, tuple[str, ...]], ...
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
-    """The groups of modules that import each other in a circle (Tarjan's strongly connected components)."""
-    index: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    found = []
-
-    def visit(name: str) -> None:
-        index[name] = low[name] = len(index)
-        stack.append(name)
-        for other in graph[name] & graph.keys():
-            if other not in index:
-                visit(other)
-                low[name] = min(low[name], low[other])
-            elif other in stack:
-                low[name] = min(low[name], index[other])
-        if low[name] == index[name]:
-            at = stack.index(name)
-            if len(stack) - at > 1:
-                found.append(sorted(stack[at:]))
-            del stack[at:]
-
-    for name in graph:
-        if name not in index:
-            visit(name)
-    return found
+    """The groups of modules that import each other in a circle."""
+    made = networkx.DiGraph([(name, other) for name, others in graph.items() for other in others])
+    return sorted(sorted(one) for one in networkx.strongly_connected_components(made) if len(one) > 1)

@@ -1,4 +1,4 @@
-"""Plain rational brute force and small scenes, for the tests of the referee and of scoring."""
+"""Rational intersections and small scenes, for the tests of the referee and of scoring."""
 
 from fractions import Fraction
 
@@ -32,35 +32,6 @@ def solve(o: Vector, d: Vector, triangle: list[Vector]) -> tuple[Fraction, Fract
 
 def inside(solution: tuple[Fraction, Fraction, Fraction] | None) -> bool:
     return solution is not None and solution[1] >= 0 and solution[2] >= 0 and solution[1] + solution[2] <= 1
-
-
-def closest(points, faces, valid, o, d) -> tuple[Fraction | None, tuple[int, ...]]:
-    """Exact t of the closest hit and its whole tie set, over all triangles."""
-    best: Fraction | None = None
-    ties: list[int] = []
-    for k, face in enumerate(faces):
-        if not valid[k]:
-            continue
-        solution = solve(rational(o), rational(d), [rational(points[v]) for v in face])
-        if inside(solution) and solution is not None and solution[0] > 0:
-            if best is None or solution[0] < best:
-                best, ties = solution[0], [k]
-            elif solution[0] == best:
-                ties.append(k)
-    return best, tuple(ties)
-
-
-def occluders(points, faces, valid, o, d, t: Fraction, light) -> set[int]:
-    """Every triangle that meets the open segment from o + t d to the light."""
-    p = [x + t * y for x, y in zip(rational(o), rational(d), strict=True)]
-    way = [y - x for x, y in zip(p, rational(light), strict=True)]
-    found = set()
-    for k, face in enumerate(faces):
-        if valid[k]:
-            solution = solve(p, way, [rational(points[v]) for v in face])
-            if inside(solution) and solution is not None and 0 < solution[0] < 1:
-                found.add(k)
-    return found
 
 
 def make_scene(vertices, faces, camera: Camera, *lights: Light) -> Scene:

@@ -10,6 +10,8 @@ from helpers.second_excuses import excuses
 from helpers.second_judge import Bitmap, SecondJudge
 from helpers.second_opinion import Count, answers_of_case, random_opinion, rays_of_case
 from shadowbench.harness.judge import arithmetic
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.scene.prepared import valid_triangles
 
 MESHES, RAYS, PIXELS = 40, 25, 6
 
@@ -70,7 +72,7 @@ def exactly_but_for(values):
     return tuple(Fraction(float(x)) + Fraction(1, 1000) for x in values)
 
 
-def test_the_contract() -> None:
+def test_the_contract_binds_both() -> None:
     """What docs/accuracy.md says in words, by hand."""
     points = np.concatenate([SQUARE, SQUARE + np.float32([0, 0, 2]), np.float32([(np.nan, 0, 0.5), (0, 0, 0.5)])])
     faces = np.concatenate([HALVES, HALVES + 4, np.int32([(0, 1, 8), (9, 9, 1), (2, 1, 0)])])
@@ -88,13 +90,20 @@ def test_the_contract() -> None:
         ((0.5, 0.25, -1), (0, 0, 4)): (0, 6),
         ((0.5, 0.25, -1), down): (),
     }
-    seen = judge.closest(np.float32([o for o, _ in rays]), np.float32([d for _, d in rays]))
+    eyes, ways = (np.float32(one) for one in zip(*rays, strict=True))
+    seen = judge.closest(eyes, ways)
     assert [one.ties if one else () for one in seen] == list(rays.values())
+    referee = Referee(points, faces, valid_triangles(points, faces))
+    hits = referee.closest(eyes, ways)
+    assert hits.ties == list(rays.values())
     assert seen[7] is not None
     assert seen[7].t == Fraction(1, 4)
-    lights = {(0.5, 0.25, 3): True, (0.5, 0.25, 2): False, (0.5, 0.25, 1.5): False, (9, 0.25, 0): False}
+    lights = {(0.5, 0.25, 3): True} | dict.fromkeys(
+        [(0.5, 0.25, 2), (0.5, 0.25, 1.5), (9, 0.25, 0), (0.5, 0.25, -1)], False
+    )
     for light, bit in lights.items():  # an end at a surface, or a segment in a plane, meets nothing
         assert judge.shadowed(seen[:1], np.float32(light)) == [bit], light
+        assert referee.occluded(hits, np.float32(light))[0] == bit, light
 
 
 def test_holes_are_open_and_what_is_opaque_is_closed() -> None:

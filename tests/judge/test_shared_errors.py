@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
-from helpers.answered_scene import WIDTH, lose
+from helpers.answered_scene import WIDTH, lattice_of_rays, lose
 from helpers.wrong_reference import WrongReference
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -20,8 +20,6 @@ from shadowbench.harness.judge.counts import Shared
 from shadowbench.harness.judge.reference import Reference, embree_installed
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.judge.shared_errors import share_errors
-from shadowbench.harness.scene.prepared import prepare
-from shadowbench.harness.scene.scene import Camera, Light
 
 pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to share")
 
@@ -106,15 +104,8 @@ def test_another_moment_is_another_matter(ball):
 
 def test_ties_and_edges_keep_their_classes():
     """A reference that loses a ray along the shared edge of duplicates; others name the higher duplicate."""
-    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
-    faces = [(0, 1, 2), (0, 2, 3), (0, 1, 2), (0, 2, 3)]
-    scene = cases.make_scene(corners, faces, Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3)))
     ball = WrongReference.__new__(WrongReference)
-    ball.prepared = prepare(scene)
-    steps = (np.arange(33, dtype=np.float32) - 16) / 8
-    zero = np.zeros(33, dtype=np.float32)
-    column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)
-    ball.moment = replace(ball.prepared.moment(0, 33, 33), column=column, row=row)
+    ball.prepared, ball.moment = lattice_of_rays([(0, 1, 2), (0, 2, 3)] * 2)
     ball.judge = Judge.of(ball.prepared, ball.moment)
     ball.right = cases.exact_answers(ball.prepared, ball.moment, ball.judge.referee)
     ball.provenance = ball.judge.reference.provenance

@@ -12,8 +12,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from matplotlib.figure import Figure
-from PIL import Image
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.results.schema import ARCHIVE
 from shadowbench.harness.runner.machine import environment as environment
@@ -35,14 +33,6 @@ def texts(folder: Path) -> dict[str, str]:
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir()) if path.suffix in TEXTS}
 
 
-def unpainted(figure: Figure, path: Path, **_: object) -> None:
-    """In place of ``savefig``."""
-    if path.suffix == ".png":
-        Image.new("RGB", (1, 1)).save(path)
-    else:
-        path.write_text("<svg/>")
-
-
 def experiment_of(folder: Path) -> str:
     """What its first record says, without checking the others: drawing them does."""
     packed = folder / "records" / ARCHIVE
@@ -53,8 +43,8 @@ def experiment_of(folder: Path) -> str:
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
-def test_drawing_kept_records_again_changes_no_table(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(Figure, "savefig", unpainted)
+@pytest.mark.usefixtures("unpainted")
+def test_drawing_kept_records_again_changes_no_table(folder, tmp_path):
     again = copied(folder, tmp_path)
     before = texts(again)
     files = show(experiment_of(folder), again, quiet=True)

@@ -5,15 +5,18 @@ import json
 import lzma
 import os
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
+from helpers.tiny_runs import options
 from shadowbench.harness import files
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.commands.listing import rows_of
 from shadowbench.harness.commands.report import report
+from shadowbench.harness.commands.run import run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
@@ -22,7 +25,9 @@ from shadowbench.harness.results.disputes import read_disputes
 from shadowbench.harness.results.folder import ResultsFolder, read_environment, read_json
 from shadowbench.harness.results.table import samples, tidy
 from shadowbench.harness.results.throttled import disturbances
+from shadowbench.harness.runner.machine import environment
 from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.runner.workers.pool import GRADER, Workers
 from shadowbench.harness.scene.chosen_view import ChosenView
 
 ODD = "a\x1b[31m<b>x</b> $\\foo$ & $ \udc80 \u202e | [l](javascript:1) `c`"
@@ -65,15 +70,22 @@ def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, c
     assert "line" in line
 
 
-def test_an_archive_that_takes_too_much_memory_to_unpack_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(schema, "MOST_DICTIONARY", 1 << 20)
-    line = refused(packed(tmp_path, lzma.compress(json.dumps(one()).encode(), preset=9)))
-    assert "damaged (Memory usage limit" in line
-
-
-def test_an_archive_with_more_behind_it_is_refused(tmp_path):
-    content = lzma.compress(json.dumps(one()).encode() + b"\n")
-    assert "bytes follow its end" in refused(packed(tmp_path, content + b"x"))
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda text: lzma.compress(text)[:-40], "damaged (it ends too early)"),
+        (lambda text: b"not at all" * 9, "damaged (Input format not supported"),
+        (lambda text: lzma.compress(b"{}\n"), "line 1: schema None"),
+        (lambda text: lzma.compress(text + b"[\n"), "line 2: not a record"),
+        (lambda text: lzma.compress(text) + b"x", "bytes follow its end"),
+        (lambda text: lzma.compress(text, preset=9), "damaged (Memory usage limit"),
+    ],
+)
+def test_a_damaged_archive_is_reported_by_its_name(tmp_path, monkeypatch, damage, said):
+    monkeypatch.setattr(schema, "MOST_DICTIONARY", 32 << 20)
+    line = refused(packed(tmp_path, damage(json.dumps(one()).encode() + b"\n")))
+    assert said in line
+    assert schema.ARCHIVE in line
 
 
 def test_a_record_that_is_too_long_or_no_file_is_refused(tmp_path, monkeypatch):
@@ -112,39 +124,6 @@ def test_records_are_read_one_after_another(tmp_path):
     found = samples(tmp_path)
     assert len(found) == 30 * 2000 * 6
     assert found.memory_usage(deep=True).sum() < 60 * len(found)
-
-
-def with_(record, **changes):
-    return {**record, **changes}
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda r: with_(r, rounds=[{"run": {"a": 1}}]), "rounds[0].run is {'a': 1}, not text"),
-        (lambda r: with_(r, rounds=[{"noted": "now"}]), "rounds[0].noted is 'now', not a number"),
-        (lambda r: with_(r, rounds=[{"clock": {"gpu": [1]}}]), "rounds[0].clock.gpu is [1], not an object"),
-        (lambda r: with_(r, key="../../escape"), "key is '../../escape', not the name of a file"),
-        (lambda r: with_(r, environment="/etc/passwd"), "environment is '/etc/passwd', not the name of a file"),
-        (lambda r: with_(r, scene={**r["scene"], "name": "a/b"}), "scene.name is 'a/b', not the name of a file"),
-        (lambda r: with_(r, scene={**r["scene"], "lights": [{"x": float("nan")}]}),
-         "scene.lights[0].x is nan, not a number"),
-        (lambda r: with_(r, method={**r["method"], "more": [1e999]}), "method.more[0] is inf, not a number"),
-        (lambda r: with_(r, method={**r["method"], "settings": {"k": float("nan")}}),
-         "method.settings[k] is nan, not a number"),
-        (lambda r: with_(r, scene={**r["scene"], "triangles": 10**30}), f"scene.triangles is {10**30}: more than"),
-        (lambda r: with_(r, point={**r["point"], "width": 10**6}), "point.width is 1000000: more than 99999"),
-        (lambda r: with_(r, peak_rss_bytes=10.5), "peak_rss_bytes is 10.5, not a whole number"),
-        (lambda r: with_(r, scene={**r["scene"], "lighting": {"label": []}}), "scene.lighting.label is [], not text"),
-        (lambda r: with_(r, scene={**r["scene"], "source": {"kind": 3}}), "scene.source.kind is 3, not text"),
-        (lambda r: with_(r, schema="\x1b[31m" * 100), "schema \\x1b[31m"),
-    ],
-)  # fmt: skip
-def test_an_odd_value_is_refused_by_its_field(tmp_path, change, said):
-    record = change(one())
-    (tmp_path / "records").mkdir()
-    (tmp_path / "records" / "k.json").write_text(json.dumps(record))
-    assert said in refused(tmp_path)
 
 
 def odd_folder(place):
@@ -256,3 +235,60 @@ def test_arrays_that_unpack_to_too_much_are_refused(tmp_path):
     (tmp_path / "b.npz").write_bytes(b"\x80\x04\x95")
     with pytest.raises(files.DAMAGED, match=r"it is no \.npz file"), files.opened_arrays(tmp_path / "b.npz"):
         raise AssertionError
+
+
+# --- folders in which something else stands in the place of a file ---
+
+PLACES = (
+    "table1.svg", "cluster.jsonl", ".lock", "scenes.json", "answers/a-0.npz", "logs/uniform_grid.log", "journal/a.jsonl",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, place: str) -> None:
+    victim, out = tmp_path / "victim", tmp_path / "out"
+    victim.write_text("precious")
+    files.write_atomic(out / "records" / "a.json", {})
+    (tmp_path / "larger disk").mkdir()
+    (out / "images").symlink_to(tmp_path / "larger disk")  # a folder may be a link
+    path = out / place
+    path.parent.mkdir(exist_ok=True)
+    chosen = options(out, ["tetra.obj"], ["uniform_grid"])
+    for plant in (
+        lambda: path.symlink_to(victim),
+        lambda: path.symlink_to(tmp_path / "nowhere"),
+        lambda: os.mkfifo(path),
+    ):
+        plant()
+        acts = [
+            lambda: run(chosen),
+            lambda: show("table1", out),
+            lambda: report(out),
+            lambda: keep([out], tmp_path / "kept"),
+        ]
+        for act in acts:
+            with pytest.raises(UserError) as refused:
+                act()
+            assert str(refused.value) == f"{path}: a link, or no file at all; put a file in its place, or remove it"
+        path.unlink()
+    assert victim.read_text() == "precious"
+    assert {one.name for one in tmp_path.iterdir()} == {"victim", "out", "larger disk"}
+    with ResultsFolder(out).locked():
+        pass
+
+
+def test_an_environment_that_cannot_be_read_is_written_again(tmp_path: Path) -> None:
+    facts = {"id": "abc", "cpu": {"model": "any"}}
+    path = tmp_path / "environments" / "abc.json"
+    path.parent.mkdir()
+    for damage in ("", "{", "[]", '{"id": "abc"}'):
+        path.write_text(damage)
+        environment.keep(tmp_path, facts)
+        assert environment.read_json(path) == facts
+
+
+def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    workers = Workers(ResultsFolder(tmp_path), options(tmp_path, ["tetra.obj"], ["uniform_grid"]))
+    (tmp_path / "logs" / f"{GRADER}.log").mkdir(parents=True)
+    with pytest.raises(UserError, match=rf"cannot write \(.*{GRADER}.log: Is a directory\)"):
+        workers.send(workers.get(GRADER), do="free")

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.judge.classify import neighbours
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import Reference, embree_reference, processor
-from shadowbench.harness.judge.selection import neighbours
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import prepare

@@ -2,10 +2,12 @@
 
 import asyncio
 import json
+import re
 import secrets
 import socket
 import struct
 from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
 from typing import Any
 
 import uvicorn
@@ -18,8 +20,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ...errors import UserError, one_line
+from ...report.page.build import filled, head, inert, script_source
 from .frames import Frames, Wish
-from .page import page, policy
 
 HOST = "127.0.0.1"
 HOSTS = (HOST, "localhost")
@@ -128,6 +130,26 @@ class Server:
             facts, picture = {"error": f"{type(error).__name__}: {one_line(error)}"}, b""
         head = json.dumps(facts).encode()
         return struct.pack("<I", len(head)) + head + picture
+
+
+def page(facts: dict[str, Any]) -> str:
+    """The HTML of the page; ``facts`` are what its script begins with."""
+    texts = {"FACTS": inert(facts), "PROGRAM": resource("view.js")}
+    return head(facts["title"], resource("view.css")) + filled(resource("view.html"), texts)
+
+
+def policy(text: str, sockets: str) -> str:
+    """A content security policy: only the page's own script runs, and it connects to this server only."""
+    (program,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    return (
+        f"default-src 'none'; script-src {script_source(program)}; style-src 'unsafe-inline'; img-src data: blob:; "
+        f"connect-src {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+
+
+def resource(name: str) -> str:
+    """A file of ``web/``, from the checkout or from an installed wheel."""
+    return files(__package__).joinpath("web", name).read_text(encoding="utf-8")
 
 
 def listen(port: int) -> socket.socket:

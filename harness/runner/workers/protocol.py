@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
 from ...files import digest, require_storable
-from ...results.events import Finished, Prepared, Sampled
 from ...results.folder import ResultsFolder, image_name
+from ...results.journal import Finished, Prepared, Sampled
 from ...results.record import SceneFacts
 from ...scene.facts import contents
 from ...scene.overrides import Lighting
