@@ -261,31 +261,31 @@ def test_duplicates_are_ties_without_being_disputed():
 SLIVER = np.array([(-1, 0, 0), (1, 0, 0), (1, 1e-5, 0.0)])
 """Of an aspect of 2e5."""
 
+FAR, TALL = SLIVER * 2.0**40 - (0, 0, 1), SLIVER * (1, 2**20, 1)
+STEEP = np.array([(-1, 0, -2), (1, 0, 2), (1, 1, 2)]) * 2.0**50 + (0, -7, 0)
+GRAZED = np.array([(-1, 0, -1e4), (1, 0, 1e4), (0, 1, 0)])
+"""A hair beside its hit t is another."""
+
 
 @pytest.mark.parametrize(
-    ("corners", "eye", "error", "wrong"),
+    ("corners", "height", "error", "wrong"),
     [
-        (SLIVER, (0, 0, 2), 2.0**-24, False),  # what float32 rounds
-        (SLIVER, (0, 0, 2), 1e-4, True),
-        (SLIVER, (0, 0, 2), 1e-2, True),
-        (SLIVER * 2.0**40 - (0, 0, 1), (0, 0, 2), 2.0**-24, False),
-        (SLIVER * 2.0**40 - (0, 0, 1), (0, 0, 2), 1e-4, True),
-        (SLIVER * (1, 2**20, 1), (0, 0, 1e6), 2.0**-24, False),
-        (SLIVER * (1, 2**20, 1), (0, 0, 1e6), 1e-5, True),
-        (np.array([(-1, 0, -2), (1, 0, 2), (1, 1, 2)]) * 2.0**50 + (0, -7, 0), (0, 0, 2), 2.0**-24, False),
-        (np.array([(-1, 0, -2), (1, 0, 2), (1, 1, 2)]) * 2.0**50 + (0, -7, 0), (0, 0, 2), 1e-4, True),
-        (
-            np.array([(-1, 0, -1e4), (1, 0, 1e4), (0, 1, 0)]),
-            (0, 0, 2),
-            1e-3,
-            False,
-        ),  # grazing: a hair beside it t is another
-        (np.array([(-1, 0, -1e4), (1, 0, 1e4), (0, 1, 0)]), (0, 0, 2), 1e-1, True),
+        (SLIVER, 2, 2.0**-24, False),  # what float32 rounds
+        (SLIVER, 2, 1e-4, True),
+        (SLIVER, 2, 1e-2, True),
+        (FAR, 2, 2.0**-24, False),
+        (FAR, 2, 1e-4, True),
+        (TALL, 1e6, 2.0**-24, False),
+        (TALL, 1e6, 1e-5, True),
+        (STEEP, 2, 2.0**-24, False),
+        (STEEP, 2, 1e-4, True),
+        (GRAZED, 2, 1e-3, False),
+        (GRAZED, 2, 1e-1, True),
     ],
 )
-def test_a_wrong_t_is_wrong_on_slivers_and_far_away_and_a_right_one_right(corners, eye, error, wrong) -> None:
+def test_a_wrong_t_is_wrong_on_slivers_and_far_away_and_a_right_one_right(corners, height, error, wrong) -> None:
     """Of the ray through the middle of the picture, with t off by a share of itself."""
-    scene = cases.make_scene(corners, [(0, 1, 2)], Camera(eye, (0, 0, -1)), Light((0, 3, 3)))
+    scene = cases.make_scene(corners, [(0, 1, 2)], Camera((0, 0, height), (0, 0, -1)), Light((0, 3, 3)))
     prepared = prepare(scene)
     moment = prepared.moment(0, 1, 1)
     rational = [cases.rational(moment.points[v]) for v in prepared.faces[0]]
