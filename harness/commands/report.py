@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,8 +77,6 @@ def report(
         ) from error
     size = sum(one.stat().st_size for one in written)
     if as_json:
-        import json
-
         print(json.dumps({"file": str(path), "files": list(map(str, written)), "bytes": size}))
         return 0
     for one in data["folders"]:
@@ -102,8 +101,6 @@ def fill_documents(folder: Path, root: Path, as_json: bool) -> int:
     changed = [path for path, before in kept.items() if path.read_bytes() != before]
     changed += documents.fill(results, root, declared.PARTS)
     if as_json:
-        import json
-
         print(json.dumps({"changed": list(map(str, changed))}))
     else:
         say(f"written: {', '.join(map(str, changed))}" if changed else "every number is that of the records")
