@@ -39,6 +39,7 @@ from shadowbench.harness.scene.archives import unpack
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.chosen_view import ChosenView
 from shadowbench.harness.scene.prepared import prepare
+from shadowbench.harness.typed_json import checked
 
 from . import mesh_files
 from .experiment_records import record_of, write_records
@@ -329,7 +330,7 @@ def messages(rng: Random, folder: Path) -> str:
     wish = {"method": "embree", "frame": 0, "size": [8, 8], "show": "shaded", "judge": False, **places}
     text = json.dumps(changed(rng, wish) if rng.random() < 0.8 else rng.choice(VALUES))
     try:
-        found = Wish.read(json.loads(text))
+        found = checked(Wish, json.loads(text))
     except (ValueError, TypeError, KeyError, OverflowError):
         return REFUSED
     assert np.isfinite([*(found.camera or ()), found.light or (0, 0, 0)]).all()

@@ -41,7 +41,7 @@ COLOURS = ("shaded", "tests")
 
 @dataclass(frozen=True)
 class Wish:
-    """The requested frame.
+    """The requested frame, as the page sends it in JSON. Raises ValueError for an invalid request.
 
     method  name                      beside  name of the method whose frame is shown beside it, or ""
     frame   of an animation           size    pixels, width and height
@@ -64,43 +64,18 @@ class Wish:
     judge: bool = False
     again: bool = False
 
-    @staticmethod
-    def read(facts: Any) -> Wish:
-        """From JSON. Raises ValueError for an invalid request."""
-        if not isinstance(facts, dict):
-            raise ValueError("not an object")
-        camera, light, area = facts.get("camera"), facts.get("light"), facts.get("area")
-        width, height = map(int, facts["size"])
-        if camera is not None:
-            eye, target = map(_place, camera)
-            camera = eye, target
-        if area is not None:
-            size, samples = area
-            area = float(size), int(samples)
-        wish = Wish(
-            str(facts["method"]),
-            (width, height),
-            str(facts.get("beside", "")),
-            int(facts.get("frame", 0)),
-            camera,
-            None if light is None else _place(light),
-            area,
-            str(facts.get("show", "shaded")),
-            facts.get("judge") is True,
-            facts.get("again") is True,
-        )
-        if wish.show not in COLOURS:
+    def __post_init__(self) -> None:
+        if self.show not in COLOURS:
             raise ValueError(f"show is one of {', '.join(COLOURS)}")
-        if width < 1 or height < 1 or width * height > LARGEST:
-            raise ValueError(f"size {width}x{height}: 1 to {LARGEST:,} pixels")
-        return wish
-
-
-def _place(values: Any) -> Vector:
-    x, y, z = (float(value) for value in values)
-    if not all(abs(value) <= FARTHEST for value in (x, y, z)):
-        raise ValueError(f"no place: {values}")
-    return x, y, z
+        if len(self.size) != 2 or min(self.size) < 1 or self.size[0] * self.size[1] > LARGEST:
+            raise ValueError(f"size {'x'.join(map(str, self.size))}: width and height, 1 to {LARGEST:,} pixels")
+        for place in (*(self.camera or ()), *([self.light] if self.light is not None else ())):
+            if len(place) != 3 or not all(abs(value) <= FARTHEST for value in place):
+                raise ValueError(f"no place: {place}")
+        if self.camera is not None and len(self.camera) != 2:
+            raise ValueError("camera: give its eye and its target")
+        if self.area is not None and (len(self.area) != 2 or not isinstance(self.area[1], int)):
+            raise ValueError("area: give its size and a whole number of targets")
 
 
 class TimedSession(Session):

@@ -21,6 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ...errors import UserError, one_line
 from ...report.page.build import filled, head, inert, script_source
+from ...typed_json import checked
 from .frames import Frames, Wish
 
 HOST = "127.0.0.1"
@@ -123,7 +124,7 @@ class Server:
             if asked == "methods":
                 facts, picture = {"methods": self.frames.methods()}, b""
             else:
-                facts, picture = self.frames.show(Wish.read(asked))
+                facts, picture = self.frames.show(checked(Wish, asked))
         except (UserError, ValueError, TypeError, KeyError) as error:
             facts, picture = {"error": one_line(error)}, b""
         except Exception as error:  # the failure of one method must not end the page
