@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..frame.devices import find_device
 from ..judge.arithmetic import edge_bound
+from ..judge.classify import json_number
 from ..judge.context import Judge
 from ..judge.distances import edge_distance
 from ..judge.receivers import not_receivers
@@ -145,17 +146,12 @@ def _row(found: Judgement) -> dict[str, Any]:
     shadow = [None if kind < 0 else Verdict(kind) for kind in classes.shadow[:, 0].tolist()]
     return {
         "triangle": int(answers["triangle"][0]),
-        **{part: _number(answers[part][0]) for part in ("t", "u", "v")},
+        **{part: json_number(answers[part][0]) for part in ("t", "u", "v")},
         "shadows": answers["shadowed"][:, 0].tolist(),
         "class": primary.key,
         "shadow_classes": [None if kind is None else kind.key for kind in shadow],
         "wrong": any(kind in ERRORS for kind in (primary, *shadow)),
     }
-
-
-def _number(value: Any) -> float | str:
-    number = float(value)
-    return number if abs(number) < float("inf") else str(number)
 
 
 def _print(facts: dict[str, Any]) -> None:

@@ -211,9 +211,9 @@ def examples_of(found: Judgement) -> list[dict[str, Any]]:
         if light is None:
             if kind == Verdict.TRUE.key and (checked.t_wrong[pixel] or checked.uv_wrong[pixel]):
                 entry["kind"] = "true (t)" if checked.t_wrong[pixel] else "true (u, v)"
-            entry["got"] = {n: _plain(checked.answers[n][pixel]) for n in ("triangle", "t", "u", "v")}
+            entry["got"] = {n: json_number(checked.answers[n][pixel]) for n in ("triangle", "t", "u", "v")}
             if row is not None:
-                entry["exact"] = {"triangle": list(hits.ties[row]) or [-1], "t": _plain(hits.t[row])}
+                entry["exact"] = {"triangle": list(hits.ties[row]) or [-1], "t": json_number(hits.t[row])}
         else:
             entry["light"] = light
             entry["got"] = int(checked.answers["shadowed"][light][pixel])
@@ -225,7 +225,7 @@ def examples_of(found: Judgement) -> list[dict[str, Any]]:
     return result
 
 
-def _plain(value: Any) -> int | float | str:
+def json_number(value: Any) -> int | float | str:
     """A number that JSON can hold; infinities and NaN as text."""
     number = value.item()
     return number if isinstance(number, int) or np.isfinite(number) else str(number)
