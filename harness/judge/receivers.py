@@ -5,7 +5,7 @@ the surface faces the light (:func:`facing`; elsewhere the surface is dark with 
 
 A spot is twelve float64 numbers (:func:`spot_row`): kind (0 none, 1 cone, 2 rectangle); direction, right and up,
 unit length, right-handed; then the cosine of the cone's half-angle and 0, or the half-widths in azimuth and
-elevation, in radians. :func:`receivers` reads them; kernels compute the same in float64.
+elevation, in radians. :func:`in_spot` reads them; kernels compute the same in float64.
 """
 
 import numpy as np
@@ -14,22 +14,13 @@ from numpy.typing import NDArray
 from ..arrays import F64, Bools, Floats, Ints
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
-from ..scene.scene import Spot
-from ..scene.spotlight import CONE, DOUBT, NO_SPOT, spot_row
+from ..scene.spotlight import CONE, DOUBT, NO_SPOT
 from .arithmetic import edge_bound
 from .planes import plane_numbers
 
 
-def receivers(moment: Moment, points: Floats, light: int) -> Bools:
-    """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have shadow bit 0."""
-    if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
-        return np.ones(len(points), dtype=bool)
-    away = np.asarray(points, dtype=np.float64) - moment.lights[light].astype(np.float64)
-    return in_spot(moment.spots[light], away)
-
-
 def in_spot(row: F64, v: Floats) -> Bools:
-    """Which ways [n, 3] from a light lead into its spot."""
+    """Which ways [n, 3] from a light lead into its spot. Only these points have a shadow ray; others have shadow bit 0."""
     f = v @ row[1:4]
     if row[0] == CONE:
         square = row[10] * row[10] * np.einsum("ij,ij->i", v, v)
@@ -40,18 +31,12 @@ def in_spot(row: F64, v: Floats) -> Bools:
     return (np.abs(np.arctan2(r, f)) <= row[10]) & (np.abs(np.arctan2(u, np.hypot(f, r))) <= row[11])
 
 
-def near_border(moment: Moment, points: Floats, light: int, bound: Floats) -> Bools:
-    """Which hit points [n, 3] lie within ``bound`` [n] of the border of a light's spot: rounding decides them."""
-    if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
-        return np.zeros(len(points), dtype=bool)
-    row = moment.spots[light]
-    v = np.asarray(points, dtype=np.float64) - moment.lights[light].astype(np.float64)
+def from_border(row: F64, v: Floats) -> F64:
+    """How far the ends of ways [n, 3] from a light lie from the border of its spot."""
     f, r, u = v @ row[1:4], v @ row[4:7], v @ row[7:10]
     if row[0] == CONE:
-        away = _from_ray(f, np.hypot(r, u), float(np.arccos(row[10])))
-    else:
-        away = np.minimum(_from_ray(f, np.abs(r), row[10]), _from_ray(np.hypot(f, r), np.abs(u), row[11]))
-    return away <= bound
+        return _from_ray(f, np.hypot(r, u), float(np.arccos(row[10])))
+    return np.minimum(_from_ray(f, np.abs(r), row[10]), _from_ray(np.hypot(f, r), np.abs(u), row[11]))
 
 
 def _from_ray(x: NDArray, y: NDArray, angle: float) -> F64:
@@ -78,17 +63,6 @@ def facing(moment: Moment, corners: Floats, light: int, eye: Floats | None = Non
         return ~(sure_e & sure_l & ((side_e > 0.0) != (side_l > 0.0)))
 
 
-def strength(spot: Spot | None, away: Floats) -> F64:
-    """Relative intensity of a spot in the directions ``away`` [n, 3], for pictures: 0 outside, cos^falloff inside."""
-    away = np.asarray(away, dtype=np.float64)
-    if spot is None:
-        return np.ones(len(away))
-    row = spot_row(spot)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        cosine = np.nan_to_num(away @ row[1:4] / np.linalg.norm(away, axis=1))
-    return in_spot(row, away) * np.maximum(cosine, 0.0) ** spot.falloff
-
-
 def not_receivers(prepared: Prepared, moment: Moment, triangle: Ints) -> tuple[Bools, Bools]:
     """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), and which are within
     :func:`.arithmetic.edge_bound` of a spot's border, so that they may have one or not: bool [lights, pixels] each.
@@ -97,11 +71,8 @@ def not_receivers(prepared: Prepared, moment: Moment, triangle: Ints) -> tuple[B
     """
     outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
     border = outside.copy()
-    limited = [
-        i
-        for i in range(len(moment.lights))
-        if moment.facing or (i < len(moment.spots) and moment.spots[i, 0] != NO_SPOT)
-    ]
+    spots = [i for i, row in enumerate(moment.spots[: len(moment.lights)]) if row[0] != NO_SPOT]
+    limited = range(len(moment.lights)) if moment.facing else spots
     hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
     if not limited or not len(hit):
         return outside, border
@@ -111,8 +82,10 @@ def not_receivers(prepared: Prepared, moment: Moment, triangle: Ints) -> tuple[B
     points = origins + t[:, None] * directions
     bound = edge_bound(origins, points)
     for i in limited:
-        wanted = receivers(moment, points, i)
-        border[i, hit] = near_border(moment, points, i, bound)
+        wanted = np.ones(len(hit), dtype=bool)
+        if i in spots:
+            row, way = moment.spots[i], points - moment.lights[i].astype(np.float64)
+            wanted, border[i, hit] = in_spot(row, way), from_border(row, way) <= bound
         if moment.facing:
             wanted &= facing(moment, corners, i, origins)
         outside[i, hit] = ~wanted

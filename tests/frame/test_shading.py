@@ -12,11 +12,12 @@ from shadowbench.harness.frame.effects.shading import AMBIENT, HEADLIGHT, REFLEC
 from shadowbench.harness.frame.materials import reflectances
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.receivers import strength
+from shadowbench.harness.judge.receivers import in_spot
 from shadowbench.harness.report.picture import display, shade
 from shadowbench.harness.scene import chosen_view
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.harness.scene.spotlight import spot_row
 
 SIZE = 24
 LIGHTS = (
@@ -102,7 +103,10 @@ def surface(prepared, moment, lights, origins, ways, answers, sky):
         cosine = np.maximum((normal * unit(toward)).sum(axis=1), 0.0)
         if light.shadows:
             cosine[answers["shadowed"][i, hit] != 0] = 0.0
-        cosine *= strength(light.spot, -toward)
+        if light.spot:
+            row = spot_row(light.spot)
+            along = -unit(toward) @ row[1:4]
+            cosine *= in_spot(row, -toward) * np.maximum(along, 0.0) ** light.spot.falloff
         total += cosine[:, None] * np.array(light.color) * light.intensity / most
     result[hit] = total * reflectances(prepared)[answers["triangle"][hit]]
     return result

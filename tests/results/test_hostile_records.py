@@ -104,7 +104,7 @@ def test_records_are_read_one_after_another(tmp_path):
     """The memory for many is that of one and of what is made of them."""
     long = [10.0 + i / 7 for i in range(2000)]
     made = []
-    for number in range(12):
+    for number in range(30):
         record = record_of("frame_time", Entry("bvh2", {}, f"tree {number}"))
         frame = record["frames"][0]
         frame.update(total_ms=long, wall_ms=long, round=[0] * 2000, stage_round=[0] * 2000)
@@ -122,7 +122,7 @@ def test_records_are_read_one_after_another(tmp_path):
         tracemalloc.stop()
     assert peak < size / 2, "all of them would take more than their text"
     found = samples(tmp_path)
-    assert len(found) == 12 * 2000 * 6
+    assert len(found) == 30 * 2000 * 6
     assert found.memory_usage(deep=True).sum() < 60 * len(found)
 
 

@@ -30,7 +30,7 @@ EACH = 64
 
 @wp.func
 def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
-    """Whether the point at offset v from the light lies in its spot: as in :func:`...judge.receivers.receivers`."""
+    """Whether the point at offset v from the light lies in its spot: as in :func:`...judge.receivers.in_spot`."""
     kind = spots[index, 0]
     if kind == wp.float64(0.0):
         return True
