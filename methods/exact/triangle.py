@@ -273,13 +273,7 @@ def write_miss(hits: Hits, pixel: wp.int32):
 
 @wp.func
 def write_hit(
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
-    pixel: wp.int32,
-    ray: Ray,
-    best: wp.int32,
-    t: wp.float64,
-    mesh: Mesh,
+    hits: Hits, hit_points: wp.array[wp.vec3d], pixel: wp.int32, ray: Ray, best: wp.int32, t: wp.float64, mesh: Mesh
 ):
     """Write a pixel's closest hit and its float64 hit point; ``best`` = -1 is a miss (t = inf, u = v = 0)."""
     hits.triangle[pixel] = best

@@ -50,38 +50,38 @@ for kind in (
 ):
 
     @wp.func_native(reading(kind))
-    def entry(values: wp.array(dtype=kind), i: wp.int32) -> kind: ...
+    def entry(values: wp.array[kind], i: wp.int32) -> kind: ...
 
 
 for kind in (wp.uint8, wp.int32, wp.float32, wp.vec3f, wp.vec3d, wp.vec2i, wp.vec4i, wp.vec4f):
 
     @wp.func_native(writing(kind))
-    def set_entry(values: wp.array(dtype=kind), i: wp.int32, value: kind): ...
+    def set_entry(values: wp.array[kind], i: wp.int32, value: kind): ...
 
 
 for kind in (wp.uint8, wp.vec4f):
 
     @wp.func_native(reading(kind, ROW))
-    def entry(values: wp.array2d(dtype=kind), row: wp.int32, column: wp.int32) -> kind: ...
+    def entry(values: wp.array2d[kind], row: wp.int32, column: wp.int32) -> kind: ...
 
     @wp.func_native(writing(kind, ROW))
-    def set_entry(values: wp.array2d(dtype=kind), row: wp.int32, column: wp.int32, value: kind): ...
+    def set_entry(values: wp.array2d[kind], row: wp.int32, column: wp.int32, value: kind): ...
 
 
 for kind in (wp.int32, wp.float32):
 
     @wp.func_native(on_gpu("values.data[i] = value;", "__stcs(values.data + i, value);"))
-    def set_entry_last(values: wp.array(dtype=kind), i: wp.int32, value: kind):
+    def set_entry_last(values: wp.array[kind], i: wp.int32, value: kind):
         """Set an entry that no pass of the frame reads: its line is the first to leave the second-level cache."""
 
 
 @wp.func_native(reading(wp.vec4f, ROW_OF_FOUR))
-def entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -> wp.vec4f:
+def entry_of_four(values: wp.array2d[wp.vec4f], row: wp.int32, column: wp.int32) -> wp.vec4f:
     """An entry of an array that is known to have four columns."""
 
 
 @wp.func_native(writing(wp.vec4f, ROW_OF_FOUR))
-def set_entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32, value: wp.vec4f):
+def set_entry_of_four(values: wp.array2d[wp.vec4f], row: wp.int32, column: wp.int32, value: wp.vec4f):
     """Set an entry of an array that is known to have four columns."""
 
 
@@ -95,7 +95,7 @@ return value;
 return values.data[i];
 #endif
 """)
-def entry_now(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64:
+def entry_now(values: wp.array[wp.uint64], i: wp.int32) -> wp.uint64:
     """values[i], loaded here, so that other instructions hide its latency. Bypasses the first-level cache."""
 
 
@@ -110,7 +110,7 @@ return {x, y, z};
 return values.data[i];
 #endif
 """)
-def entry_now(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
+def entry_now(values: wp.array[wp.vec3d], i: wp.int32) -> wp.vec3d: ...
 
 
 # No branch and no selection depends on the value: the thread would wait for it where it is loaded.
@@ -124,7 +124,7 @@ return value;
 return wanted ? values.data[i] : otherwise;
 #endif
 """)
-def entry_if(wanted: wp.bool, values: wp.array(dtype=wp.int32), i: wp.int32, otherwise: wp.int32) -> wp.int32:
+def entry_if(wanted: wp.bool, values: wp.array[wp.int32], i: wp.int32, otherwise: wp.int32) -> wp.int32:
     """values[i] if ``wanted``, loaded here; else ``otherwise``."""
 
 
@@ -136,5 +136,5 @@ unsigned long long *word = (unsigned long long*)(values.data + i), known = __ato
 while (known < value && !__atomic_compare_exchange_n(word, &known, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
 #endif
 """)
-def raise_entry(values: wp.array(dtype=wp.uint64), i: wp.int32, value: wp.uint64):
+def raise_entry(values: wp.array[wp.uint64], i: wp.int32, value: wp.uint64):
     """Raise an entry to at least ``value``; atomic on a CPU, too, where kernels may run in several threads."""

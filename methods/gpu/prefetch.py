@@ -69,7 +69,7 @@ return 0;
 #endif
 """)
 def fetch_groups(
-    groups: wp.array2d(dtype=wp.vec4f), item: wp.int32, large: wp.int32, small: wp.int32, set: wp.int32
+    groups: wp.array2d[wp.vec4f], item: wp.int32, large: wp.int32, small: wp.int32, set: wp.int32
 ) -> wp.int32:
     """Fetch an item's groups into set 0 or 1, and return its place. All lanes must call it.
 
@@ -163,7 +163,7 @@ asm volatile("st.shared.b32 [%0], %1;" :: "r"(place_of_group), "r"(group) : "mem
 #endif
 """)
 def fetch_ray(
-    rays: wp.array(dtype=wp.vec4f), ray: wp.int32, wanted: wp.bool, group: wp.int32, steps: wp.int32, step: wp.int32
+    rays: wp.array[wp.vec4f], ray: wp.int32, wanted: wp.bool, group: wp.int32, steps: wp.int32, step: wp.int32
 ):
     """Fetch a ray for step 0 to 3, if ``wanted``; the place of its group is stored in any case."""
 

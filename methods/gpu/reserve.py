@@ -50,11 +50,11 @@ return base;
 
 
 @wp.func_native(RESERVE.format(word="int", within=WITHIN))
-def reserve(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) -> wp.int32: ...
+def reserve(counts: wp.array[wp.int32], slot: wp.int32, number: wp.int32) -> wp.int32: ...
 
 
 @wp.func_native(RESERVE.format(word="unsigned long long", within=""))
-def reserve_many(counts: wp.array(dtype=wp.int64), slot: wp.int32, number: wp.int32) -> wp.int64: ...
+def reserve_many(counts: wp.array[wp.int64], slot: wp.int32, number: wp.int32) -> wp.int64: ...
 
 
 # Both atomics are under way at the same time.
@@ -91,7 +91,7 @@ return {{base, other_base}};
 #endif
 """)
 def reserve_groups(
-    counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32, other_slot: wp.int32, other: wp.bool
+    counts: wp.array[wp.int32], slot: wp.int32, number: wp.int32, other_slot: wp.int32, other: wp.bool
 ) -> wp.vec2i:
     """Reserve ``number`` places in one list and, if ``other``, one in another."""
 
@@ -117,12 +117,12 @@ SAME_SLOT = "__match_any_sync(active, slot)"
 
 
 @wp.func_native(NUMBER_IN.format(peers="active", within=WITHIN, next_number="counts.data[slot]++"))
-def next_number(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
+def next_number(counts: wp.array[wp.int32], slot: wp.int32) -> wp.int32:
     """:func:`number_in`, where all lanes of a warp that call it have the same ``slot``."""
 
 
 @wp.func_native(NUMBER_IN.format(peers=SAME_SLOT, within=WITHIN, next_number="counts.data[slot]++"))
-def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
+def number_in(counts: wp.array[wp.int32], slot: wp.int32) -> wp.int32:
     """Raise a count by one and return what it was; lanes with the same ``slot`` share an atomic."""
 
 
@@ -131,7 +131,7 @@ def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
         peers=SAME_SLOT, within=WITHIN, next_number="__atomic_fetch_add(counts.data + slot, 1, __ATOMIC_RELAXED)"
     )
 )
-def number_among(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
+def number_among(counts: wp.array[wp.int32], slot: wp.int32) -> wp.int32:
     """:func:`number_in`, atomic on a CPU, too, where kernels may run in several threads."""
 
 
@@ -147,7 +147,7 @@ int *word = words.data + slot, known = __atomic_load_n(word, __ATOMIC_RELAXED);
 while (known < value && !__atomic_compare_exchange_n(word, &known, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
 #endif
 """)
-def raise_to(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32):
+def raise_to(words: wp.array[wp.int32], slot: wp.int32, value: wp.int32):
     """Raise a word to at least ``value``; lanes with the same ``slot`` share an atomic. Atomic on a CPU, too."""
 
 

@@ -162,9 +162,9 @@ def append_pairs(
     second: wp.int32,
     held: wp.int32,
     last: wp.bool,
-    counts: wp.array(dtype=wp.int32),
+    counts: wp.array[wp.int32],
     slot: wp.int32,
-    list: wp.array(dtype=wp.vec2i),
+    list: wp.array[wp.vec2i],
 ) -> wp.int32:
     """Add the pairs of lanes that want it to a list whose length is ``counts[slot]``; how many the warp still holds.
 
@@ -227,7 +227,7 @@ return base;
 return 0;
 #endif
 """)
-def claim(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) -> wp.int32:
+def claim(counts: wp.array[wp.int32], slot: wp.int32, number: wp.int32) -> wp.int32:
     """Reserve places for a warp, by its first lane. The atomic is not waited for before :func:`claimed_place`."""
 
 
@@ -285,11 +285,11 @@ for (int start = 0; start < length; start += 512) {
 #endif
 """)
 def scan_row(
-    count: wp.array(dtype=wp.int32),
-    offset: wp.array(dtype=wp.int32),
+    count: wp.array[wp.int32],
+    offset: wp.array[wp.int32],
     first: wp.int32,
     length: wp.int32,
-    cursor: wp.array(dtype=wp.int32),
+    cursor: wp.array[wp.int32],
     slot: wp.int32,
 ):
     """A block of 128 threads: offsets of a row of cells from their counts, and one beyond its end. GPU only.

@@ -49,12 +49,12 @@ class Tree:
     bodies  vec4f [4 * bodies]: of a tree with two levels (:mod:`.trace.bodies`); else empty
     """
 
-    nodes: wp.array(dtype=wp.vec4f)
-    root: wp.array(dtype=wp.int32)
-    masked: wp.array(dtype=wp.uint8)
-    max_coordinate: wp.array(dtype=wp.float32)
-    extent: wp.array(dtype=wp.float32)
-    bodies: wp.array(dtype=wp.vec4f)
+    nodes: wp.array[wp.vec4f]
+    root: wp.array[wp.int32]
+    masked: wp.array[wp.uint8]
+    max_coordinate: wp.array[wp.float32]
+    extent: wp.array[wp.float32]
+    bodies: wp.array[wp.vec4f]
 
 
 def empty_tree(frame: Frame, **made: wp.array) -> Any:

@@ -59,18 +59,18 @@ def axes_of(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> Axes:
 
 
 @wp.func
-def corner(points: wp.array(dtype=wp.vec3f), vertex: wp.int32) -> wp.vec3d:
+def corner(points: wp.array[wp.vec3f], vertex: wp.int32) -> wp.vec3d:
     return to_float64(entry(points, vertex))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def pose_kernel(
-    references: wp.array(dtype=wp.vec3i),
-    rest: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    max_coordinate: wp.array(dtype=wp.float32),
-    bodies: wp.array(dtype=wp.vec4f),
-    need: wp.array(dtype=wp.int32),
+    references: wp.array[wp.vec3i],
+    rest: wp.array[wp.vec3f],
+    points: wp.array[wp.vec3f],
+    max_coordinate: wp.array[wp.float32],
+    bodies: wp.array[wp.vec4f],
+    need: wp.array[wp.int32],
 ):
     """One thread per body: the rows of (R, s). ``need``: cleared."""
     body = wp.tid()
@@ -106,7 +106,7 @@ def pose_kernel(
 
 
 @wp.func
-def moved(bodies: wp.array(dtype=wp.vec4f), row: wp.int32, p: wp.vec3f) -> wp.float64:
+def moved(bodies: wp.array[wp.vec4f], row: wp.int32, p: wp.vec3f) -> wp.float64:
     """A coordinate of where a body's map takes a point."""
     r = entry(bodies, row)
     return wp.dot(wp.vec3d(wp.float64(r[0]), wp.float64(r[1]), wp.float64(r[2])), to_float64(p)) + wp.float64(r[3])
@@ -128,7 +128,7 @@ for (int k = 0; k < WORDS; k++) {
 }
 """
 )
-def lower_to(lower: wp.vec3f, upper: wp.vec3f, off: wp.float32, body: wp.int32, found: wp.array(dtype=wp.int32)):
+def lower_to(lower: wp.vec3f, upper: wp.vec3f, off: wp.float32, body: wp.int32, found: wp.array[wp.int32]):
     """Lower a body's words, integers in the order of floats, to these: by all lanes of a warp, on a CPU by one."""
 
 
@@ -140,19 +140,19 @@ found.data[at] = 0x7fffffff;
 return value;
 """
 )
-def taken(found: wp.array(dtype=wp.int32), at: wp.int32) -> wp.float32:
+def taken(found: wp.array[wp.int32], at: wp.int32) -> wp.float32:
     """What a word was lowered to, as a float, not a number where nothing did; the word is as at first."""
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def vertex_kernel(
-    chunks: wp.array(dtype=wp.vec3i),
+    chunks: wp.array[wp.vec3i],
     lanes: wp.int32,
-    vertices: wp.array(dtype=wp.int32),
-    rest: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    bodies: wp.array(dtype=wp.vec4f),
-    found: wp.array(dtype=wp.int32),
+    vertices: wp.array[wp.int32],
+    rest: wp.array[wp.vec3f],
+    points: wp.array[wp.vec3f],
+    bodies: wp.array[wp.vec4f],
+    found: wp.array[wp.int32],
 ):
     """``lanes`` threads per chunk (a body, the first of its ``vertices`` and the end): lowers the words of the body.
 
@@ -188,15 +188,15 @@ def body_kernel(
     threads: wp.int32,
     unit: wp.float64,
     least: wp.float32,
-    max_coordinate: wp.array(dtype=wp.float32),
-    found: wp.array(dtype=wp.int32),
-    corners: wp.array(dtype=wp.vec3f),
-    valid: wp.array(dtype=wp.uint8),
-    need: wp.array(dtype=wp.int32),
-    lowered: wp.array(dtype=wp.int32),
-    box: wp.array(dtype=wp.float32),
-    extent: wp.array(dtype=wp.float32),
-    cleared: wp.array(dtype=wp.int32),
+    max_coordinate: wp.array[wp.float32],
+    found: wp.array[wp.int32],
+    corners: wp.array[wp.vec3f],
+    valid: wp.array[wp.uint8],
+    need: wp.array[wp.int32],
+    lowered: wp.array[wp.int32],
+    box: wp.array[wp.float32],
+    extent: wp.array[wp.float32],
+    cleared: wp.array[wp.int32],
 ):
     """The bodies' boxes as triangles of their two ``corners``; the box of all; and ``cleared`` is filled with zeros. Whole
     blocks.

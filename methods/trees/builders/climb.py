@@ -152,7 +152,7 @@ auto box_of = [&](int k, float* box) {
 class Leaves:
     """The sorted leaves: count int32 [1]; pairs: their Morton keys, and references without the bit of a leaf."""
 
-    count: wp.array(dtype=wp.int32)
+    count: wp.array[wp.int32]
     pairs: Pairs
 
 
@@ -166,15 +166,13 @@ def make_builder(text: str) -> Any:
         pad: wp.float32,
         leaves: Leaves,
         mesh: Mesh,
-        scratch: wp.array(dtype=wp.vec4f),
-        flags: wp.array(dtype=wp.uint64),
+        scratch: wp.array[wp.vec4f],
+        flags: wp.array[wp.uint64],
         tree: Tree,
     ): ...
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
-    def build_kernel(
-        leaves: Leaves, mesh: Mesh, scratch: wp.array(dtype=wp.vec4f), flags: wp.array(dtype=wp.uint64), tree: Tree
-    ):
+    def build_kernel(leaves: Leaves, mesh: Mesh, scratch: wp.array[wp.vec4f], flags: wp.array[wp.uint64], tree: Tree):
         pad = padding(entry(tree.max_coordinate, 0))
         build(wp.tid(), entry(leaves.count, 0), pad, leaves, mesh, scratch, flags, tree)
 

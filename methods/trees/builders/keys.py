@@ -81,7 +81,7 @@ def share_a_leaf(p: wp.vec3f, q: wp.vec3f, r: wp.vec3f, s: wp.vec3f, most: wp.fl
 
 
 @wp.func
-def key_of(of: Box, used: wp.bool, box: wp.array(dtype=wp.float32)) -> wp.int32:
+def key_of(of: Box, used: wp.bool, box: wp.array[wp.float32]) -> wp.int32:
     """Of the middle of a leaf's box; the largest one if there is no leaf."""
     if not used:
         return NO_LEAF
@@ -105,11 +105,11 @@ def key_kernel(
     mesh: Mesh,
     count: wp.int32,
     shared_area: wp.float32,
-    box: wp.array(dtype=wp.float32),
+    box: wp.array[wp.float32],
     leaves: Pairs,
-    flags: wp.array(dtype=wp.uint64),
+    flags: wp.array[wp.uint64],
     tree: Tree,
-    state: wp.array(dtype=wp.int32),
+    state: wp.array[wp.int32],
 ):
     """One thread for two triangles that follow each other: their keys and references, of one leaf or of two. Counts the
     keys' digits for the sort, and empties the flags and the tree. Whole blocks."""

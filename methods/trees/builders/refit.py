@@ -27,10 +27,10 @@ from .scene_box import SceneBox
 class Topology:
     """:class:`.sah.Topology` on the device; ``refs`` with triangles instead of places."""
 
-    order: wp.array(dtype=wp.int32)
-    refs: wp.array(dtype=wp.int32)
-    leaf_parent: wp.array(dtype=wp.int32)
-    node_parent: wp.array(dtype=wp.int32)
+    order: wp.array[wp.int32]
+    refs: wp.array[wp.int32]
+    leaf_parent: wp.array[wp.int32]
+    node_parent: wp.array[wp.int32]
 
 
 START = """
@@ -118,20 +118,15 @@ def refit(
     pad: wp.float32,
     topology: Topology,
     mesh: Mesh,
-    scratch: wp.array(dtype=wp.vec4f),
-    flags: wp.array(dtype=wp.int32),
+    scratch: wp.array[wp.vec4f],
+    flags: wp.array[wp.int32],
     tree: Tree,
 ): ...
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def refit_kernel(
-    count: wp.int32,
-    topology: Topology,
-    mesh: Mesh,
-    scratch: wp.array(dtype=wp.vec4f),
-    flags: wp.array(dtype=wp.int32),
-    tree: Tree,
+    count: wp.int32, topology: Topology, mesh: Mesh, scratch: wp.array[wp.vec4f], flags: wp.array[wp.int32], tree: Tree
 ):
     """One thread per place in the tree's order, in blocks of :data:`..constants.BLOCK` on a GPU."""
     refit(wp.tid(), count, padding(entry(tree.max_coordinate, 0)), topology, mesh, scratch, flags, tree)

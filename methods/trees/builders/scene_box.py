@@ -66,11 +66,7 @@ for (int k = 0; k < 6; k++) {
 
 @wp.func_native(f"constexpr int MOST = {MOST};" + FINISH)
 def write_box(
-    lower: wp.vec3f,
-    upper: wp.vec3f,
-    found: wp.array(dtype=wp.int32),
-    box: wp.array(dtype=wp.float32),
-    extent: wp.array(dtype=wp.float32),
+    lower: wp.vec3f, upper: wp.vec3f, found: wp.array[wp.int32], box: wp.array[wp.float32], extent: wp.array[wp.float32]
 ):
     """Called by all threads, each with the corners of what it has read."""
 
@@ -79,12 +75,12 @@ def write_box(
 def box_kernel(
     count: wp.int32,
     threads: wp.int32,
-    points: wp.array(dtype=wp.vec3f),
-    used: wp.array(dtype=wp.uint8),
-    found: wp.array(dtype=wp.int32),
-    box: wp.array(dtype=wp.float32),
-    extent: wp.array(dtype=wp.float32),
-    cleared: wp.array(dtype=wp.int32),
+    points: wp.array[wp.vec3f],
+    used: wp.array[wp.uint8],
+    found: wp.array[wp.int32],
+    box: wp.array[wp.float32],
+    extent: wp.array[wp.float32],
+    cleared: wp.array[wp.int32],
 ):
     """The box of the finite vertices that triangles use; and ``cleared`` is filled with zeros.
 

@@ -155,14 +155,12 @@ for (int k = 0; k < ITEMS; k++)
 class Pairs:
     """keys, values int32 [count]: what is sorted, and what goes with it."""
 
-    keys: wp.array(dtype=wp.int32)
-    values: wp.array(dtype=wp.int32)
+    keys: wp.array[wp.int32]
+    values: wp.array[wp.int32]
 
 
 @wp.func_native(COUNT)
-def count_digits(
-    first: wp.int32, second: wp.int32, nothing: wp.int32, passes: wp.int32, state: wp.array(dtype=wp.int32)
-):
+def count_digits(first: wp.int32, second: wp.int32, nothing: wp.int32, passes: wp.int32, state: wp.array[wp.int32]):
     """Count the digits of two keys for all passes at once. Called by all threads of a block, on a GPU."""
 
 
@@ -179,8 +177,8 @@ def make_sweep_kernel(items: int) -> Any:
         tiles: wp.int32,
         nothing: wp.int32,
         source: Pairs,
-        state: wp.array(dtype=wp.int32),
-        held: wp.array(dtype=wp.int32),
+        state: wp.array[wp.int32],
+        held: wp.array[wp.int32],
         target: Pairs,
     ): ...
 
@@ -191,8 +189,8 @@ def make_sweep_kernel(items: int) -> Any:
         tiles: wp.int32,
         nothing: wp.int32,
         source: Pairs,
-        state: wp.array(dtype=wp.int32),
-        held: wp.array(dtype=wp.int32),
+        state: wp.array[wp.int32],
+        held: wp.array[wp.int32],
         target: Pairs,
     ):
         sweep(count, pass_, tiles, nothing, source, state, held, target)

@@ -99,9 +99,9 @@ class LightPlanes:
     facing  uint8 [triangles]: :func:`light_kernel`; empty in float32
     """
 
-    edges: wp.array(dtype=wp.vec4f)
-    sides: wp.array(dtype=wp.vec4f)
-    facing: wp.array(dtype=wp.uint8)
+    edges: wp.array[wp.vec4f]
+    sides: wp.array[wp.vec4f]
+    facing: wp.array[wp.uint8]
 
 
 @wp.struct
@@ -181,7 +181,7 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
 
 
 @wp.func
-def clear_record(records: wp.array(dtype=wp.vec4f), at: wp.int32):
+def clear_record(records: wp.array[wp.vec4f], at: wp.int32):
     """Of a triangle that is never hit, which a tree that was made of another frame may still hold: zeros leave its rays to
     float64, which rejects it."""
     for k in range(3):
@@ -189,9 +189,7 @@ def clear_record(records: wp.array(dtype=wp.vec4f), at: wp.int32):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
-def eye_kernel(
-    mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f), cleared: wp.array(dtype=wp.int32)
-):
+def eye_kernel(mesh: Mesh, eye: wp.array[wp.vec3f], records: wp.array[wp.vec4f], cleared: wp.array[wp.int32]):
     """Three words per triangle: the edge planes and m, one after the other. ``cleared``: counters of the eye's rays."""
     at = wp.tid()
     if at == 0:
@@ -236,12 +234,12 @@ def plane_word(n: wp.vec3d, p: wp.vec3d, n32: wp.vec3f, scale: wp.float32, exten
 def light_kernel(
     mesh: Mesh,
     light: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    extent: wp.array(dtype=wp.float32),
-    joined: wp.array(dtype=wp.uint8),
-    edges: wp.array(dtype=wp.vec4f),
-    sides: wp.array(dtype=wp.vec4f),
-    facing: wp.array(dtype=wp.uint8),
+    lights: wp.array[wp.vec3f],
+    extent: wp.array[wp.float32],
+    joined: wp.array[wp.uint8],
+    edges: wp.array[wp.vec4f],
+    sides: wp.array[wp.vec4f],
+    facing: wp.array[wp.uint8],
 ):
     """The arrays of :class:`LightPlanes`.
 
@@ -285,7 +283,7 @@ def light_kernel(
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def float32_kernel(mesh: Mesh, index: wp.int32, origins: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
+def float32_kernel(mesh: Mesh, index: wp.int32, origins: wp.array[wp.vec3f], records: wp.array[wp.vec4f]):
     """Three words per triangle for float32 tests from ``origins[index]``: Moeller & Trumbore 1997 with the fixed origin's
     terms precomputed.
 

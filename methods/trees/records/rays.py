@@ -104,14 +104,14 @@ def downscale(size: wp.float32) -> wp.float32:
 
 
 @wp.func
-def set_record(records: wp.array(dtype=wp.vec4f), at: wp.int32, a: wp.vec3f, e: wp.vec3f, f: wp.vec3f, n: wp.vec3f):
+def set_record(records: wp.array[wp.vec4f], at: wp.int32, a: wp.vec3f, e: wp.vec3f, f: wp.vec3f, n: wp.vec3f):
     set_entry(records, 3 * at, wp.vec4f(a[0], a[1], a[2], e[0]))
     set_entry(records, 3 * at + 1, wp.vec4f(e[1], e[2], f[0], f[1]))
     set_entry(records, 3 * at + 2, wp.vec4f(f[2], n[0], n[1], n[2]))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RECORD_REGISTERS)
-def ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
+def ray_kernel(mesh: Mesh, records: wp.array[wp.vec4f]):
     """Three words per triangle: a, and the edges and the normal in the triangle's own scale."""
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
@@ -142,7 +142,7 @@ def ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def float32_ray_kernel(mesh: Mesh, records: wp.array(dtype=wp.vec4f)):
+def float32_ray_kernel(mesh: Mesh, records: wp.array[wp.vec4f]):
     """Three words per triangle for tests in float32: a, the edges and the normal."""
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):

@@ -36,15 +36,15 @@ class Share:
     """
 
     camera: Camera
-    tiles: wp.array(dtype=wp.int32)
-    listed: wp.array(dtype=wp.int32)
-    count: wp.array(dtype=wp.int32)
+    tiles: wp.array[wp.int32]
+    listed: wp.array[wp.int32]
+    count: wp.array[wp.int32]
     rays: Rays
     tree: Tree
     mesh: Mesh
     alpha: Alpha
     hits: Hits
-    starts: wp.array(dtype=wp.vec3f)
+    starts: wp.array[wp.vec3f]
 
 
 @wp.func
@@ -163,7 +163,7 @@ def make_eye(exact: bool, packets: bool, levels: int = 1) -> Any:
     closest = make_closest("eye", exact, packets, levels)
 
     @wp.func(module="unique")
-    def trace_eye(thread: wp.int32, share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided) -> wp.vec2i:
+    def trace_eye(thread: wp.int32, share: Share, records: wp.array[wp.vec4f], undecided: Undecided) -> wp.vec2i:
         at = pixel_at(share, thread)
         seen = at[0] >= 0
         ray = eye_ray(share.camera, at)
@@ -201,7 +201,7 @@ def make_eye_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
         module="unique",
         cuda_max_registers=EYE_REGISTERS if exact else REGISTERS,
     )
-    def eye_kernel(share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided):
+    def eye_kernel(share: Share, records: wp.array[wp.vec4f], undecided: Undecided):
         trace_eye(wp.tid(), share, records, undecided)
 
     return eye_kernel
@@ -213,9 +213,7 @@ def make_tests_kernel(records: str, exact: bool, levels: int = 1) -> Any:
     count = make_closest(records, exact, levels=levels, counts=True)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
-    def tests_kernel(
-        share: Share, triangles: wp.array(dtype=wp.vec4f), undecided: Undecided, tests: wp.array(dtype=wp.int32)
-    ):
+    def tests_kernel(share: Share, triangles: wp.array[wp.vec4f], undecided: Undecided, tests: wp.array[wp.int32]):
         pixel = wp.tid()
         y = pixel // share.camera.width
         if wp.static(records == "eye"):
@@ -247,9 +245,7 @@ def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
     closest = make_closest("ray", exact, levels=levels)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
-    def listed_kernel(
-        share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided, found: wp.array(dtype=wp.vec4i)
-    ):
+    def listed_kernel(share: Share, records: wp.array[wp.vec4f], undecided: Undecided, found: wp.array[wp.vec4i]):
         k = wp.tid()
         if k >= entry(share.count, 0):
             return
@@ -270,7 +266,7 @@ def make_resolve_kernel(parallel: bool) -> Any:
     camera may start far from the scene; mirrored rays start in it."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=RESOLVE_REGISTERS)
-    def resolve_kernel(share: Share, undecided: Undecided, found: wp.array(dtype=wp.vec4i)):
+    def resolve_kernel(share: Share, undecided: Undecided, found: wp.array[wp.vec4i]):
         k = wp.tid()
         if k >= entry(share.count, 0):
             return

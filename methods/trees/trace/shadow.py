@@ -28,12 +28,12 @@ class Lit:
 
     light: wp.int32
     faces: wp.bool
-    lights: wp.array(dtype=wp.vec3f)
-    spots: wp.array2d(dtype=wp.float64)
-    front_facing: wp.array2d(dtype=wp.uint8)
+    lights: wp.array[wp.vec3f]
+    spots: wp.array2d[wp.float64]
+    front_facing: wp.array2d[wp.uint8]
     planes: LightPlanes
-    receivers: wp.array2d(dtype=wp.uint8)
-    shadowed: wp.array2d(dtype=wp.uint8)
+    receivers: wp.array2d[wp.uint8]
+    shadowed: wp.array2d[wp.uint8]
 
 
 @wp.func
@@ -142,7 +142,7 @@ def make_together_kernel(exact: bool, packets: bool, levels: int = 1) -> Any:
         cuda_max_registers=EYE_REGISTERS if exact else REGISTERS,
     )
     def together_kernel(
-        share: Share, records: wp.array(dtype=wp.vec4f), undecided: Undecided, lit: Lit, undecided_shadows: Undecided
+        share: Share, records: wp.array[wp.vec4f], undecided: Undecided, lit: Lit, undecided_shadows: Undecided
     ):
         found = trace_eye(wp.tid(), share, records, undecided)
         if found[0] < 0:
@@ -158,7 +158,7 @@ def make_shadow_tests_kernel(exact: bool, levels: int = 1) -> Any:
     count = make_any(exact, levels, counts=True)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
-    def shadow_tests_kernel(share: Share, lit: Lit, undecided: Undecided, tests: wp.array(dtype=wp.int32)):
+    def shadow_tests_kernel(share: Share, lit: Lit, undecided: Undecided, tests: wp.array[wp.int32]):
         pixel = wp.tid()
         hit = entry(share.hits.triangle, pixel)
         wanted = hit >= 0

@@ -208,7 +208,7 @@ def make_closest(records: str, exact: bool, packets: bool = False, levels: int =
 
     @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, packets, levels, counts))
     def closest(
-        seen: wp.bool, ray: Ray, tree: Tree, records: wp.array(dtype=wp.vec4f), undecided: Undecided, holes: wp.bool
+        seen: wp.bool, ray: Ray, tree: Tree, records: wp.array[wp.vec4f], undecided: Undecided, holes: wp.bool
     ) -> wp.vec4i: ...
 
     return closest

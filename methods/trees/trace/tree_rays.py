@@ -78,10 +78,10 @@ class TreeRays:
     ):
         self.frame, self.tree, self.effects, self.threads = frame, tree, effects, threads
         self.levels = 2 if tree.bodies else 1
-        self.packets = packets and self.levels == 1
         self.exact = precision == "exact" or effects.alpha or effects.orthographic
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         cuda = wp.get_device(frame.device).is_cuda
+        self.packets = packets and self.levels == 1 and cuda
         self.marks = marks_receivers(cuda, effects)
         self.joint = self._joint() if cuda and together else None
         if self.joint is not None:

@@ -21,8 +21,8 @@ from ..constants import MOST_KEPT
 class Undecided:
     """Where a launch enters its undecided triangles. count int32 [1]; pairs vec2i [capacity], shared with other launches."""
 
-    count: wp.array(dtype=wp.int32)
-    pairs: wp.array(dtype=wp.vec2i)
+    count: wp.array[wp.int32]
+    pairs: wp.array[wp.vec2i]
 
 
 ENTER = f"""
