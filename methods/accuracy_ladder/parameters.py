@@ -5,16 +5,6 @@ from dataclasses import dataclass
 from ..common import bounds
 from ..common.parameters import check_choices
 
-TESTS = (
-    "moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes", "float64", "exact"
-)  # fmt: skip
-EXACT_TESTS = ("float64", "exact")
-SHEARED_TESTS = ("woop", "woop_float64")
-ORIGINS = (
-    "hit_point", "identity", "barycentric", "ray", "epsilon_1e-2", "epsilon_1e-4", "epsilon_1e-6",
-    "wachter_binder", "error_bound",
-)  # fmt: skip
-PADDINGS = ("none", "3_ulp", "rounding")
 PADDED_UNITS = {"none": 0.0, "3_ulp": 6.0, "rounding": bounds.PADDED_UNITS}
 """Units of 2^-24 of the largest coordinate of scene and eye."""
 
@@ -35,6 +25,14 @@ ORIGIN_ERRORS = {
     "wachter_binder": "shadow rays moved off by fixed steps of integer and float",
     "error_bound": "shadow rays moved off by a bound on their rounding",
 }
+PADDING_ERRORS = {
+    "none": "boxes that are not padded",
+    "3_ulp": "boxes padded by less than the slab test may be wrong by",
+}
+EXACT_TESTS = ("float64", "exact")
+TESTS = (*TEST_ERRORS, *EXACT_TESTS)
+SHEARED_TESTS = ("woop", "woop_float64")
+ORIGINS = ("hit_point", *ORIGIN_ERRORS)
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Build:
     fast_math: bool = False
 
     def __post_init__(self) -> None:
-        check_choices(self, padding=PADDINGS)
+        check_choices(self, padding=PADDED_UNITS)
         if self.leaf_size < 1:
             raise ValueError("leaf_size must be 1 or more")
 
@@ -84,12 +82,7 @@ class Trace:
 
 def known_inexact(build: Build, trace: Trace) -> str | None:
     """Why these settings may be wrong, or None where they are exact."""
-    reasons = [TEST_ERRORS.get(trace.test), ORIGIN_ERRORS.get(trace.origin)]
-    if build.padding == "none":
-        reasons.append("boxes that are not padded")
-    if build.padding == "3_ulp":
-        reasons.append("boxes padded by less than the slab test may be wrong by")
+    reasons = [TEST_ERRORS.get(trace.test), ORIGIN_ERRORS.get(trace.origin), PADDING_ERRORS.get(build.padding)]
     if build.fast_math:
         reasons.append("float arithmetic that the compiler may change")
-    known = [reason for reason in reasons if reason]
-    return "; ".join(known) or None
+    return "; ".join(reason for reason in reasons if reason) or None

@@ -22,15 +22,7 @@ def miss_passes(frame: Frame, effects: Effects) -> list[Pass]:
     passes = [Pass("nothing to hit", "trace", ("camera",), ("hits",), lambda: write_misses(frame))]
     for i, wanted in enumerate(effects.shadows):
         if wanted:
-            passes.append(
-                Pass(
-                    f"light {i}: nothing to shadow",
-                    "shadow",
-                    ("hits",),
-                    (f"shadowed/{i}",),
-                    lambda i=i: frame.answers.shadowed[i].zero_(),  # type: ignore[misc]
-                    effect=f"shadows/{i}",
-                )
-            )
+            name, clear = f"light {i}: nothing to shadow", frame.answers.shadowed[i].zero_
+            passes.append(Pass(name, "shadow", ("hits",), (f"shadowed/{i}",), clear, f"shadows/{i}"))
     passes += traced_bounces(effects, (), lambda b: write_misses(frame, b), lambda i, b: frame.bits(b)[i].zero_())
     return passes

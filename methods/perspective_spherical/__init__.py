@@ -16,7 +16,7 @@ from .camera.grid import CameraGrid
 from .counters import work
 from .culling import loses_hits, orientation, refusal
 from .light.grid import LightGrid
-from .lists.binning import grown_bins
+from .lists.binning import GridSettings, grown_bins
 from .lists.chunks import most_chunks
 from .lists.staging import staged
 from .parameters import Build, Trace, known_inexact
@@ -51,7 +51,7 @@ class PerspectiveSpherical(BaseMethod):
                 f"{self.name}: tile={self.build.tile} with k={self.trace.k} traces tiles of {side} pixels a side; "
                 f"tile times k must be at most {MOST_TRACED}"
             )
-        self._capacity: dict[int, tuple[int, int, int]] = {}
+        self._capacity: dict[int, tuple[int, ...]] = {}
         self._needs: wp.array | None = None
         self._memory = 0
         self.camera: CameraGrid | None = None
@@ -73,7 +73,7 @@ class PerspectiveSpherical(BaseMethod):
         if self.build.light_bounds != "exact":
             built["light bounds"] = self.build.light_bounds
         if self.camera is not None:
-            in_blocks = staged(self.trace.staging, self.camera.frame.device)
+            in_blocks = staged(self.trace.staging, self.camera.settings.frame.device)
             built["staging"] = "shared" if in_blocks else "none"
         return built
 
@@ -86,21 +86,18 @@ class PerspectiveSpherical(BaseMethod):
             outward = orientation(frame.prepared.points(0)[0], frame.prepared.faces)
         light_outward = outward if self.build.cull == "primary+light" else 0.0
         self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64, device=frame.device)
-        settings = frame, self.build, self.trace
 
-        def room(grid: int) -> tuple[tuple[int, int, int], wp.array, int]:
-            """Of a grid: its capacities, and where it writes what it needs."""
-            return self._capacity.setdefault(grid, self._guess(frame)), self._needs, SLOTS * grid
+        def settings(grid: int, turned: float) -> GridSettings:
+            room = self._capacity.setdefault(grid, self._guess(frame))
+            return GridSettings(frame, self.build, self.trace, effects, turned, room, self._needs, SLOTS * grid)
 
-        self.camera = camera = CameraGrid(*settings, outward, *room(0), effects)
+        self.camera = camera = CameraGrid(settings(0, outward))
         self.lights = [
-            LightGrid(*settings, i, camera, light_outward, *room(1 + i), effects)
-            for i, wanted in enumerate(effects.shadows)
-            if wanted
+            LightGrid(settings(1 + i, light_outward), i, camera) for i, wanted in enumerate(effects.shadows) if wanted
         ]
         return [*camera.passes(), *(work for light in self.lights for work in light.passes())]
 
-    def _guess(self, frame: Frame) -> tuple[int, int, int]:
+    def _guess(self, frame: Frame) -> tuple[int, ...]:
         """First capacities of a grid: pairs, rows of large triangles, and items of split lists of rays."""
         build, rays = self.build, frame.pixels
         items = 1
@@ -114,15 +111,14 @@ class PerspectiveSpherical(BaseMethod):
     def grow(self, needed: NDArray[np.int64]) -> bool:
         before = dict(self._capacity)
         for grid, capacity in before.items():
-            own = needed[SLOTS * grid : SLOTS * (grid + 1)]
-            self._capacity[grid] = grown_bins(own, capacity, self._memory)
+            self._capacity[grid] = grown_bins(needed[SLOTS * grid : SLOTS * (grid + 1)], capacity, self._memory)
         return self._capacity != before
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
         them."""
         assert self.camera is not None
-        frame = self.camera.frame
+        frame = self.camera.settings.frame
         with wp.ScopedDevice(frame.device):
             primary = wp.zeros(max(2, frame.pixels), dtype=wp.int32)
             shadow = wp.zeros(max(2, frame.pixels), dtype=wp.int32)

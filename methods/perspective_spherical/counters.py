@@ -28,13 +28,13 @@ def work(
         name = f"light {light.index}"
         traced = light.traced()
         result.update(_lists(name, light.bins, traced))
-        lengths = light.rays.lengths() * traced
+        lengths = light.sorted.lengths() * traced
         chunks = int(light.chunks.numCBlocks.numpy()[0]) * traced
         result[f"{name} rays"] = int(lengths.sum())
         result[f"{name} tiles with rays"] = int((lengths > 0).sum())
         result[f"{name} most rays in a tile"] = int(lengths.max())
         result[f"{name} chunks"] = chunks
-        result[f"{name} lanes"] = chunks * light.trace.r
+        result[f"{name} lanes"] = chunks * light.chunks.r
         rays += int(lengths.sum())
     if lights:
         result["shadow tests"] = _sum(shadow)

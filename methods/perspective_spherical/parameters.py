@@ -3,7 +3,7 @@ configuration."""
 
 from dataclasses import dataclass
 
-from ..common.parameters import check_choices
+from ..common.parameters import check_choices, check_ranges
 
 DEPTH_LISTS = ("spans", "nearest")
 TRIANGLE_TESTS = ("exact", "edge_planes", "moller_trumbore")
@@ -15,11 +15,6 @@ LIGHT_BOUNDS = ("exact", "seam", "vertices")
 STAGING = ("none", "shared")
 BALANCING = ("direct", "algorithm-1")
 SORTS = ("counting", "radix")
-
-ALLOWED = {
-    "depth_lists": DEPTH_LISTS, "light_map": LIGHT_MAPS, "precision": PRECISIONS, "light_bounds": LIGHT_BOUNDS,
-    "clamp": CLAMPS, "triangle_test": TRIANGLE_TESTS, "cull": CULLING, "sort": SORTS,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -78,19 +73,14 @@ class Build:
     row_capacity: int = 0
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("tile", 1, 1024),
-            ("slices", 1, 4096),
-            ("light_tiles", 1, 4096),
-            ("light_slices", 1, 4096),
-            ("pair_capacity", 0, 2**30),
-            ("row_capacity", 0, 2**28),
-        ):
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"must lie in {low}..{high}")
+        check_ranges(self, tile=(1, 1024), slices=(1, 4096), light_tiles=(1, 4096), light_slices=(1, 4096))
+        check_ranges(self, pair_capacity=(0, 2**30), row_capacity=(0, 2**28))
         if self.light_tile_count * self.light_slices >= 2**30:
             raise ValueError("tiles * light_slices of a light grid must stay below 2^30 cells")
-        check_choices(self, **ALLOWED)
+        check_choices(
+            self, depth_lists=DEPTH_LISTS, light_map=LIGHT_MAPS, precision=PRECISIONS, cull=CULLING, sort=SORTS
+        )
+        check_choices(self, light_bounds=LIGHT_BOUNDS, clamp=CLAMPS, triangle_test=TRIANGLE_TESTS)
         if self.precision == "float32-centred" and not self.aimed:
             raise ValueError("precision float32-centred needs aimed=true: the middle must lie on the frame's axis")
         if self.light_bounds != "exact" and self.light_map != "azimuth-elevation":
@@ -127,9 +117,7 @@ class Trace:
     triangle_chunk: int = 0
 
     def __post_init__(self) -> None:
-        for name, low, high in (("k", 1, 64), ("r", 1, 65536), ("triangle_chunk", 0, 2**24)):
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"must lie in {low}..{high}")
+        check_ranges(self, k=(1, 64), r=(1, 65536), triangle_chunk=(0, 2**24))
         check_choices(self, balancing=BALANCING, staging=STAGING)
 
 

@@ -32,6 +32,15 @@ def shadow_ray_passes(effects: Effects, reads: tuple[str, ...], launch: Callable
     ]
 
 
+def ray_passes(
+    effects: Effects, structure: str, closest: Callable[..., None], shadow: Callable[..., None]
+) -> list[Pass]:
+    """Primary, shadow and mirrored rays of a library's structure. ``closest`` and ``shadow`` take a bounce as well."""
+    primary = Pass("primary rays", "trace", (structure, "camera"), ("hits",), closest)
+    shadows = shadow_ray_passes(effects, (structure, "hits", "camera"), shadow)
+    return [primary, *shadows, *traced_bounces(effects, (structure, "points", "triangles"), closest, shadow)]
+
+
 class PixelRays:
     """The rays of a frame through one structure: one per pixel, light and bounce.
 
@@ -71,43 +80,25 @@ class PixelRays:
             lambda i, b: self.launch_shadow(i, bounce=b),
         )
 
-    def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
-        them."""
+    def tests_per_pixel(self, bounce: int = 0) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Triangle tests of each pixel's primary (or mirrored) ray and of its shadow rays. The last frame is traced again to
+        count them."""
         primary = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
         shadow = wp.zeros_like(primary)
-        self.launch_primary(primary)
+        self.launch_primary(primary, bounce)
         for light, wanted in enumerate(self._effects.shadows):
             if wanted:
-                self.launch_shadow(light, shadow)
+                self.launch_shadow(light, shadow, bounce)
         return primary.numpy(), shadow.numpy()
 
     def counters(self) -> dict[str, int]:
         """Triangle tests of all rays of the last frame."""
-        primary, shadow = self.tests_per_pixel()
-        return {
-            "primary tests": int(primary.sum(dtype=np.int64)),
-            "shadow tests": int(shadow.sum(dtype=np.int64)),
-            **self._bounced_tests(),
-        }
-
-    def _bounced_tests(self) -> dict[str, int]:
-        """Triangle tests of mirrored rays and of their hits' shadow rays, which are traced again to count them."""
-        if not self._effects.bounces:
-            return {}
-        first = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
-        second = wp.zeros_like(first)
-        mirrored, shadowed = 0, 0
-        for bounce in range(1, self._effects.bounces + 1):
-            first.zero_()
-            second.zero_()
-            self.launch_primary(first, bounce)
-            for light, wanted in enumerate(self._effects.shadows):
-                if wanted:
-                    self.launch_shadow(light, second, bounce)
-            mirrored += int(first.numpy().sum(dtype=np.int64))
-            shadowed += int(second.numpy().sum(dtype=np.int64))
-        return {"mirror tests": mirrored, "mirror shadow tests": shadowed}
+        counted = [self.tests_per_pixel(bounce) for bounce in range(self._effects.bounces + 1)]
+        (primary, shadow), *mirrored = ([int(tests.sum(dtype=np.int64)) for tests in pair] for pair in counted)
+        found = {"primary tests": primary, "shadow tests": shadow}
+        if mirrored:
+            found |= {"mirror tests": sum(m[0] for m in mirrored), "mirror shadow tests": sum(m[1] for m in mirrored)}
+        return found
 
     def _hits(self, bounce: int) -> wp.array:
         return self._bounced_hit[bounce - 1] if bounce else self._hit

@@ -100,7 +100,7 @@ MEASURES = (
     "methods.exact.hit_point"
 ).split()
 SHARED = {
-    "methods.warp_bvh.method": {"warp_bvh"},
+    "methods.warp_bvh": {"warp_bvh"},
     "methods.common.box_tree": {"warp_bvh", "accuracy_ladder"},
     "methods.streams.camera.pixels": {"ray_grids", "shadow_map"},
     "methods.grids.cells": {"uniform_grid", "coherent_grid"},

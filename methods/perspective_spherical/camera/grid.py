@@ -5,121 +5,87 @@ import math
 import warp as wp
 
 from ....harness.frame.effects.specialise import specialised
-from ....harness.frame.frame import Frame
-from ....harness.frame.geometry import filled
 from ....harness.frame.schedule.passes import Pass
-from ....harness.scene.effects import Effects
-from ..lists.binning import BIN_BLOCK, TileBins
+from ...common.pairs import zeroed
+from ..lists.binning import BIN_BLOCK, GridSettings, TileBins
 from ..lists.staging import block_for, staged
-from ..parameters import TRIANGLE_TESTS, Build, Trace
 from ..variants.split_lists import Items, count_tiles_kernel
 from .ray_tests import WIDENINGS
 from .tiles import ImageTiles, bin_kernel, project_kernel
-from .trace import NO_NEAREST, make_resolve_kernel, make_trace_kernel
+from .trace import NO_NEAREST, Traced, make_resolve_kernel, make_trace_kernel
 
 
 class CameraGrid:
     """The perspective grid of one frame, and the closest hits traced through it.
 
-    hit      vec3d [pixels]: float64 hit points, the origins of the shadow rays
-    records  vec4f [3 * triangle_count]: see :mod:`.camera.ray_tests`
-    outward  how faces are wound, for culling; 0 keeps back faces
+    grid  :class:`.tiles.ImageTiles`     out  :class:`.trace.Traced`
     """
 
-    def __init__(
-        self,
-        frame: Frame,
-        build: Build,
-        trace: Trace,
-        outward: float,
-        capacity: tuple[int, ...],
-        needs: wp.array,
-        slot: int,
-        effects: Effects,
-    ):
-        self.effects = effects
-        self.frame, self.build, self.trace, self.outward = frame, build, trace, outward
-        self.test = TRIANGLE_TESTS.index(build.triangle_test)
-        self.widening = WIDENINGS[self.test]
-        self.across = -(-frame.width // build.tile)
-        self.down = -(-frame.height // build.tile)
-        cells = self.across * self.down * build.slices
-        if cells >= 2**30:
-            raise ValueError(f"{cells:,} cells: choose a larger tile or fewer slices")
-        self.bins = TileBins(
-            frame.triangle_count, self.across * self.down, build.slices, capacity, needs, slot, build.sort,
-            frame.device,
-        )  # fmt: skip
+    def __init__(self, settings: GridSettings):
+        self.settings = settings
+        frame, build, split = settings.frame, settings.build, settings.trace.triangle_chunk
+        self.across, self.down = -(-frame.width // build.tile), -(-frame.height // build.tile)
+        tiles = self.across * self.down
+        if tiles * build.slices >= 2**30:
+            raise ValueError(f"{tiles * build.slices:,} cells: choose a larger tile or fewer slices")
+        self.bins = bins = TileBins(frame.triangle_count, tiles, build.slices, settings)
         with wp.ScopedDevice(frame.device):
-            self.depths = wp.zeros(self.bins.items, dtype=wp.vec2f)
-            self.records = wp.zeros(3 * self.bins.items, dtype=wp.vec4f)
-            self.depth_range = wp.zeros(2, dtype=wp.float32)
+            self.grid = zeroed(
+                ImageTiles, tile=build.tile, across=self.across, slices=build.slices,
+                every_slice=build.depth_lists == "spans", widening=WIDENINGS[settings.test], depths=bins.items,
+                depth_range=2, records=3 * bins.items, lists=bins.lists,
+            )  # fmt: skip
             self.no_range = wp.array([math.inf, -math.inf], dtype=wp.float32)
-            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
-            self.nearest = wp.zeros(frame.pixels if trace.triangle_chunk else 1, dtype=wp.uint64)
-        self.tiles = filled(
-            ImageTiles,
-            tile=build.tile,
-            across=self.across,
-            slices=build.slices,
-            spans=build.depth_lists == "spans",
-            depth_range=self.depth_range,
-        )
-        split, sources = trace.triangle_chunk, self.across * self.down if trace.triangle_chunk else 1
+            self.out = zeroed(
+                Traced, frame.pixels, nearest=frame.pixels if split else 1, hits=frame.hits(0), tests=self.no_tests
+            )
+            self.item_need = wp.zeros(1, dtype=wp.int64)
         # A list of n pairs has at most one part and one for every full chunk.
-        self.items = Items(sources, sources + (capacity[0] // split if split else 0), split, frame.device)
-        self.item_need = wp.zeros(1, dtype=wp.int64, device=frame.device)
+        sources, parts = (tiles, settings.capacity[0] // split) if split else (1, 0)
+        self.items = Items(sources, sources + parts, split, frame.device)
 
     def passes(self) -> list[Pass]:
         """Build and trace, in the order they run."""
-        scene = ("points", "triangles", "camera")
-        bins = self.bins
+        scene, boxes, pairs, grid = ("points", "triangles", "camera"), "camera boxes", "camera pairs", "camera grid"
+        seen = (*scene, grid, *self.settings.effects.surface_reads())
         return [
-            Pass("camera grid: project", "build", scene, ("camera boxes",), self.launch_project),
-            Pass(
-                "camera grid: emit pairs", "build", (*scene, "camera boxes"), ("camera pairs",), self.launch_bin,
-            ),
-            Pass("camera grid: sort pairs", "build", ("camera pairs",), ("camera grid",), bins.launch_sort),
-            Pass(
-                "primary rays", "trace", (*scene, "camera grid", *self.effects.surface_reads()), ("hits",),
-                self.launch_trace,
-            ),
-        ]  # fmt: skip
+            Pass("camera grid: project", "build", scene, (boxes,), self.launch_project),
+            Pass("camera grid: emit pairs", "build", (*scene, boxes), (pairs,), self.launch_bin),
+            Pass("camera grid: sort pairs", "build", (pairs,), (grid,), self.bins.launch_sort),
+            Pass("primary rays", "trace", seen, ("hits",), self.launch_trace),
+        ]
 
     def launch_project(self) -> None:
-        f, b = self.frame, self.bins
-        b.clear_queue()
-        wp.copy(self.depth_range, self.no_range)
-        inputs = [f.triangle_count, self.build.tile, self.widening, self.outward, self.test, f.camera, f.mesh]
-        outputs = [b.boxes, self.depths, self.depth_range, self.records, b.queue]
-        f.launch(project_kernel, -(-b.items // BIN_BLOCK) * BIN_BLOCK, inputs, outputs, BIN_BLOCK)
+        f, bins = self.settings.frame, self.bins
+        bins.clear_queue()
+        wp.copy(self.grid.depth_range, self.no_range)
+        inputs = [self.settings.test, self.settings.outward, f.camera, f.mesh, self.grid, bins.bins]
+        f.launch(project_kernel, -(-bins.items // BIN_BLOCK) * BIN_BLOCK, inputs, block=BIN_BLOCK)
 
     def launch_bin(self) -> None:
-        f, b = self.frame, self.bins
-        b.clear_pairs()
-        inputs = [self.widening, f.camera, f.mesh, self.tiles, b.boxes, self.depths, b.queue]
-        f.launch(bin_kernel, b.threads, inputs, [b.pairs], BIN_BLOCK)
+        f, bins = self.settings.frame, self.bins
+        bins.clear_pairs()
+        f.launch(bin_kernel, bins.threads, [f.camera, f.mesh, self.grid, bins.bins], block=BIN_BLOCK)
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Closest hits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel, if given."""
-        f, bins, split = self.frame, self.bins, self.trace.triangle_chunk
+        settings, out = self.settings, self.out
+        f, build, trace = settings.frame, settings.build, settings.trace
+        out.tests = self.no_tests if tests is None else tests
         # A block takes one sorting tile of a split list; otherwise a tracing tile of k x k of them.
-        k = 1 if split else self.trace.k
+        k = 1 if trace.triangle_chunk else trace.k
         sources = -(-self.across // k) * -(-self.down // k)
-        if split:
+        if trace.triangle_chunk:
             sources = self.items.capacity
-            self.items.launch(count_tiles_kernel, [split, bins.lists], self.item_need, 0)
-            self.nearest.fill_(int(NO_NEAREST))
-        area = (k * self.build.tile) ** 2
+            self.items.launch(count_tiles_kernel, [trace.triangle_chunk, self.bins.lists], self.item_need, 0)
+            out.nearest.fill_(int(NO_NEAREST))
+        area = (k * build.tile) ** 2
         block = block_for(area)
-        in_blocks = staged(self.trace.staging, f.device)
-        kernel = make_trace_kernel(self.test, block if in_blocks else 0)
-        outputs = [f.hits(0), self.hit, self.no_tests if tests is None else tests]
-        inputs = [k, f.camera, f.mesh, f.alpha, self.tiles, bins.lists, self.records, self.items.parts, self.nearest]
-        kernel = specialised(kernel, self.effects.switches())
-        f.launch(kernel, sources * (-(-area // block) * block if in_blocks else area), inputs, outputs, block)
-        if split:
-            inputs = [f.camera, f.mesh, self.nearest]
-            kernel = specialised(make_resolve_kernel(self.test), self.effects.switches())
-            f.launch(kernel, f.pixels, inputs, outputs[:-1])
+        in_blocks = staged(trace.staging, f.device)
+        kernel = specialised(make_trace_kernel(settings.test, block if in_blocks else 0), settings.effects.switches())
+        inputs = [k, f.camera, f.mesh, f.alpha, self.grid, self.items.parts, out]
+        f.launch(kernel, sources * (-(-area // block) * block if in_blocks else area), inputs, block=block)
+        if trace.triangle_chunk:
+            kernel = specialised(make_resolve_kernel(settings.test), settings.effects.switches())
+            f.launch(kernel, f.pixels, [f.camera, f.mesh, out])

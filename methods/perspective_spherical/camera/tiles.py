@@ -15,8 +15,8 @@ from ...exact.planes import farthest_corner, longest_edge, normal_through
 from ...exact.triangle import FLOOR32, OVERFLOW, U32, UNDERFLOW, largest
 from ...gpu.entries import set_entry
 from ..culling import faces_away
-from ..lists.binning import PieceQueue, piece_of, queue_large, write_pairs
-from ..lists.sorting import PairSink
+from ..lists.binning import Bins, piece_of, queue_large, write_pairs
+from ..lists.sorting import TileLists
 from .ray_tests import MOLLER_TRUMBORE, plane_record, vertex_record
 
 
@@ -49,55 +49,64 @@ def depth_of(seen: Corners) -> wp.vec2f:
     return wp.vec2f(wp.max(0.0, wp.min(z) - slack), wp.max(z) + slack)
 
 
+@wp.struct
+class ImageTiles:
+    """The grid: side of a tile in pixels, tiles in a row, slices of depth; the triangles in it, and their lists.
+
+    every_slice  lists in every slice that a triangle spans, not only in the first
+    widening     growth of each triangle about its middle
+    depths       vec2f [triangles]: range of depth of each    depth_range  float32 [2]: of all
+    records      vec4f [3 * triangles], written where a triangle is in view: :mod:`.ray_tests`
+    """
+
+    tile: wp.int32
+    across: wp.int32
+    slices: wp.int32
+    every_slice: wp.bool
+    widening: wp.float32
+    depths: wp.array(dtype=wp.vec2f)
+    depth_range: wp.array(dtype=wp.float32)
+    records: wp.array(dtype=wp.vec4f)
+    lists: TileLists
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
-def project_kernel(
-    triangle_count: wp.int32,
-    tile: wp.int32,
-    widening: wp.float32,
-    outward: wp.float64,
-    test: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    boxes: wp.array(dtype=wp.vec4i),
-    depths: wp.array(dtype=wp.vec2f),
-    depth_range: wp.array(dtype=wp.float32),
-    records: wp.array(dtype=wp.vec4f),
-    queue: PieceQueue,
-):
+def project_kernel(test: wp.int32, outward: wp.float64, camera: Camera, mesh: Mesh, grid: ImageTiles, bins: Bins):
     """Each triangle's box of tiles, range of depth and record; queue the large ones; range of all depths.
 
-    widening  growth of each triangle about its middle; outward  see :func:`~.culling.faces_away`
-    records   vec4f [3 * triangle_count], written where the box is not empty
-    The range is reduced in each block: one atomic per triangle would cost more than everything else here.
+    ``outward``: see :func:`~.culling.faces_away`. The range is reduced in each block: one atomic per triangle would cost
+    more than everything else here.
     """
     i = wp.tid()
     depth = wp.vec2f(wp.INF, -wp.INF)
-    if i < boxes.shape[0]:
-        set_entry(boxes, i, wp.vec4i(0, 0, -1, -1))
-        if i < triangle_count and mesh.valid[i] != wp.uint8(0):
+    if i < bins.boxes.shape[0]:
+        set_entry(bins.boxes, i, wp.vec4i(0, 0, -1, -1))
+        if mesh.valid[i] != wp.uint8(0):
             corners = corners_of(mesh, i)
-            seen = widened(in_camera_space(camera, corners), widening)
+            seen = widened(in_camera_space(camera, corners), grid.widening)
             pixels = pixels_of(camera, seen)
             if pixels[2] >= pixels[0] and pixels[3] >= pixels[1]:
                 if not faces_away(outward, camera.eye[0], corners):
-                    box = wp.vec4i(pixels[0] // tile, pixels[1] // tile, pixels[2] // tile, pixels[3] // tile)
-                    set_entry(boxes, i, box)
-                    queue_large(i, box, queue)
+                    box = wp.vec4i(
+                        pixels[0] // grid.tile, pixels[1] // grid.tile, pixels[2] // grid.tile, pixels[3] // grid.tile
+                    )
+                    set_entry(bins.boxes, i, box)
+                    queue_large(i, box, bins.queue)
                     r = plane_record(camera.eye[0], corners, weld_of(mesh, i))
                     if test == MOLLER_TRUMBORE:
                         r = vertex_record(camera.eye[0], corners, weld_of(mesh, i))
-                    set_entry(records, 3 * i, r.q0)
-                    set_entry(records, 3 * i + 1, r.q1)
-                    set_entry(records, 3 * i + 2, r.q2)
+                    set_entry(grid.records, 3 * i, r.q0)
+                    set_entry(grid.records, 3 * i + 1, r.q1)
+                    set_entry(grid.records, 3 * i + 2, r.q2)
                     depth = depth_of(seen)
-            depths[i] = depth
+            grid.depths[i] = depth
     low = wp.tile_extract(wp.tile_min(wp.tile(depth[0])), 0)
     high = wp.tile_extract(wp.tile_max(wp.tile(depth[1])), 0)
     if i % wp.block_dim() == 0:
-        if low < depth_range[0]:
-            wp.atomic_min(depth_range, 0, low)
-        if high > depth_range[1]:
-            wp.atomic_max(depth_range, 1, high)
+        if low < grid.depth_range[0]:
+            wp.atomic_min(grid.depth_range, 0, low)
+        if high > grid.depth_range[1]:
+            wp.atomic_max(grid.depth_range, 1, high)
 
 
 @wp.struct
@@ -149,21 +158,6 @@ def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> S
         s.m = n / det
         s.m_error = 0.03 * largest(s.m) * longest
     return s
-
-
-@wp.struct
-class ImageTiles:
-    """The grid: side of a tile in pixels, tiles in a row, slices of depth.
-
-    spans        lists in every slice, not only the first
-    depth_range  float32 [2]: nearest and farthest depth of all triangles
-    """
-
-    tile: wp.int32
-    across: wp.int32
-    slices: wp.int32
-    spans: wp.bool
-    depth_range: wp.array(dtype=wp.float32)
 
 
 @wp.func
@@ -232,25 +226,17 @@ def slices_in_tile(item: ImageItem, column: wp.int32, row: wp.int32, known: wp.b
     near = grid.depth_range[0]
     first = slice_of(low * 0.99999, near, per_slice, grid.slices)
     last = first
-    if grid.spans:
+    if grid.every_slice:
         last = wp.max(first, slice_of(high * 1.00001, near, per_slice, grid.slices))
     return wp.vec2i(first, last)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def bin_kernel(
-    widening: wp.float32,
-    camera: Camera,
-    mesh: Mesh,
-    grid: ImageTiles,
-    boxes: wp.array(dtype=wp.vec4i),
-    depths: wp.array(dtype=wp.vec2f),
-    queue: PieceQueue,
-    out: PairSink,
-):
+def bin_kernel(camera: Camera, mesh: Mesh, grid: ImageTiles, bins: Bins):
     """Write the pairs of one piece of work (:func:`..lists.binning.write_pairs`)."""
-    p = piece_of(wp.tid(), boxes, queue)
+    p = piece_of(wp.tid(), bins)
     if p.item < 0:
         return
-    item = ImageItem(camera, grid, screen_triangle(camera, corners_of(mesh, p.item), widening), depths[p.item])
-    write_pairs(slices_in_tile, item, p, wp.vec2i(0, grid.across), grid.slices, p.item, out)
+    triangle = screen_triangle(camera, corners_of(mesh, p.item), grid.widening)
+    item = ImageItem(camera, grid, triangle, grid.depths[p.item])
+    write_pairs(slices_in_tile, item, p, wp.vec2i(0, grid.across), grid.slices, p.item, bins.pairs)

@@ -25,7 +25,6 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, dire
 from ...exact.holes import opaque_at_hit
 from ...exact.triangle import NO_HIT, depth_key, nearer, spare_bits, total, write_hit
 from ...gpu.entries import entry
-from ..lists.sorting import TileLists
 from ..lists.staging import any_of_block, make_shared, wait_for_block
 from ..variants.split_lists import ListParts, pairs_of_part, part_of
 from .ray_tests import RAY_DECIDES, RAY_PASSES, RECORD, RayRecord, count_tests
@@ -96,25 +95,19 @@ def record_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> RayRecord:
     return r
 
 
-@wp.func
-def write_nearest(
-    pixel: wp.int32,
-    ray: Ray,
-    best: wp.int32,
-    t: wp.float64,
-    mesh: Mesh,
-    parts: ListParts,
-    nearest: wp.array(dtype=wp.uint64),
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
-):
-    """Write a pixel's closest hit; of a split list, the nearest of this part and those before it to ``nearest``."""
-    if parts.split > 0:
-        if best >= 0:
-            spare = spare_bits(mesh.triangles.shape[0])
-            wp.atomic_min(nearest, pixel, packed_hit(t, best, spare))
-    else:
-        write_hit(hits, hit_points, pixel, ray, best, t, mesh)
+@wp.struct
+class Traced:
+    """What a trace writes, arrays [pixels].
+
+    nearest     uint64: of split lists, the packed hit that their parts agree on
+    hit_points  vec3d: in float64, the origins of the shadow rays
+    tests       int32: raised by the triangle tests of each pixel; [1] where they are not counted
+    """
+
+    nearest: wp.array(dtype=wp.uint64)
+    hits: Hits
+    hit_points: wp.array(dtype=wp.vec3d)
+    tests: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -135,18 +128,7 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, **limit)
     def trace_kernel(
-        k: wp.int32,
-        camera: Camera,
-        mesh: Mesh,
-        alpha: Alpha,
-        grid: ImageTiles,
-        lists: TileLists,
-        records: wp.array(dtype=wp.vec4f),
-        parts: ListParts,
-        nearest: wp.array(dtype=wp.uint64),
-        hits: Hits,
-        hit_points: wp.array(dtype=wp.vec3d),
-        tests: wp.array(dtype=wp.int32),
+        k: wp.int32, camera: Camera, mesh: Mesh, alpha: Alpha, grid: ImageTiles, parts: ListParts, out: Traced
     ):
         thread = wp.tid()
         lane = thread % wp.static(slots)
@@ -170,7 +152,7 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
             load = wp.int32(0)
             load_stop = wp.int32(0)
             if mine[0] >= 0:
-                pairs = pairs_of_part(lists, mine[2], parts, work[1])
+                pairs = pairs_of_part(grid.lists, mine[2], parts, work[1])
                 load = pairs[0] + lane % room
                 load_stop = pairs[1]
         direction = wp.vec3f(0.0, 0.0, 0.0)
@@ -181,11 +163,11 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
         if place[0] >= 0:
             pixel = place[1] * camera.width + place[0]
             direction = direction_through(camera, place[0], place[1])
-            pairs = pairs_of_part(lists, place[2], parts, work[1])
+            pairs = pairs_of_part(grid.lists, place[2], parts, work[1])
             own = pairs[0]
             left = pairs[1] - pairs[0]
             if parts.split > 0:
-                depth = packed_depth(nearest[pixel])
+                depth = packed_depth(out.nearest[pixel])
         ray = Ray(camera.eye[0], direction)
         size = total(ray.direction)
         per_slice = slice_scale(grid)
@@ -200,9 +182,9 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
         while going:
             if wp.static(staged):
                 if load < load_stop and lane // room * room + room <= wp.static(slots):
-                    i = lists.values[load]
-                    r = record_at(records, i)
-                    start = slice_start(grid, per_slice, lists.keys[load] - mine[2] * grid.slices)
+                    i = grid.lists.values[load]
+                    r = record_at(grid.records, i)
+                    start = slice_start(grid, per_slice, grid.lists.keys[load] - mine[2] * grid.slices)
                     shared(True, lane, r.q0)
                     shared(True, wp.static(slots) + lane, tagged(r.q1, start))
                     shared(True, wp.static(2 * slots) + lane, tagged(r.q2, wp.cast(i, wp.float32)))
@@ -222,7 +204,7 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
                     else:
                         start = wp.float32(0.0)
                         if depth < wp.INF:
-                            start = slice_start(grid, per_slice, lists.keys[own + j] - place[2] * grid.slices)
+                            start = slice_start(grid, per_slice, grid.lists.keys[own + j] - place[2] * grid.slices)
                     if depth < start:
                         left = 0
                         held = 0
@@ -231,13 +213,13 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
                         s.q0 = shared(False, own + j, nothing)
                         s.q2 = shared(False, wp.static(2 * slots) + own + j, nothing)
                     else:
-                        s = record_at(records, lists.values[own + j])
+                        s = record_at(grid.records, grid.lists.values[own + j])
                     number += 1
                     if passes(ray.direction, size, s):
                         if wp.static(staged):
                             i = wp.cast(s.q2[3], wp.int32)
                         else:
-                            i = lists.values[own + j]
+                            i = grid.lists.values[own + j]
                     j += 1
                 if i >= 0:
                     corners = corners_of(mesh, i)
@@ -256,8 +238,11 @@ def make_trace_kernel(test: int, block: int) -> wp.Kernel:
             else:
                 going = wp.bool(False)
         if place[0] >= 0:
-            write_nearest(pixel, ray, best, best_t, mesh, parts, nearest, hits, hit_points)
-            count_tests(tests, pixel, number)
+            if parts.split == 0:
+                write_hit(out.hits, out.hit_points, pixel, ray, best, best_t, mesh)
+            elif best >= 0:
+                wp.atomic_min(out.nearest, pixel, packed_hit(best_t, best, spare_bits(mesh.triangles.shape[0])))
+            count_tests(out.tests, pixel, number)
 
     return trace_kernel
 
@@ -268,16 +253,15 @@ def make_resolve_kernel(test: int) -> wp.Kernel:
     decide = RAY_DECIDES[test]
 
     @wp.kernel(enable_backward=False, module="unique")
-    def resolve_kernel(
-        camera: Camera, mesh: Mesh, nearest: wp.array(dtype=wp.uint64), hits: Hits, hit_points: wp.array(dtype=wp.vec3d)
-    ):
+    def resolve_kernel(camera: Camera, mesh: Mesh, out: Traced):
         pixel = wp.tid()
         ray = ray_of(camera, pixel)
+        nearest = out.nearest[pixel]
         best = wp.int32(-1)
         t = wp.float64(wp.INF)
-        if nearest[pixel] != NO_NEAREST:
-            best = packed_triangle(nearest[pixel], spare_bits(mesh.triangles.shape[0]))
+        if nearest != NO_NEAREST:
+            best = packed_triangle(nearest, spare_bits(mesh.triangles.shape[0]))
             t = decide(ray, corners_of(mesh, best), weld_of(mesh, best))
-        write_hit(hits, hit_points, pixel, ray, best, t, mesh)
+        write_hit(out.hits, out.hit_points, pixel, ray, best, t, mesh)
 
     return resolve_kernel

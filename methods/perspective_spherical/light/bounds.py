@@ -5,8 +5,7 @@ The rays' places are known to ``pad``: as a share of the distance, for direction
 
 import warp as wp
 
-from ..variants.loose_bounds import seam_bounds, vertex_bounds
-from ..variants.two_angle import two_angle_bounds
+from ..variants.bounds import seam_bounds, two_angle_bounds, vertex_bounds
 from .mapping import CUBE, FLAT, box_of, shares_ahead, whole
 from .sphere import HALF_PI, PI, ROUNDING, triangle_angles
 

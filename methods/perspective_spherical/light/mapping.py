@@ -31,6 +31,8 @@ MOST_SQUARED = wp.constant(wp.float64(1.0e15))
 class LightSpace:
     """Light ``index`` and its axes.
 
+    map, single   which map; whether rays are placed in float32
+    aimed         whether the axes look at the middle of the hit points, or along the spot
     lights, proxy_positions  vec3f [light_count]: the lights, and what their grids look from (:class:`.frame.frame.Frame`)
     axes          mat33d [1], rows: forward, right, up
     pads          float64 [2]: error bound of a ray's direction, relative to its length; see ``rays.aim_kernel``
@@ -40,6 +42,9 @@ class LightSpace:
     """
 
     index: wp.int32
+    map: wp.int32
+    single: wp.bool
+    aimed: wp.bool
     lights: wp.array(dtype=wp.vec3f)
     proxy_positions: wp.array(dtype=wp.vec3f)
     axes: wp.array(dtype=wp.mat33d)
@@ -120,12 +125,13 @@ def squarable(size: wp.float64) -> wp.float64:
 
 
 @wp.func
-def ray_place(map: wp.int32, single: wp.bool, space: LightSpace, hit: wp.vec3d, middle: wp.vec3d) -> wp.vec4d:
-    """The place of the ray to a hit point; ``single``: every operation in float32, from the rounded difference to the
+def ray_place(space: LightSpace, hit: wp.vec3d, middle: wp.vec3d) -> wp.vec4d:
+    """The place of the ray to a hit point; ``space.single``: every operation in float32, from the rounded difference to the
     light, or where ``space.pads[1]`` says how far it is, to the ``middle`` of the hit points, which lies forward."""
+    map = space.map
     axes = space.axes[0]
     away = hit - to_float64(space.proxy_positions[space.index])
-    if not single:
+    if not space.single:
         q = axes * away
         return place_of(map, False, q, wp.length(q))
     distance = space.pads[1]

@@ -22,22 +22,34 @@ FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
 FINEST = wp.constant(wp.float64(FLOAT64_PAD))
 
 
+@wp.struct
+class LightRays:
+    """Shadow rays to one light, arrays [pixels].
+
+    receiver    uint8: which pixels have one     hit_points  vec3d: where they start
+    place       vec4d: where it lies in the light's rectangles, its distance, which rectangle
+    last_slice  int32: the last slice that it reaches
+    """
+
+    receiver: wp.array(dtype=wp.uint8)
+    hit_points: wp.array(dtype=wp.vec3d)
+    place: wp.array(dtype=wp.vec4d)
+    last_slice: wp.array(dtype=wp.int32)
+
+
 @wp.kernel(enable_backward=False)
 def box_kernel(
-    pixels: wp.int32,
     threads: wp.int32,
-    index: wp.int32,
     marks: wp.bool,
     faces: wp.bool,
     camera: Camera,
     mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
+    space: LightSpace,
     spots: wp.array2d(dtype=wp.float64),
     front_facing: wp.array2d(dtype=wp.uint8),
     hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
+    rays: LightRays,
     receivers: wp.array2d(dtype=wp.uint8),
-    receiver: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float64),
 ):
     """Which pixels have a shadow ray, and the box of their hit points, low corner then high corner.
@@ -48,22 +60,23 @@ def box_kernel(
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
+    index = space.index
     pixel = k
-    while pixel < pixels:
+    while pixel < rays.receiver.shape[0]:
         hit = hits.triangle[pixel]
         wanted = hit >= 0
         if wp.static(effects.receivers):
             if marks:
                 if wanted:
                     ray = ray_of(camera, pixel)
-                    wanted = hit_receives(index, faces, ray, hit, mesh, lights, spots, front_facing)
+                    wanted = hit_receives(index, faces, ray, hit, mesh, space.lights, spots, front_facing)
                 receivers[index, pixel] = wp.uint8(wanted)
             else:
                 wanted = receivers[index, pixel] != wp.uint8(0)
         if wanted:
-            low = wp.min(low, hit_points[pixel])
-            high = wp.max(high, hit_points[pixel])
-        receiver[pixel] = wp.uint8(wanted)
+            low = wp.min(low, rays.hit_points[pixel])
+            high = wp.max(high, rays.hit_points[pixel])
+        rays.receiver[pixel] = wp.uint8(wanted)
         pixel += threads
     reduce_extent(low, high, k % wp.block_dim(), box)
 
@@ -97,9 +110,7 @@ def box_middle(box: wp.array(dtype=wp.float64)) -> wp.vec3d:
 
 
 @wp.kernel(enable_backward=False)
-def aim_kernel(
-    aimed: wp.bool, centred: wp.bool, pad: wp.float64, spots: wp.array2d(dtype=wp.float64), space: LightSpace
-):
+def aim_kernel(centred: wp.bool, pad: wp.float64, spots: wp.array2d(dtype=wp.float64), space: LightSpace):
     """Fill ``space.axes`` and ``space.pads`` of a light.
 
     axes  rows: forward to the middle of the hit points, or along its spot (or +x); right; up
@@ -112,7 +123,7 @@ def aim_kernel(
     space.pads[1] = wp.float64(0.0)
     middle = box_middle(space.box)
     forward = middle - to_float64(space.proxy_positions[index])
-    if aimed and spots[index, 0] != wp.float64(0.0):
+    if space.aimed and spots[index, 0] != wp.float64(0.0):
         space.axes[0] = wp.matrix_from_rows(
             wp.vec3d(spots[index, 1], spots[index, 2], spots[index, 3]),
             wp.vec3d(spots[index, 4], spots[index, 5], spots[index, 6]),
@@ -120,7 +131,7 @@ def aim_kernel(
         )
         return
     size = largest(forward)
-    if not aimed or not (size > wp.float64(0.0)) or not (size < wp.float64(wp.INF)):
+    if not space.aimed or not (size > wp.float64(0.0)) or not (size < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
         size = wp.float64(1.0)
     space.axes[0] = axes_along(wp.normalize(forward / size))
@@ -135,28 +146,18 @@ def aim_kernel(
 
 
 @wp.kernel(enable_backward=False)
-def map_kernel(
-    pixels: wp.int32,
-    threads: wp.int32,
-    map: wp.int32,
-    single: wp.bool,
-    space: LightSpace,
-    receiver: wp.array(dtype=wp.uint8),
-    hit_points: wp.array(dtype=wp.vec3d),
-    place: wp.array(dtype=wp.vec4d),
-    extent: wp.array(dtype=wp.float64),
-):
-    """(two coordinates, distance, face) of every shadow ray, and their extent. ``single``: in float32."""
+def map_kernel(threads: wp.int32, space: LightSpace, rays: LightRays, extent: wp.array(dtype=wp.float64)):
+    """(two coordinates, distance, face) of every shadow ray, and their extent."""
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
     middle = box_middle(space.box)
     pixel = k
-    while pixel < pixels:
-        if receiver[pixel] != wp.uint8(0):
-            p = ray_place(map, single, space, hit_points[pixel], middle)
-            place[pixel] = p
-            if map == CUBE:
+    while pixel < rays.receiver.shape[0]:
+        if rays.receiver[pixel] != wp.uint8(0):
+            p = ray_place(space, rays.hit_points[pixel], middle)
+            rays.place[pixel] = p
+            if space.map == CUBE:
                 offset = wp.int32(p[3]) * EXTENT
                 for axis in range(3):
                     if p[axis] < extent[offset + axis]:
@@ -167,32 +168,25 @@ def map_kernel(
                 low = wp.min(low, wp.vec3d(p[0], p[1], p[2]))
                 high = wp.max(high, wp.vec3d(p[0], p[1], p[2]))
         pixel += threads
-    if map != CUBE:
+    if space.map != CUBE:
         reduce_extent(low, high, k % wp.block_dim(), extent)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def key_kernel(
-    space: LightSpace,
-    grid: LightTiles,
-    receiver: wp.array(dtype=wp.uint8),
-    place: wp.array(dtype=wp.vec4d),
-    pairs: PairSink,
-    last_slice: wp.array(dtype=wp.int32),
-    shadowed: wp.array2d(dtype=wp.uint8),
+    space: LightSpace, grid: LightTiles, rays: LightRays, pairs: PairSink, shadowed: wp.array2d(dtype=wp.uint8)
 ):
     """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
 
-    last_slice  of each shadow ray: the last slice that it reaches
-    grid.deepest  int32 [tiles], raised from -1: the last slice that a ray of the tile reaches
+    ``grid.deepest`` is raised from -1: the last slice that a ray of the tile reaches.
     """
     pixel = wp.tid()
     shadowed[space.index, pixel] = wp.uint8(0)
     pairs.values[pixel] = pixel
-    if receiver[pixel] == wp.uint8(0):
+    if rays.receiver[pixel] == wp.uint8(0):
         pairs.keys[pixel] = grid.faces * grid.tiles * grid.tiles
         return
-    p = place[pixel]
+    p = rays.place[pixel]
     face = wp.int32(p[3])
     offset = face * EXTENT
     column = tile_of(p[0], grid.extent[offset], grid.extent[offset + 3], grid.tiles)
@@ -203,5 +197,5 @@ def key_kernel(
         pairs.ranks[pixel] = number_in(pairs.cell_count, tile)
     # A triangle is listed from its nearest point on: what lies behind the ray's own slice cannot shadow it.
     slice = distance_slice(p[2] * (wp.float64(1.0) + space.distance_pad), grid, face)
-    last_slice[pixel] = slice
+    rays.last_slice[pixel] = slice
     raise_to(grid.deepest, tile, slice)

@@ -117,7 +117,6 @@ def make_clamp_kernel(map: str) -> wp.Kernel:
     def clamp_kernel(
         faces: wp.int32,
         clamp: wp.int32,
-        aimed: wp.bool,
         sides: wp.int32,
         space: LightSpace,
         spots: wp.array2d(dtype=wp.float64),
@@ -148,7 +147,7 @@ def make_clamp_kernel(map: str) -> wp.Kernel:
             bounds = wp.vec4d(u[0], u[1], v[0], v[1])
             if not (bounds[1] >= bounds[0]):
                 return
-        elif wp.static(map == "azimuth-elevation") and aimed and spots[space.index, 0] != wp.float64(0.0):
+        elif wp.static(map == "azimuth-elevation") and space.aimed and spots[space.index, 0] != wp.float64(0.0):
             bounds = spot_bounds(spots, space.index)
         offset = face * EXTENT
         # No ray in this face: its own depth planes are empty, those of all rays serve.
@@ -172,14 +171,9 @@ def set_rectangle(extent: wp.array(dtype=wp.float64), offset: wp.int32, bounds: 
 
 @wp.kernel(enable_backward=False)
 def scene_kernel(
-    map: wp.int32,
-    aimed: wp.bool,
-    space: LightSpace,
-    spots: wp.array2d(dtype=wp.float64),
-    scene: wp.array(dtype=wp.float32),
-    reach: wp.array(dtype=wp.float32),
-    extent: wp.array(dtype=wp.float64),
-):
+    space: LightSpace, spots: wp.array2d(dtype=wp.float64), scene: wp.array(dtype=wp.float32),
+    reach: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.float64),
+):  # fmt: skip
     """Rectangles that hold the sphere around the scene, whatever the camera sees; empty where it lies in no face.
 
     ``scene``: its box, as :mod:`..common.bounds` writes it. Fills ``space.box`` with it, and ``space.eye`` with a bound
@@ -203,13 +197,13 @@ def scene_kernel(
     half = wp.float64(0.5)
     radius = half * wp.length(high - low) * wp.float64(1.0 + 1.0e-6)
     distance = wp.length((low + high) * half - to_float64(space.proxy_positions[space.index]))
-    bounds = whole(map)
+    bounds = whole(space.map)
     if spots[space.index, 0] != wp.float64(0.0):
-        if map == AZIMUTH_ELEVATION and aimed:
+        if space.map == AZIMUTH_ELEVATION and space.aimed:
             bounds = spot_bounds(spots, space.index)
-    elif aimed and distance > wp.float64(1.5) * radius and map != TWO_ANGLE:
+    elif space.aimed and distance > wp.float64(1.5) * radius and space.map != TWO_ANGLE:
         angle = wp.asin(radius / distance)
-        if map == CUBE:
+        if space.map == CUBE:
             if face > 0:
                 return
             angle = wp.tan(angle)

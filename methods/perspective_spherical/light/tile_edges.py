@@ -6,6 +6,7 @@ certainly misses it where one of the planes through light and edge has all four 
 
 import warp as wp
 
+from ..lists.sorting import TileLists
 from .mapping import CUBE, TWO_ANGLE
 from .sphere import HALF_PI
 
@@ -15,30 +16,38 @@ UNTESTED = wp.constant(wp.float64(4.0))
 COLLAPSE = wp.constant(wp.float64(1.0e-5))
 """Two-angle columns and rows nearer than this to +-pi/2 are untested: there the map is not one to one."""
 
-
 EXTENT = wp.constant(8)
 """Length of a face's extent: two coordinates and distance, lowest then highest, and two unused."""
 
 
 @wp.struct
 class LightTiles:
-    """The grid: rectangles, tiles along a side of one, slices; edges of the tiles.
+    """The grid: rectangles, tiles along a side of one, slices; the tiles' edges; the triangles in them, and their lists.
 
-    spans       lists in every slice that a triangle spans, not only in the first
-    skip_empty  no pair where no ray lies: ``deepest`` is the last slice that a ray of the tile reaches
-    extent      float64 [faces, 8]: lowest then highest coordinates and distance of each rectangle
+    every_slice lists in every slice that a triangle spans, not only in the first
+    skip_empty  no pair where no ray lies, by ``deepest``
+    widening    growth of each triangle about its middle
+    extent      float64 [faces * EXTENT]: lowest then highest coordinates and distance of each rectangle
+    columns, rows  vec4d [faces * tiles], stretch vec2d [faces]: :func:`edges_kernel`
+    deepest     int32 [tiles of all faces]: last slice that a shadow ray of the tile reaches, -1 without rays
+    spans       vec2i [items]: slices that each item may lie in
+    records     vec4f [6 * triangles]: :mod:`.segment_tests`
     """
 
     faces: wp.int32
     tiles: wp.int32
     slices: wp.int32
-    spans: wp.bool
+    every_slice: wp.bool
     skip_empty: wp.bool
+    widening: wp.float64
     extent: wp.array(dtype=wp.float64)
     columns: wp.array(dtype=wp.vec4d)
     rows: wp.array(dtype=wp.vec4d)
     stretch: wp.array(dtype=wp.vec2d)
     deepest: wp.array(dtype=wp.int32)
+    spans: wp.array(dtype=wp.vec2i)
+    records: wp.array(dtype=wp.vec4f)
+    lists: TileLists
 
 
 @wp.func
@@ -63,21 +72,25 @@ def edge_pad(low: wp.float64, high: wp.float64) -> wp.float64:
 
 
 @wp.func
+def untested() -> wp.vec4d:
+    return wp.vec4d(UNTESTED, UNTESTED, UNTESTED, UNTESTED)
+
+
+@wp.func
 def circle_edges(low: wp.float64, high: wp.float64) -> wp.vec4d:
     if high - low > wp.float64(3.0):
-        return wp.vec4d(UNTESTED, UNTESTED, UNTESTED, UNTESTED)
+        return untested()
     return wp.vec4d(wp.cos(low), wp.sin(low), wp.cos(high), wp.sin(high))
 
 
 @wp.func
 def tangent_edges(low: wp.float64, high: wp.float64, flips: wp.bool) -> wp.vec4d:
     """Edges of a two-angle tile as (1, tan); of a row behind, with both turned round (see ``missed``)."""
-    untested = wp.vec4d(UNTESTED, UNTESTED, UNTESTED, UNTESTED)
     one = wp.float64(1.0)
     ahead = low > COLLAPSE - HALF_PI and high < HALF_PI - COLLAPSE
     behind = low > HALF_PI + COLLAPSE or high < -HALF_PI - COLLAPSE
     if not ahead and not behind:
-        return untested
+        return untested()
     if behind and flips:
         return wp.vec4d(-one, -wp.tan(low), -one, -wp.tan(high))
     return wp.vec4d(one, wp.tan(low), one, wp.tan(high))
@@ -90,24 +103,18 @@ def bulge(width: wp.float64) -> wp.float64:
 
 
 @wp.kernel(enable_backward=False)
-def edges_kernel(
-    map: wp.int32,
-    tiles: wp.int32,
-    extent: wp.array(dtype=wp.float64),
-    columns: wp.array(dtype=wp.vec4d),
-    rows: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.vec2d),
-):
+def edges_kernel(map: wp.int32, grid: LightTiles):
     """Edges of every column and row of tiles, once per frame; the directions of the corners are their products.
 
     Column (c, s) and row (c', s') meet in direction (c' c, c' s, s'). ``stretch[face]``: see ``missed``.
     """
     k = wp.tid()
-    face = k // tiles
-    j = wp.float64(k % tiles)
+    face = k // grid.tiles
+    j = wp.float64(k % grid.tiles)
     offset = face * EXTENT
-    wide = (extent[offset + 3] - extent[offset]) / wp.float64(tiles)
-    tall = (extent[offset + 4] - extent[offset + 1]) / wp.float64(tiles)
+    extent = grid.extent
+    wide = (extent[offset + 3] - extent[offset]) / wp.float64(grid.tiles)
+    tall = (extent[offset + 4] - extent[offset + 1]) / wp.float64(grid.tiles)
     pad_u = edge_pad(extent[offset], extent[offset + 3])
     pad_v = edge_pad(extent[offset + 1], extent[offset + 4])
     low_u = extent[offset] + j * wide - pad_u
@@ -115,18 +122,18 @@ def edges_kernel(
     low_v = extent[offset + 1] + j * tall - pad_v
     high_v = extent[offset + 1] + (j + wp.float64(1.0)) * tall + pad_v
     one = wp.float64(1.0)
+    stretch = wp.vec2d(one, one)
     if map == TWO_ANGLE:
-        columns[k] = tangent_edges(low_u, high_u, False)
-        rows[k] = tangent_edges(low_v, high_v, True)
-        stretch[face] = wp.vec2d(one, one)
+        grid.columns[k] = tangent_edges(low_u, high_u, False)
+        grid.rows[k] = tangent_edges(low_v, high_v, True)
     elif map == CUBE:
-        columns[k] = wp.vec4d(one, low_u, one, high_u)
-        rows[k] = wp.vec4d(one, low_v, one, high_v)
-        stretch[face] = wp.vec2d(one, one)
+        grid.columns[k] = wp.vec4d(one, low_u, one, high_u)
+        grid.rows[k] = wp.vec4d(one, low_v, one, high_v)
     else:
-        columns[k] = circle_edges(low_u, high_u)
-        rows[k] = circle_edges(wp.max(low_v, -HALF_PI), wp.min(high_v, HALF_PI))
-        stretch[face] = wp.vec2d(bulge(wide + wp.float64(2.0) * pad_u), bulge(tall + wp.float64(2.0) * pad_v))
+        grid.columns[k] = circle_edges(low_u, high_u)
+        grid.rows[k] = circle_edges(wp.max(low_v, -HALF_PI), wp.min(high_v, HALF_PI))
+        stretch = wp.vec2d(bulge(wide + wp.float64(2.0) * pad_u), bulge(tall + wp.float64(2.0) * pad_v))
+    grid.stretch[face] = stretch
 
 
 @wp.func

@@ -15,8 +15,7 @@ from ...exact.segment import side_of_light
 from ...exact.triangle import largest, to_float64
 from ...gpu.entries import set_entry
 from ..culling import faces_away
-from ..lists.binning import INLINE_TILES, PieceQueue, piece_of, queue_large, write_pairs
-from ..lists.sorting import PairSink
+from ..lists.binning import INLINE_TILES, Bins, piece_of, queue_large, write_pairs
 from .bounds import BOUNDS
 from .mapping import LightSpace, face_frame
 from .segment_tests import write_record
@@ -50,7 +49,7 @@ class LitTriangle:
 
 
 @wp.func
-def lit_triangle(space: LightSpace, face: wp.int32, widening: wp.float64, corners: Corners) -> LitTriangle:
+def lit_triangle(space: LightSpace, grid: LightTiles, face: wp.int32, corners: Corners) -> LitTriangle:
     """A triangle that is widened about its middle, in the frame of a face."""
     l64 = to_float64(space.proxy_positions[space.index])
     axes = space.axes[0]
@@ -59,9 +58,9 @@ def lit_triangle(space: LightSpace, face: wp.int32, widening: wp.float64, corner
     b = face_frame(axes * (to_float64(corners.b) - l64), face)
     c = face_frame(axes * (to_float64(corners.c) - l64), face)
     middle = (a + b + c) / wp.float64(3.0)
-    a += (a - middle) * widening
-    b += (b - middle) * widening
-    c += (c - middle) * widening
+    a += (a - middle) * grid.widening
+    b += (b - middle) * grid.widening
+    c += (c - middle) * grid.widening
     s = LitTriangle()
     s.a = a
     s.b = b
@@ -141,34 +140,20 @@ def make_bound_kernel(bounds: str) -> wp.Kernel:
     bounds_of, wrap = BOUNDS[bounds]
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=128)
-    def bound_kernel(
-        triangle_count: wp.int32,
-        test: wp.int32,
-        widening: wp.float64,
-        outward: wp.float64,
-        space: LightSpace,
-        grid: LightTiles,
-        mesh: Mesh,
-        boxes: wp.array(dtype=wp.vec4i),
-        spans: wp.array(dtype=wp.vec2i),
-        records: wp.array(dtype=wp.vec4f),
-        queue: PieceQueue,
-    ):
+    def bound_kernel(test: wp.int32, outward: wp.float64, space: LightSpace, grid: LightTiles, mesh: Mesh, bins: Bins):
         """Each item's box of tiles, span of slices and record; queue the large ones."""
         item = wp.tid()
-        set_entry(boxes, item, wp.vec4i(0, 0, -1, -1))
+        set_entry(bins.boxes, item, wp.vec4i(0, 0, -1, -1))
         i = item // grid.faces
         side = item % grid.faces
         offset = side * EXTENT
-        if i >= triangle_count or not (grid.extent[offset + 3] >= grid.extent[offset]):
-            return
-        if mesh.valid[i] == wp.uint8(0):
+        if mesh.valid[i] == wp.uint8(0) or not (grid.extent[offset + 3] >= grid.extent[offset]):
             return
         light = space.lights[space.index]
         corners = corners_of(mesh, i)
         if side_of_light(light, corners) == 0.0 or faces_away(outward, light, corners):
             return
-        s = lit_triangle(space, side, widening, corners)
+        s = lit_triangle(space, grid, side, corners)
         # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
         normal = wp.cross(s.b - s.a, s.c - s.a)
         size = wp.length(normal)
@@ -194,11 +179,11 @@ def make_bound_kernel(bounds: str) -> wp.Kernel:
         first = distance_slice(near, grid, side)
         if grid.skip_empty and no_ray_in(grid, box, first, side):
             return
-        set_entry(boxes, item, box)
+        set_entry(bins.boxes, item, box)
         far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + space.distance_pad)
-        set_entry(spans, item, wp.vec2i(first, distance_slice(far, grid, side)))
-        queue_large(item, box, queue)
-        write_record(records, i, test, light, corners, weld_of(mesh, i), ray_size(space))
+        set_entry(grid.spans, item, wp.vec2i(first, distance_slice(far, grid, side)))
+        queue_large(item, box, bins.queue)
+        write_record(grid.records, i, test, light, corners, weld_of(mesh, i), ray_size(space))
 
     return bound_kernel
 
@@ -256,35 +241,27 @@ def slices_in_tile(item: LightItem, column: wp.int32, row: wp.int32, known: wp.b
         return wp.vec2i(0, -1)
     here = narrowed(grid, s, item.span, side, between, edges)
     last = here[0]
-    if grid.spans:
+    if grid.every_slice:
         last = here[1]
     return wp.vec2i(here[0], wp.min(last, deepest))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=80)
-def bin_kernel(
-    widening: wp.float64,
-    space: LightSpace,
-    grid: LightTiles,
-    mesh: Mesh,
-    boxes: wp.array(dtype=wp.vec4i),
-    spans: wp.array(dtype=wp.vec2i),
-    queue: PieceQueue,
-    out: PairSink,
-):
+def bin_kernel(space: LightSpace, grid: LightTiles, mesh: Mesh, bins: Bins):
     """Write the pairs of one piece of work (:func:`..lists.binning.write_pairs`)."""
-    p = piece_of(wp.tid(), boxes, queue)
+    p = piece_of(wp.tid(), bins)
     if p.item < 0:
         return
-    span = spans[p.item]
+    span = grid.spans[p.item]
     triangle = p.item // grid.faces
     side = p.item % grid.faces
-    single = boxes[p.item][0] == boxes[p.item][2] and boxes[p.item][1] == boxes[p.item][3]
+    box = bins.boxes[p.item]
+    single = box[0] == box[2] and box[1] == box[3]
     s = LitTriangle()
     s.slope = wp.float64(-1.0)
     # One tile needs no test; one slice needs no plane.
     if span[0] < span[1] or not single:
-        s = lit_triangle(space, side, widening, corners_of(mesh, triangle))
+        s = lit_triangle(space, grid, side, corners_of(mesh, triangle))
     item = LightItem(grid, s, span, side, s.oriented and not single)
     first = wp.vec2i(side * grid.tiles * grid.tiles, grid.tiles)
-    write_pairs(slices_in_tile, item, p, first, grid.slices, triangle, out)
+    write_pairs(slices_in_tile, item, p, first, grid.slices, triangle, bins.pairs)

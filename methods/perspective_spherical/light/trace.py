@@ -18,11 +18,12 @@ from ...exact.triangle import U32, largest, to_float32
 from ...gpu.entries import entry
 from ..camera.ray_tests import count_tests
 from ..lists.chunks import RayChunks
-from ..lists.sorting import TileLists
 from ..lists.staging import any_of_block, make_shared, wait_for_block
 from ..variants.split_lists import ListParts, pairs_of_part, part_of
 from .mapping import LightSpace
+from .rays import LightRays
 from .segment_tests import SEGMENT_DECIDES, SEGMENT_PASSES, UNDECIDED, USED, YES, SegmentRecord
+from .tile_edges import LightTiles
 
 SHADOW_REGISTERS = 64
 """Limit of registers: frames take 0 to 2 % longer with 80. Blocks of one warp, the default, fill a
@@ -72,17 +73,14 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, **limit)
     def shadow_kernel(
         lanes: wp.int32,
-        slices: wp.int32,
         space: LightSpace,
+        grid: LightTiles,
+        rays: LightRays,
         camera: Camera,
         mesh: Mesh,
         alpha: Alpha,
         hits: Hits,
-        hit_points: wp.array(dtype=wp.vec3d),
-        last_slice: wp.array(dtype=wp.int32),
         chunks: RayChunks,
-        lists: TileLists,
-        records: wp.array(dtype=wp.vec4f),
         parts: ListParts,
         shadowed: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
@@ -99,7 +97,7 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
         light = space.lights[space.index]
         origin_size = wp.float64(largest(camera.eye[0]))
         tile = chunks.tiles[chunks.first[chunk]]
-        pairs = pairs_of_part(lists, tile, parts, work[1])
+        pairs = pairs_of_part(grid.lists, tile, parts, work[1])
         stop = pairs[1]
         nothing = wp.vec4f()
         base = chunks.first[chunk]
@@ -112,9 +110,9 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
             deepest = wp.int32(-1)
             if at < chunks.first[chunk + 1]:
                 pixel = chunks.pixels[at]
-                h64 = hit_points[pixel]
+                h64 = rays.hit_points[pixel]
                 own = hits.triangle[pixel]
-                deepest = last_slice[pixel]
+                deepest = rays.last_slice[pixel]
                 if parts.split > 0:
                     if shadowed[space.index, pixel] != wp.uint8(0):
                         deepest = -1
@@ -132,10 +130,10 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
                 if wp.static(staged):
                     held = wp.min(held, wp.static(slots))
                     if load + lane < stop:
-                        i = lists.values[load + lane]
-                        shared(True, lane, tag_row(i, lists.keys[load + lane] - tile * slices))
+                        i = grid.lists.values[load + lane]
+                        shared(True, lane, tag_row(i, grid.lists.keys[load + lane] - tile * grid.slices))
                         for word in range(wp.static(used)):
-                            shared(True, wp.static(slots) * (word + 1) + lane, entry(records, 6 * i + word))
+                            shared(True, wp.static(slots) * (word + 1) + lane, entry(grid.records, 6 * i + word))
                     wait_for_block()
                 if not active:
                     held = 0
@@ -147,7 +145,7 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
                         if wp.static(staged):
                             here = tag_of(shared(False, j, nothing))
                         else:
-                            here = wp.vec2i(lists.values[load + j], lists.keys[load + j] - tile * slices)
+                            here = wp.vec2i(grid.lists.values[load + j], grid.lists.keys[load + j] - tile * grid.slices)
                         if here[1] > deepest:
                             active = wp.bool(False)
                             held = 0
@@ -164,7 +162,7 @@ def make_shadow_kernel(test: int, block: int) -> wp.Kernel:
                                     s.q4 = shared(False, wp.static(5 * slots) + j, nothing)
                                     s.q5 = shared(False, wp.static(6 * slots) + j, nothing)
                             else:
-                                s = segment_at(records, here[0])
+                                s = segment_at(grid.records, here[0])
                             number += 1
                             verdict = judge(h, light, h_error, s)
                             if wp.static(effects.alpha):

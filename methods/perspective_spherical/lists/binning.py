@@ -6,16 +6,19 @@ one thread that visits the tiles of a whole image. A thread counts its pairs, re
 neither the queue's order nor the list's is the same from run to run, and answers depend on neither.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ....harness.frame.geometry import filled
-from ...common.pairs import grown
+from ....harness.frame.frame import Frame
+from ....harness.scene.effects import Effects
+from ...common.pairs import grown, zeroed
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import reserve_many
+from ..parameters import TRIANGLE_TESTS, Build, Trace
 from .sorting import PairSink, TileSort, put_pair
 
 INLINE_TILES = wp.constant(16)
@@ -42,6 +45,16 @@ class PieceQueue:
     slot: wp.int32
     needs: wp.array(dtype=wp.int64)
     pieces: wp.array(dtype=wp.vec2i)
+
+
+@wp.struct
+class Bins:
+    """Where items go: boxes vec4i [items] of tiles (first column, first row, last column, last row; empty if last < first),
+    the queue of large ones, the pairs."""
+
+    boxes: wp.array(dtype=wp.vec4i)
+    queue: PieceQueue
+    pairs: PairSink
 
 
 @wp.struct
@@ -84,8 +97,10 @@ def queue_large(item: wp.int32, box: wp.vec4i, queue: PieceQueue):
 
 
 @wp.func
-def piece_of(thread: wp.int32, boxes: wp.array(dtype=wp.vec4i), queue: PieceQueue) -> Piece:
+def piece_of(thread: wp.int32, bins: Bins) -> Piece:
     """The work of a thread: first one each for the items, then ``queue.lanes`` for each queued piece."""
+    boxes = bins.boxes
+    queue = bins.queue
     p = Piece()
     p.item = -1
     p.step = 1
@@ -148,37 +163,44 @@ def write_pairs(
                 place += wp.int64(1)
 
 
-class TileBins(TileSort):
-    """Cells of one grid: the box of tiles of each item, queued pieces of large ones, and what :class:`TileSort` has.
+@dataclass(frozen=True, eq=False)
+class GridSettings:
+    """What a grid is made for.
 
-    An item is a triangle (in a cube of six rectangles: a triangle in one of them).
-
-    boxes   vec4i [items]: first column, first row, last column, last row; empty if last < first
-    queue   :class:`PieceQueue`
-    ``slot`` and ``slot + 1`` of ``needs`` hold the pairs and the queued pieces that the last frame needed.
+    outward   how faces are wound, for culling (:func:`..culling.faces_away`); 0 keeps back faces
+    capacity  room for pairs, for queued pieces of large triangles, and for items of split lists
+    needs     int64: from ``slot`` on, what the last frame needed of each
     """
 
-    def __init__(
-        self, items: int, tiles: int, slices: int, capacity: tuple[int, ...], needs: wp.array, slot: int, sort: str,
-        device: str,
-    ):  # fmt: skip
-        super().__init__(tiles, slices, capacity[0], needs, slot, sort, device)
-        self.items = max(1, items)
-        with wp.ScopedDevice(device):
-            self.boxes = wp.zeros(self.items, dtype=wp.vec4i)
-            self.queue = filled(
-                PieceQueue,
-                lanes=LANES if wp.get_device(device).is_cuda else 1,
-                slot=slot + 1,
-                needs=needs,
-                pieces=wp.zeros(max(1, capacity[1]), dtype=wp.vec2i),
-            )
-        self._written, self._queued = needs[slot : slot + 1], needs[slot + 1 : slot + 2]
+    frame: Frame
+    build: Build
+    trace: Trace
+    effects: Effects
+    outward: float
+    capacity: tuple[int, ...]
+    needs: wp.array
+    slot: int
 
     @property
-    def threads(self) -> int:
-        """Threads of a kernel that takes its work from :func:`piece_of`."""
-        return self.items + self.queue.pieces.shape[0] * self.queue.lanes
+    def test(self) -> int:
+        """The number of the triangle test."""
+        return TRIANGLE_TESTS.index(self.build.triangle_test)
+
+
+class TileBins(TileSort):
+    """Cells of one grid, and what is put into them. An item is a triangle (in a cube of six rectangles: in one of them)."""
+
+    def __init__(self, items: int, tiles: int, slices: int, settings: GridSettings):
+        needs, slot, device = settings.needs, settings.slot, settings.frame.device
+        super().__init__(tiles, slices, settings.capacity[0], needs, slot, settings.build.sort, device)
+        self.items = max(1, items)
+        lanes = LANES if wp.get_device(device).is_cuda else 1
+        with wp.ScopedDevice(device):
+            queue = zeroed(PieceQueue, max(1, settings.capacity[1]), lanes=lanes, slot=slot + 1, needs=needs)
+            self.bins = zeroed(Bins, self.items, queue=queue, pairs=self.pairs)
+        self._written, self._queued = needs[slot : slot + 1], needs[slot + 1 : slot + 2]
+        self.threads = self.items + queue.pieces.shape[0] * lanes
+        """Of a kernel that takes its work from :func:`piece_of`."""
 
     def clear_queue(self) -> None:
         """Before the kernel that makes the boxes and queues the large ones."""
@@ -190,11 +212,10 @@ class TileBins(TileSort):
         self.clear()
 
 
-def grown_bins(needed: NDArray[np.int64], capacity: tuple[int, int, int], memory: int) -> tuple[int, int, int]:
-    """The new capacities (pairs, rows, items). Raises CapacityRejected beyond ``memory`` bytes."""
-    pairs, rows, items = capacity
-    return (
-        grown(int(needed[0]), pairs, memory, "(triangle, cell) pairs"),
-        grown(int(needed[1]), rows, memory, "(large triangle, tiles) items"),
-        grown(int(needed[2]), items, memory, "(ray chunk, triangle chunk) items"),
-    )
+ROOMS = ("(triangle, cell) pairs", "(large triangle, tiles) items", "(ray chunk, triangle chunk) items")
+
+
+def grown_bins(needed: NDArray[np.int64], capacity: tuple[int, ...], memory: int) -> tuple[int, ...]:
+    """The new capacities of a grid. Raises CapacityRejected beyond ``memory`` bytes."""
+    rooms = zip(needed, capacity, ROOMS, strict=True)
+    return tuple(grown(int(need), room, memory, what) for need, room, what in rooms)

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ....harness.frame.geometry import filled
+from ...common.pairs import zeroed
 from ...gpu.entries import entry, set_entry
 
 MOST_COUNTED = 1 << 22
@@ -107,26 +107,15 @@ class TileSort:
         self.counted = sort == "counting" and self.cells <= MOST_COUNTED
         # A radix sort works in place, in arrays twice as long as what they sort; a counting sort from one into another.
         length = self.capacity if self.counted else 2 * self.capacity
-        cells = self.cells if self.counted else 1
-
-        def ints(size: int) -> wp.array:
-            return wp.zeros(size, dtype=wp.int32, device=device)
-
-        self.lists = lists = filled(
-            TileLists, begin=ints(tiles), end=ints(tiles), keys=ints(length), values=ints(length)
-        )
-        self._cell_end = ints(cells)
-        self.pairs = filled(
-            PairSink,
-            capacity=self.capacity,
-            counted=self.counted,
-            slot=slot,
-            needs=needs,
-            keys=ints(length) if self.counted else lists.keys,
-            values=ints(length) if self.counted else lists.values,
-            ranks=ints(length if self.counted else 1),
-            cell_count=ints(cells),
-        )
+        cells, unsorted = (self.cells, length) if self.counted else (1, 1)
+        with wp.ScopedDevice(device):
+            self.lists = lists = zeroed(TileLists, length, begin=tiles, end=tiles)
+            self._cell_end = wp.zeros(cells, dtype=wp.int32)
+            in_place = {} if self.counted else {"keys": lists.keys, "values": lists.values}
+            self.pairs = zeroed(
+                PairSink, unsorted, capacity=self.capacity, counted=self.counted, slot=slot, needs=needs,
+                cell_count=cells, **in_place,
+            )  # fmt: skip
 
     def lengths(self) -> NDArray[np.int32]:
         """Of the lists. Reads back."""

@@ -7,8 +7,7 @@ minimum of (depth key, triangle), a shadow bit is set by any of them.
 
 import warp as wp
 
-from ....harness.frame.geometry import filled
-from ...common.pairs import need_kernel
+from ...common.pairs import need_kernel, zeroed
 from ..lists.chunks import RayChunks
 from ..lists.sorting import TileLists
 
@@ -86,22 +85,12 @@ class Items:
         self.sources, self.capacity, self.device = max(1, sources), max(1, capacity), device
         with wp.ScopedDevice(device):
             self.count = wp.zeros(self.sources, dtype=wp.int64)
-            self.parts = filled(
-                ListParts,
-                split=split,
-                items=wp.zeros(self.capacity, dtype=wp.vec2i),
-                scan=wp.zeros(self.sources, dtype=wp.int64),
-            )
+            self.parts = zeroed(ListParts, self.sources, split=split, items=self.capacity)
 
     def launch(self, kernel: wp.Kernel, inputs: list, needs: wp.array, slot: int) -> None:
         """Count with ``kernel``, scan, write; the number of items goes to ``needs[slot]``."""
-        wp.launch(kernel, dim=self.sources, inputs=inputs, outputs=[self.count], device=self.device)
-        wp.utils.array_scan(self.count, self.parts.scan, inclusive=True)
-        wp.launch(need_kernel, dim=1, inputs=[self.parts.scan], outputs=[needs, slot], device=self.device)
-        wp.launch(
-            write_kernel,
-            dim=self.sources,
-            inputs=[self.count, self.parts.scan],
-            outputs=[self.parts.items],
-            device=self.device,
-        )
+        scan = self.parts.scan
+        wp.launch(kernel, self.sources, inputs, [self.count], device=self.device)
+        wp.utils.array_scan(self.count, scan, inclusive=True)
+        wp.launch(need_kernel, 1, [scan], [needs, slot], device=self.device)
+        wp.launch(write_kernel, self.sources, [self.count, scan], [self.parts.items], device=self.device)

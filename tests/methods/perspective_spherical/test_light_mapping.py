@@ -33,15 +33,9 @@ def make_bounds_kernel(name: str) -> wp.Kernel:
 
 
 @wp.kernel(enable_backward=False)
-def place_kernel(
-    map: wp.int32,
-    single: wp.bool,
-    space: LightSpace,
-    points: wp.array(dtype=wp.vec3d),
-    places: wp.array(dtype=wp.vec4d),
-):
+def place_kernel(space: LightSpace, points: wp.array(dtype=wp.vec3d), places: wp.array(dtype=wp.vec4d)):
     i = wp.tid()
-    places[i] = ray_place(map, single, space, points[i], wp.vec3d())
+    places[i] = ray_place(space, points[i], wp.vec3d())
 
 
 def on_cpu(values, kind):
@@ -53,7 +47,7 @@ def on_cpu(values, kind):
 @pytest.mark.parametrize("size", [1e-6, 0.01, 0.3, 2.0])
 def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, precision):
     random = np.random.default_rng(int(100 * size))
-    map, count, samples = LIGHT_MAPS.index(name), 1500, 60
+    count, samples = 1500, 60
     centre = random.normal(size=(count, 1, 3))
     centre[: count // 3, :, 0] *= 0.05  # about the circle that two angles collapse
     centre[count // 3 : count // 2, :, :2] *= 0.01  # about the poles
@@ -62,16 +56,10 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
     places = wp.zeros(len(points), dtype=wp.vec4d, device="cpu")
     single = precision == "float32"
     space = filled(
-        LightSpace, index=0, axes=on_cpu([np.eye(3)], wp.mat33d), pads=on_cpu([0.0, 0.0], wp.float64),
-        proxy_positions=on_cpu([[0.0, 0.0, 0.0]], wp.vec3f),
+        LightSpace, index=0, map=LIGHT_MAPS.index(name), single=single, axes=on_cpu([np.eye(3)], wp.mat33d),
+        pads=on_cpu([0.0, 0.0], wp.float64), proxy_positions=on_cpu([[0.0, 0.0, 0.0]], wp.vec3f),
     )  # fmt: skip
-    wp.launch(
-        place_kernel,
-        dim=len(points),
-        inputs=[map, single, space, on_cpu(points, wp.vec3d)],
-        outputs=[places],
-        device="cpu",
-    )
+    wp.launch(place_kernel, len(points), [space, on_cpu(points, wp.vec3d)], [places], device="cpu")
     u, v, distance, face = places.numpy().reshape(count, samples, 4).transpose(2, 0, 1)
     np.testing.assert_allclose(distance.ravel(), np.linalg.norm(points, axis=1), rtol=1e-6 if single else 1e-14)
     keep = np.ones_like(u, dtype=bool)

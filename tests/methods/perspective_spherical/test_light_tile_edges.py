@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.perspective_spherical.light.tile_edges import edges_kernel, missed, slope_bounds
+from shadowbench.methods.common.pairs import zeroed
+from shadowbench.methods.perspective_spherical.light.tile_edges import LightTiles, edges_kernel, missed, slope_bounds
+from shadowbench.methods.perspective_spherical.lists.sorting import TileLists
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 
 RECTANGLES = {
@@ -17,19 +19,16 @@ RECTANGLES = {
 
 @wp.kernel(enable_backward=False)
 def tile_kernel(
-    tiles: wp.int32,
-    columns: wp.array(dtype=wp.vec4d),
-    rows: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.vec2d),
+    grid: LightTiles,
     planes: wp.array2d(dtype=wp.vec3d),
     out: wp.array2d(dtype=wp.bool),
     slopes: wp.array2d(dtype=wp.vec3d),
 ):
     i, tile = wp.tid()
-    column = columns[tile % tiles]
-    row = rows[tile // tiles]
-    out[i, tile] = missed(column, row, stretch[0], planes[i, 0], planes[i, 1], planes[i, 2], wp.float64(1.0e-12))
-    slopes[i, tile] = slope_bounds(column, row, planes[i, 0], stretch[0])
+    column = grid.columns[tile % grid.tiles]
+    row = grid.rows[tile // grid.tiles]
+    out[i, tile] = missed(column, row, grid.stretch[0], planes[i, 0], planes[i, 1], planes[i, 2], wp.float64(1.0e-12))
+    slopes[i, tile] = slope_bounds(column, row, planes[i, 0], grid.stretch[0])
 
 
 def on_cpu(values, kind):
@@ -56,13 +55,10 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
     for rectangle in RECTANGLES[name]:
         low_u, high_u, low_v, high_v = rectangle
         extent = np.array([low_u, low_v, 1.0, high_u, high_v, 2.0, 0.0, 0.0])
-        columns, rows, stretch = (
-            wp.zeros(n, dtype=kind, device="cpu") for n, kind in ((tiles, wp.vec4d), (tiles, wp.vec4d), (1, wp.vec2d))
-        )
-        wp.launch(
-            edges_kernel, dim=tiles, inputs=[LIGHT_MAPS.index(name), tiles, on_cpu(extent, wp.float64)],
-            outputs=[columns, rows, stretch], device="cpu",
-        )  # fmt: skip
+        with wp.ScopedDevice("cpu"):
+            extent = on_cpu(extent, wp.float64)
+            grid = zeroed(LightTiles, tiles, tiles=tiles, stretch=1, extent=extent, lists=TileLists())
+        wp.launch(edges_kernel, tiles, [LIGHT_MAPS.index(name), grid], device="cpu")
         # Triangles about a direction in or near the rectangle, of all sizes; inward planes of their edges.
         count = 300
         u, v = random.uniform(low_u, high_u, count), random.uniform(low_v, high_v, count)
@@ -72,10 +68,7 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
         planes *= np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)))[:, None, None]
         out = wp.zeros((count, tiles * tiles), dtype=wp.bool, device="cpu")
         slopes = wp.zeros((count, tiles * tiles), dtype=wp.vec3d, device="cpu")
-        wp.launch(
-            tile_kernel, dim=(count, tiles * tiles), inputs=[tiles, columns, rows, stretch, on_cpu(planes, wp.vec3d)],
-            outputs=[out, slopes], device="cpu",
-        )  # fmt: skip
+        wp.launch(tile_kernel, (count, tiles * tiles), [grid, on_cpu(planes, wp.vec3d)], [out, slopes], device="cpu")
         out, slopes = out.numpy(), slopes.numpy()
         left_out += out.sum()
         for tile in random.choice(tiles * tiles, min(25, tiles * tiles), replace=False):

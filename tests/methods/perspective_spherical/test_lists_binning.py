@@ -9,6 +9,7 @@ from shadowbench.methods.perspective_spherical.lists.binning import (
     INLINE_TILES,
     LANES,
     THREAD_TILES,
+    Bins,
     PieceQueue,
     piece_of,
     queue_large,
@@ -16,20 +17,15 @@ from shadowbench.methods.perspective_spherical.lists.binning import (
 
 
 @wp.kernel(enable_backward=False)
-def queue_kernel(boxes: wp.array(dtype=wp.vec4i), queue: PieceQueue):
+def queue_kernel(bins: Bins):
     i = wp.tid()
-    if boxes[i][2] >= boxes[i][0]:
-        queue_large(i, boxes[i], queue)
+    if bins.boxes[i][2] >= bins.boxes[i][0]:
+        queue_large(i, bins.boxes[i], bins.queue)
 
 
 @wp.kernel(enable_backward=False)
-def visit_kernel(
-    boxes: wp.array(dtype=wp.vec4i),
-    queue: PieceQueue,
-    visits: wp.array3d(dtype=wp.int32),
-    most: wp.array(dtype=wp.int32),
-):
-    p = piece_of(wp.tid(), boxes, queue)
+def visit_kernel(bins: Bins, visits: wp.array3d(dtype=wp.int32), most: wp.array(dtype=wp.int32)):
+    p = piece_of(wp.tid(), bins)
     if p.item < 0:
         return
     number = wp.int32(0)
@@ -52,14 +48,14 @@ def test_every_tile_of_every_box_is_one_threads_work(lanes):
     needs = wp.zeros(1, dtype=wp.int64, device="cpu")
     room = 5000
     pieces = wp.zeros(room, dtype=wp.vec2i, device="cpu")
-    queue = filled(PieceQueue, lanes=lanes, slot=0, needs=needs, pieces=pieces)
-    wp.launch(queue_kernel, dim=len(shapes), inputs=[boxes, queue], device="cpu")
+    bins = filled(Bins, boxes=boxes, queue=filled(PieceQueue, lanes=lanes, slot=0, needs=needs, pieces=pieces))
+    wp.launch(queue_kernel, dim=len(shapes), inputs=[bins], device="cpu")
     queued = int(needs.numpy()[0])
     assert 0 < queued <= room
     visits = wp.zeros((len(shapes), side, side), dtype=wp.int32, device="cpu")
     most = wp.zeros(1, dtype=wp.int32, device="cpu")
     threads = len(shapes) + room * lanes
-    wp.launch(visit_kernel, dim=threads, inputs=[boxes, queue, visits, most], device="cpu")
+    wp.launch(visit_kernel, dim=threads, inputs=[bins, visits, most], device="cpu")
     for seen, (x0, y0, x1, y1) in zip(visits.numpy(), boxes.numpy(), strict=True):
         expected = np.zeros((side, side), dtype=int)
         expected[y0 : y1 + 1, x0 : x1 + 1] = 1

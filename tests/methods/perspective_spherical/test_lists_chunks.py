@@ -64,10 +64,10 @@ def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(so
     session, _, answers = answers_of(prepared, 23, 17, settings, device)
     (light,) = session.method.lights
     hits = np.flatnonzero(answers["triangle"].reshape(-1) >= 0)
-    a, b = light.rays.lists.values.numpy()[: len(hits)], light.rays.lists.keys.numpy()[: 23 * 17]
+    a, b = light.sorted.lists.values.numpy()[: len(hits)], light.sorted.lists.keys.numpy()[: 23 * 17]
     assert sorted(a.tolist()) == hits.tolist()
     assert (np.diff(b) >= 0).all()
-    assert (b < light.rays.tiles).sum() == len(hits)
+    assert (b < light.sorted.tiles).sum() == len(hits)
     total = int(light.chunks.numCBlocks.numpy()[0])
     first = light.chunks.outArr.numpy()[: total + 1]
     counts = np.bincount(b[: len(hits)])

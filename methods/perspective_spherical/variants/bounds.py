@@ -1,9 +1,10 @@
-"""The map of two angles, as section 4.1 words it: bounds of a triangle in it."""
+"""Bounds of a triangle that only the ablation uses: in the map of two angles, as section 4.1 words it, and of its vertices
+instead of great arcs, which lose shadows; to show how many."""
 
 import warp as wp
 
 from ..light.mapping import FLAT, TWO_ANGLE, box_of, shares_ahead, whole
-from ..light.sphere import PI, ROUNDING
+from ..light.sphere import PI, ROUNDING, angles, wrapped
 
 
 @wp.func
@@ -29,3 +30,23 @@ def two_angle_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> 
     spread = wp.float64(2.0) * (pad + wp.float64(8.0) * ROUNDING) / share
     turned = wp.vec3d(turn, turn, turn)
     return box_of(u + turned, v + turned, spread)
+
+
+@wp.func
+def vertex_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
+    """Azimuth and elevation of the three vertices as they are: wrong across the seam, at poles and for large arcs."""
+    pa = angles(a)
+    pb = angles(b)
+    pc = angles(c)
+    return box_of(wp.vec3d(pa[0], pb[0], pc[0]), wp.vec3d(pa[1], pb[1], pc[1]), pad)
+
+
+@wp.func
+def seam_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
+    """The same with azimuths unwrapped from vertex to vertex: wrong at poles and for large arcs."""
+    pa = angles(a)
+    pb = angles(b)
+    pc = angles(c)
+    second = pa[0] + wrapped(pb[0] - pa[0])
+    third = second + wrapped(pc[0] - pb[0])
+    return box_of(wp.vec3d(pa[0], second, third), wp.vec3d(pa[1], pb[1], pc[1]), pad)
