@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from shadowbench.harness.hardcases.case import Trial
 from shadowbench.harness.hardcases.judge import same_bits
-from shadowbench.harness.judge.hits import Hits
+from shadowbench.harness.judge.decisions import Hits
 from shadowbench.harness.judge.referee import Referee
 
 BYTES = st.binary(min_size=40, max_size=LENGTH)

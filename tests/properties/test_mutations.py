@@ -92,9 +92,10 @@ MUTATIONS = (
     Mutation(
         "a light traced from its far end", ("S10 1e+07",),
         (Planted(box_tree, "walk",
-                 (("    return traverse(",
-                   "    if end == wp.float64(1.0):\n        start = start + direction\n        direction = -direction\n"
-                   "        found = nothing_found(1.0 - 1.0e-4)\n    return traverse("),), warp_bvh),),
+                 (("    limit = result.limit\n    tests",
+                   "    if part.end == wp.float64(1.0):\n        part.start = part.start + part.direction\n"
+                   "        part.direction = -part.direction\n        result = nothing_found(1.0 - 1.0e-4)\n"
+                   "    limit = result.limit\n    tests"),), warp_bvh),),
     ),
     Mutation(
         "no rule for the own triangle", ("S12",),
