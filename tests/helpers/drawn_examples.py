@@ -5,7 +5,10 @@ from helpers.judged_hard_cases import EVERYTHING
 from helpers.lattice_examples import LENGTH, METHODS, Example, answers_of, decode
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
+from shadowbench.harness.hardcases.case import Trial
 from shadowbench.harness.hardcases.judge import same_bits
+from shadowbench.harness.judge.decisions import Hits
+from shadowbench.harness.judge.referee import Referee
 
 BYTES = st.binary(min_size=40, max_size=LENGTH)
 """Short strings of bytes are padded with zeros, which are the plainest choices."""
@@ -39,3 +42,10 @@ def assert_same(some: dict, others: dict, keys=("triangle", "t", "u", "v", "shad
     for name in METHODS:
         for key in keys:
             assert same_bits(some[name][key], others[name][key]), (name, key)
+
+
+def exact_hits(trial: Trial) -> tuple[Referee, Hits]:
+    """The referee of a trial, and the exact closest hit of each pixel."""
+    moment = trial.moment
+    referee = Referee(moment.points, trial.prepared.faces, moment.valid)
+    return referee, referee.closest(moment.eye, moment.directions(np.arange(moment.width * moment.height)))

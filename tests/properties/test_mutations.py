@@ -38,285 +38,147 @@ PACKAGE = "shadowbench.methods."
 
 @dataclass(frozen=True)
 class Planted:
-    """``function`` of ``home`` with ``old`` -> ``new`` in its source takes its place in ``user``."""
+    """``function`` of ``home`` with ``old`` -> ``new`` in its source takes its place in ``user``; None: at home."""
 
     home: types.ModuleType
     function: str
     changes: tuple[tuple[str, str], ...]
-    user: types.ModuleType
+    user: types.ModuleType | None = None
 
 
 @dataclass(frozen=True)
 class Mutation:
+    """An error of a name, the cases that catch it in a method, and where it is planted."""
+
     name: str
-    planted: tuple[Planted, ...]
-    method: str
-    settings: tuple[tuple[str, str], ...]
     cases: tuple[str, ...]
+    planted: tuple[Planted, ...]
+    method: str = "warp_bvh"
+    settings: tuple[tuple[str, str], ...] = (("update", "bvh_rebuild"),)
 
 
 OWN_TRIANGLE = """    if wp.abs(side_h) <= own + rounding * total(ha):
         return False
 """
 
-EXACT_BVH = (("update", "bvh_rebuild"),)
+MAPS = (("clamp", "none"), ("aimed", "false"))
 
 MUTATIONS = (
     Mutation(
-        "naive vertex bounds on the sphere",
-        (
-            Planted(
-                sphere,
-                "triangle_angles",
-                tuple((f"    bounds = arc_elevation(bounds, {edge})\n", "") for edge in ("a, b, na", "b, c, nb", "c, a, nc"))
-                + (("if reaches >= HALF_PI:", "if False:"),),
-                light_bounds,
-            ),
-        ),
-        "perspective_spherical",
-        (("clamp", "none"), ("aimed", "false"), ("light_tiles", "512")),
-        ("S05z",),
+        "naive vertex bounds on the sphere", ("S05z",),
+        (Planted(sphere, "triangle_angles",
+                 (*((f"    bounds = arc_elevation(bounds, {edge})\n", "") for edge in ("a, b, na", "b, c, nb", "c, a, nc")),
+                  ("if reaches >= HALF_PI:", "if False:")), light_bounds),),
+        "perspective_spherical", (*MAPS, ("light_tiles", "512")),
     ),
     Mutation(
-        "no seam: azimuths are not unwrapped",
-        (
-            Planted(
-                sphere,
-                "triangle_angles",
-                (("wrapped(pb[0] - pa[0])", "pb[0] - pa[0]"), ("wrapped(pc[0] - pb[0])", "pc[0] - pb[0]"),
-                 ("    bounds = arc", "    pole = wp.bool(False)\n    bounds = arc"),
-                 ("    if pole:", "    if False:")),
-                light_bounds,
-            ),
-        ),
-        "perspective_spherical",
-        (("clamp", "none"), ("aimed", "false")),
-        ("S02z",),
+        "no seam: azimuths are not unwrapped", ("S02z",),
+        (Planted(sphere, "triangle_angles",
+                 (("wrapped(pb[0] - pa[0])", "pb[0] - pa[0]"), ("wrapped(pc[0] - pb[0])", "pc[0] - pb[0]"),
+                  ("    bounds = arc", "    pole = wp.bool(False)\n    bounds = arc"),
+                  ("    if pole:", "    if False:")), light_bounds),),
+        "perspective_spherical", MAPS,
     ),
     Mutation(
-        "an unpadded box",
-        (
-            Planted(
-                bounds,
-                "boxes_kernel",
-                (("(units * U32)", "0.0"), ("wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)", "wp.vec3f(0.0, 0.0, 0.0)")),
-                bounds,
-            ),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("P07", "P24"),
+        "an unpadded box", ("P07", "P24"),
+        (Planted(bounds, "boxes_kernel",
+                 (("(units * U32)", "0.0"), ("wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)", "wp.vec3f(0.0, 0.0, 0.0)"))),),
     ),
     Mutation(
-        "a fixed determinant epsilon",
-        (
-            Planted(
-                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1e-7)"),), ray_queries
-            ),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("V ball x1e-06", "P16"),
+        "a fixed determinant epsilon", ("V ball x1e-06", "P16"),
+        (Planted(triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1e-7)"),),
+                 ray_queries),),
     ),
     Mutation(
-        "a light traced from its far end",
-        (
-            Planted(
-                box_tree,
-                "walk",
-                (
-                    (
-                        "    limit = result.limit\n    tests",
-                        "    if part.end == wp.float64(1.0):\n        part.start = part.start + part.direction\n"
-                        "        part.direction = -part.direction\n        result = nothing_found(1.0 - 1.0e-4)\n"
-                        "    limit = result.limit\n    tests",
-                    ),
-                ),
-                warp_bvh,
-            ),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("S10 1e+07",),
+        "a light traced from its far end", ("S10 1e+07",),
+        (Planted(box_tree, "walk",
+                 (("    limit = result.limit\n    tests",
+                   "    if part.end == wp.float64(1.0):\n        part.start = part.start + part.direction\n"
+                   "        part.direction = -part.direction\n        result = nothing_found(1.0 - 1.0e-4)\n"
+                   "    limit = result.limit\n    tests"),), warp_bvh),),
     ),
     Mutation(
-        "no rule for the own triangle",
-        (
-            Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
-            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), ray_kernels),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("S12",),
+        "no rule for the own triangle", ("S12",),
+        (Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),)),
+         Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), ray_kernels)),
     ),
     Mutation(
-        "edges decided in float32",
-        (
-            Planted(
-                triangle,
-                "hit_distance",
-                (("    if low < wp.float64(0.0):",
-                  "    if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):\n"
-                  "        return NO_HIT\n    if low > wp.float64(1.0e300):"),),
-                ray_queries,
-            ),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("P29", "P29b"),
+        "edges decided in float32", ("P29", "P29b"),
+        (Planted(triangle, "hit_distance",
+                 (("    if low < wp.float64(0.0):",
+                   "    if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):\n"
+                   "        return NO_HIT\n    if low > wp.float64(1.0e300):"),), ray_queries),),
     ),
     Mutation(
-        "flat hit points off by their rounding, and along by the angle",
-        (Planted(hit_point, "is_flat", (("slope > 0.125", "slope > 0.0"),), hit_point),),
-        "warp_bvh",
-        EXACT_BVH,
-        ("S35",),
+        "flat hit points off by their rounding, and along by the angle", ("S35",),
+        (Planted(hit_point, "is_flat", (("slope > 0.125", "slope > 0.0"),)),),
     ),
     Mutation(
-        "t of a hit at the eye by its sign alone",
-        (
-            Planted(
-                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, away)", "wp.float64(-1.0)"),), ray_queries
-            ),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("P34 vertex 2",),
+        "t of a hit at the eye by its sign alone", ("P34 vertex 2",),
+        (Planted(triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, away)", "wp.float64(-1.0)"),),
+                 ray_queries),),
     ),
     Mutation(
-        "t of a hit bounded by the largest coordinate",
-        (
-            Planted(
-                triangle,
-                "hit_distance",
-                (("sum_of_sizes(products, away)", "largest(e1) * largest(e2) * total(away)"),),
-                ray_queries,
-            ),
-        ),
-        "warp_bvh",
-        EXACT_BVH,
-        ("V mixed 0", "V mixed 2", "V mixed 3"),
+        "t of a hit bounded by the largest coordinate", ("V mixed 0", "V mixed 2", "V mixed 3"),
+        (Planted(triangle, "hit_distance", (("sum_of_sizes(products, away)", "largest(e1) * largest(e2) * total(away)"),),
+                 ray_queries),),
     ),
     Mutation(
-        "all that is outside by 2^-30 of the sum is inside",
+        "all that is outside by 2^-30 of the sum is inside", ("V mixed 11", "V mixed 13", "V mixed 36", "V mixed 42"),
         (Planted(triangle, "hit_distance", (("low < -edge", "low + wp.float64(1.0e99) < -edge"),), ray_queries),),
-        "warp_bvh",
-        EXACT_BVH,
-        ("V mixed 11", "V mixed 13", "V mixed 36", "V mixed 42"),
     ),
     Mutation(
-        "doubt at an edge is outside",
+        "doubt at an edge is outside", ("P29", "P29b"),
         (Planted(triangle, "hit_distance", (("-CLOSED", "wp.float64(0.0)"),), ray_queries),),
-        "warp_bvh",
-        EXACT_BVH,
-        ("P29", "P29b"),
     ),
     Mutation(
-        "cells of the uniform grid do not overlap",
-        (
-            Planted(
-                grid,
-                "place_grid_kernel",
-                (("wp.min(FINEST_SLACK + ROUNDING * (distance + largest(count)), COARSEST_SLACK)", "wp.float64(0.0)"),),
-                grid_build,
-            ),
-        ),
-        "uniform_grid",
-        (("density", "700.0"),),
-        ("P33",),
+        "cells of the uniform grid do not overlap", ("P33",),
+        (Planted(grid, "place_grid_kernel",
+                 (("wp.min(FINEST_SLACK + ROUNDING * (distance + largest(count)), COARSEST_SLACK)", "wp.float64(0.0)"),),
+                 grid_build),),
+        "uniform_grid", (("density", "700.0"),),
     ),
     Mutation(
-        "tiles of the image without a pad",
-        (
-            Planted(camera_grid, "slices_in_tile", (("4.0e-6 * (1.0 + wp.max(tx, ty))", "0.0 * tx"),), camera_grid),
-            Planted(
-                camera_grid,
-                "screen_triangle",
-                (("16.0 * U32 * reach\n", "0.0 * reach\n"),
-                 ("(32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32", "(0.0 * reach * edge)")),
-                camera_grid,
-            ),
-        ),
-        "perspective_spherical",
-        (("tile", "1"), ("slices", "3"), ("depth_lists", "spans")),
-        ("P31 1e+06",),
+        "tiles of the image without a pad", ("P31 1e+06",),
+        (Planted(camera_grid, "slices_in_tile", (("4.0e-6 * (1.0 + wp.max(tx, ty))", "0.0 * tx"),)),
+         Planted(camera_grid, "screen_triangle",
+                 (("16.0 * U32 * reach\n", "0.0 * reach\n"),
+                  ("(32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32", "(0.0 * reach * edge)")))),
+        "perspective_spherical", (("tile", "1"), ("slices", "3"), ("depth_lists", "spans")),
     ),
     Mutation(
-        "bounds in the light's map without a pad",
-        (
-            Planted(
-                light_rays,
-                "aim_kernel",
-                (("pads[0] = pad\n", "pads[0] = wp.float64(0.0) * pad\n"),
-                 ("pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)", "pads[0] = wp.float64(0.0)")),
-                light_rays,
-            ),
-        ),
+        "bounds in the light's map without a pad", ("S32",),
+        (Planted(light_rays, "aim_kernel",
+                 (("pads[0] = pad\n", "pads[0] = wp.float64(0.0) * pad\n"),
+                  ("pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)", "pads[0] = wp.float64(0.0)"))),),
         "perspective_spherical",
         (("light_tiles", "16"), ("light_slices", "3"), ("aimed", "false"), ("precision", "float32")),
-        ("S32",),
     ),
     Mutation(
-        "signs of the camera's planes without a bound",
-        (
-            Planted(
-                camera_pixels,
-                "sign_bound",
-                (("24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])", "0.0 * tangents[0]"),),
-                camera_pixels,
-            ),
-        ),
-        "ray_grids",
-        (),
-        ("P29b",),
+        "signs of the camera's planes without a bound", ("P29b",),
+        (Planted(camera_pixels, "sign_bound",
+                 (("24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])", "0.0 * tangents[0]"),)),),
+        "ray_grids", (),
     ),
     Mutation(
-        "cells of the light without a pad",
-        (
-            Planted(
-                footprint,
-                "on_bins",
-                (("32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
-                light_stream,
-            ),
-            Planted(
-                eight,
-                "boxes_of_eight",
-                (("unit * ((1.0f + wide) * extent / near + wide) * span + w.slack", "0.0f"),),
-                light_on_cpu,
-            ),
-        ),
-        "ray_grids",
-        (("trial", "region=rays"),),
-        ("S34", "S34b"),
+        "cells of the light without a pad", ("S34", "S34b"),
+        (Planted(footprint, "on_bins",
+                 (("32.0 * U32 * ((1.0 + widest) * extent * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
+                 light_stream),
+         Planted(eight, "boxes_of_eight", (("unit * ((1.0f + wide) * extent / near + wide) * span + w.slack", "0.0f"),),
+                 light_on_cpu)),
+        "ray_grids", (("trial", "region=rays"),),
     ),
     Mutation(
-        "hit points of flat rays from the camera's words",
-        (
-            Planted(
-                camera_pixels,
-                "edge_planes",
-                (("    planes.steep = ", "    planes.steep = True or "),),
-                camera_pixels,
-            ),
-        ),
-        "ray_grids",
-        (("trial", "region=rays"),),
-        ("P51 2^-42",),
+        "hit points of flat rays from the camera's words", ("P51 2^-42",),
+        (Planted(camera_pixels, "edge_planes", (("    planes.steep = ", "    planes.steep = True or "),)),),
+        "ray_grids", (("trial", "region=rays"),),
     ),
     Mutation(
-        "a light's region that ends before its rays",
-        (
-            Planted(
-                light_region,
-                "rectangle_of",
-                (("wp.max(before[0], least_u - pad)", "wp.max(before[0], least_u + 0.3 * (most_u - least_u))"),),
-                light_region,
-            ),
-        ),
-        "ray_grids",
-        (("trial", "region=triangles"),),
-        ("P24",),
+        "a light's region that ends before its rays", ("P24",),
+        (Planted(light_region, "rectangle_of",
+                 (("wp.max(before[0], least_u - pad)", "wp.max(before[0], least_u + 0.3 * (most_u - least_u))"),)),),
+        "ray_grids", (("trial", "region=triangles"),),
     ),
 )  # fmt: skip
 
@@ -333,23 +195,19 @@ def inside32(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) ->
 '''
 
 
-def planted_source(planted: Planted) -> str:
-    source = inspect.getsource(getattr(planted.home, planted.function).func)
-    for old, new in planted.changes:
-        assert old in source, f"{planted.function} no longer says {old!r}: plant the error anew"
-        source = source.replace(old, new)
-    return source
-
-
 def plant(planted: Planted, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    source = planted_source(planted)
-    path = folder / f"{planted.function}.py"
+    user, function = planted.user or planted.home, planted.function
+    source = inspect.getsource(getattr(planted.home, function).func)
+    for old, new in planted.changes:
+        assert old in source, f"{function} no longer says {old!r}: plant the error anew"
+        source = source.replace(old, new)
+    path = folder / f"{function}.py"
     path.write_text((INSIDE32 if "inside32" in source else "") + source)
     # The same names as at home, in a module of its own: Warp compiles a changed kernel apart from the real ones.
-    names = {**vars(planted.home), **vars(planted.user), "__name__": f"planted_{folder.name}_{planted.function}"}
+    names = {**vars(planted.home), **vars(user), "__name__": f"planted_{folder.name}_{function}"}
     monkeypatch.setitem(sys.modules, names["__name__"], types.ModuleType(names["__name__"]))
     exec(compile(path.read_text(), str(path), "exec"), names)
-    monkeypatch.setattr(planted.user, planted.function, names[planted.function])
+    monkeypatch.setattr(user, function, names[function])
 
 
 def rebuild() -> None:

@@ -6,23 +6,25 @@ agree. The long random mode is ``make fuzz``.
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
-from helpers.drawn_examples import CULLED, EXAMPLES, assert_same, some, traced
+from helpers.drawn_examples import CULLED, EXAMPLES, assert_same, exact_hits, some, traced
 from helpers.lattice_examples import LENGTH, METHODS, Example, answers_of, decode, fresh_method, true_errors
 from hypothesis import example, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from shadowbench.harness.frame.registry import method_class
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import HardCase
 from shadowbench.harness.hardcases.judge import Judged, same_bits
-from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import prepare
-from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
+from shadowbench.harness.scene.scene import Geometry, Spot
 from shadowbench.harness.scene.width import Sizes, is_wide
 
 
@@ -44,39 +46,34 @@ def test_exact_methods_agree_bit_for_bit(example: Example) -> None:
             assert same_bits(found[name][key] + 0, found[METHODS[0]][key] + 0), (name, key)
 
 
-def scaled(example: Example, factor: float) -> Example:
+def transformed(
+    example: Example, place: Callable[[NDArray], NDArray], way: Callable[[NDArray], NDArray] = np.asarray
+) -> Example:
+    """The example with every position mapped by ``place``, and the camera's up by ``way``."""
     camera = example.camera
-    eye, target = (tuple(factor * x for x in place) for place in (camera.eye, camera.target))
-    return replace(
-        example, points=example.points * factor, lights=example.lights * factor,
-        camera=Camera(eye, target, camera.up, camera.fov),
-    )  # fmt: skip
+    eye, target = (tuple(place(np.asarray(p)).tolist()) for p in (camera.eye, camera.target))
+    seen = replace(camera, eye=eye, target=target, up=tuple(way(np.asarray(camera.up)).tolist()))
+    return replace(example, points=place(example.points), lights=place(example.lights), camera=seen)
 
 
 @some(20)
 @given(EXAMPLES, st.sampled_from([-20, -7, 7, 20]))
 def test_a_power_of_two_changes_t_only_by_it(example: Example, power: int) -> None:
-    factor = 2.0**power
-    one, other = traced(example), traced(scaled(example, factor))
+    one, other = traced(example), traced(transformed(example, lambda p: p * 2.0**power))
     assert_same(one, other, ("triangle", "u", "v", "shadowed"))
     for name in METHODS:
-        np.testing.assert_array_equal(other[name]["t"], one[name]["t"] * np.float32(factor))
-
-
-def turned(example: Example, turn: int) -> Example:
-    camera = example.camera
-    eye, target, up = (tuple(np.roll(place, turn).tolist()) for place in (camera.eye, camera.target, camera.up))
-    return replace(
-        example, points=np.roll(example.points, turn, axis=1), lights=np.roll(example.lights, turn, axis=1),
-        camera=Camera(eye, target, up, camera.fov),
-    )  # fmt: skip
+        np.testing.assert_array_equal(other[name]["t"], one[name]["t"] * np.float32(2.0**power))
 
 
 @some(20)
 @given(EXAMPLES, st.sampled_from([1, 2]))
 def test_cycling_the_axes_changes_nothing(example: Example, turn: int) -> None:
     """Sums run in another order, so only what is exact must agree: triangles, bits, and t to its last place."""
-    one, other = traced(example), traced(turned(example, turn))
+
+    def turned(p: NDArray) -> NDArray:
+        return np.roll(p, turn, axis=-1)
+
+    one, other = traced(example), traced(transformed(example, turned, turned))
     assert_same(one, other, ("triangle", "shadowed"))
     for name in METHODS:
         np.testing.assert_allclose(other[name]["t"], one[name]["t"], rtol=2**-23)
@@ -86,37 +83,15 @@ def test_cycling_the_axes_changes_nothing(example: Example, turn: int) -> None:
 @given(EXAMPLES)
 def test_mirroring_turns_the_image_over(example: Example) -> None:
     """Mirrored along the image's right axis: every row of pixels runs the other way."""
-    camera = example.camera
-    forward = np.asarray(camera.target) - np.asarray(camera.eye)
-    axis = int(np.abs(np.cross(forward, camera.up)).argmax())
+    forward = np.subtract(example.camera.target, example.camera.eye)
     sign = np.ones(3)
-    sign[axis] = -1.0
-    eye, target = (tuple((np.asarray(place) * sign).tolist()) for place in (camera.eye, camera.target))
-    mirrored = replace(
-        example, points=example.points * sign, lights=example.lights * sign,
-        camera=Camera(eye, target, camera.up, camera.fov),
-    )  # fmt: skip
-    one, other = traced(example), traced(mirrored)
+    sign[np.abs(np.cross(forward, example.camera.up)).argmax()] = -1.0
+    one, other = traced(example), traced(transformed(example, lambda p: p * sign))
     width, height = example.size
     for name in METHODS:
-        flipped = other[name]["triangle"].reshape(height, width)[:, ::-1].ravel()
-        np.testing.assert_array_equal(flipped, one[name]["triangle"], name)
-        bits = other[name]["shadowed"].reshape(-1, height, width)[:, :, ::-1].reshape(-1, width * height)
-        np.testing.assert_array_equal(bits, one[name]["shadowed"], name)
-
-
-def moved(example: Example, angles: tuple[float, float], offset: float) -> Example:
-    """Turned by two angles and carried off, in float64; what comes of it is rounded to float32."""
-    (ca, cb), (sa, sb) = np.cos(angles), np.sin(angles)
-    turn = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]])
-    step = offset * np.array([0.48, 0.6, 0.64])
-    camera = example.camera
-    eye, target = (tuple((turn @ np.asarray(place) + step).tolist()) for place in (camera.eye, camera.target))
-    up = tuple((turn @ np.asarray(camera.up)).tolist())
-    return replace(
-        example, points=example.points @ turn.T + step, lights=example.lights @ turn.T + step,
-        camera=Camera(eye, target, up, camera.fov),
-    )  # fmt: skip
+        for key in ("triangle", "shadowed"):
+            flipped = other[name][key].reshape(-1, height, width)[:, :, ::-1].reshape(one[name][key].shape)
+            np.testing.assert_array_equal(flipped, one[name][key], name)
 
 
 @some(20)
@@ -126,14 +101,14 @@ def test_turning_and_moving_changes_only_what_rounding_excuses(
 ) -> None:
     """The moved scene is answered exactly; held against the exact answers from before it was moved, whatever differs
     is a tie, or lies within the bound of an edge."""
-    other = moved(example, angles, offset)
+    (ca, cb), (sa, sb) = np.cos(angles), np.sin(angles)
+    turn = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]])
+    step = offset * np.array([0.48, 0.6, 0.64])
+    other = transformed(example, lambda p: p @ turn.T + step, lambda up: turn @ up)
     assert true_errors(other) == {}
-    trial = example.trial()
-    referee = Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
-    hits = referee.closest(trial.moment.eye, trial.moment.directions(np.arange(example.size[0] * example.size[1])))
+    referee, hits = exact_hits(example.trial())
     given_ = answers_of(other, METHODS[0])["triangle"]
-    classes = referee.classify_primary(hits, given_)
-    wrong = np.nonzero(np.isin(classes, (Verdict.TRUE, Verdict.INVALID)))[0]
+    wrong = np.nonzero(np.isin(referee.classify_primary(hits, given_), (Verdict.TRUE, Verdict.INVALID)))[0]
     assert not len(wrong), (wrong[:5], given_[wrong[:5]], hits.triangle[wrong[:5]])
 
 
@@ -157,10 +132,7 @@ def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> N
     order = np.array(random.sample(range(len(drawn.faces)), len(drawn.faces)))
     permuted = replace(drawn, faces=drawn.faces[order])
     one, other = traced(drawn), traced(permuted)
-    trial = drawn.trial()
-    referee = Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
-    pixels = np.arange(drawn.size[0] * drawn.size[1])
-    hits = referee.closest(trial.moment.eye, trial.moment.directions(pixels))
+    referee, hits = exact_hits(drawn.trial())
     for name in METHODS:
         np.testing.assert_allclose(other[name]["t"], one[name]["t"], rtol=2**-28, err_msg=name)
         ids = np.where(other[name]["triangle"] >= 0, order[other[name]["triangle"]], -1)
@@ -206,12 +178,8 @@ def test_a_frame_built_again_equals_a_fresh_scene(example: Example, others: list
         moved = decode(data)
         rolled = np.resize(moved.points, example.points.shape) if len(moved.points) else example.points
         frames.append(rolled * random.choice([1.0, 0.25]))
-    prepared = prepare(
-        Scene(
-            "frames", "Frames", lambda: Geometry(example.faces, lambda k: frames[k], len(frames)), example.camera,
-            tuple(Light(tuple(light.tolist())) for light in example.lights),
-        )
-    )  # fmt: skip
+    geometry = Geometry(example.faces, lambda k: frames[k], len(frames))
+    prepared = prepare(replace(example.trial().prepared.scene, geometry=lambda: geometry))
     order = [0, *range(1, len(frames)), 0]
     for name in METHODS:
         chosen = tuple(example.settings[name].items())
@@ -241,11 +209,7 @@ def test_a_spot_of_the_whole_sphere_is_a_point_light(example: Example, direction
     prepared = example.trial().prepared
     lights = prepared.scene.lights
     spots = tuple(replace(light, spot=Spot(direction, 180.0)) for light in lights)
-    able = [
-        name
-        for name in METHODS
-        if "receivers" in type(fresh_method(name, tuple(example.settings[name].items()))).simulates
-    ]
+    able = [name for name in METHODS if "receivers" in method_class(name).simulates]
     assert able
     for name in able:
         chosen = tuple(example.settings[name].items())
@@ -284,8 +248,7 @@ def test_examples_are_worth_drawing() -> None:
     for _ in range(40):
         trial = decode(random.bytes(LENGTH)).trial()
         one = Judged(HardCase("example", "", "", lambda trial=trial: trial), trial)
-        count = trial.moment.width * trial.moment.height
-        found = one.judge.referee.closest(trial.moment.eye, trial.moment.directions(np.arange(count)))
+        found, count = exact_hits(trial)[1], trial.moment.width * trial.moment.height
         pixels += count
         hits += int((found.triangle >= 0).sum())
         ties += sum(len(one) > 1 for one in found.ties)
