@@ -42,7 +42,6 @@ def placed_method(
 
 
 def device_title(device: str) -> str:
-    """The product name of a device."""
     return str(wp.get_device(device).name) if device.startswith("cuda") else cpu_model()
 
 

@@ -40,7 +40,6 @@ def method_names() -> list[str]:
 
 
 def built_in_names() -> list[str]:
-    """The names of the methods that come with the project."""
     return [*_built_in()]
 
 

@@ -83,5 +83,4 @@ def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str | None]])
 
 
 def is_unmade(record: Record) -> bool:
-    """Whether a record says that its scene could not be made."""
     return record.status in FAILURES and not record.scene.get("arrays_sha256")

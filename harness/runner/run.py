@@ -257,7 +257,6 @@ class Run:
     # --- steps of a point ---
 
     def _attempt(self, job: Job, what: str, step: Callable[..., None], *arguments: Any) -> None:
-        """Do a step. Close the job if it fails."""
         who = ", ".join(filter(None, (job.point.method["label"], job.lighting.label)))
         self.report.doing(f"{job.point.scene['name']}: {what}", who)
         try:
@@ -310,7 +309,6 @@ class Run:
         self._note(job, {"event": "finished", "frames": graded})
 
     def _take_grades(self, job: Job, grader: str) -> None:
-        """Note the scores."""
         while not job.journal.first("finished"):
             try:
                 reply = self.workers.reply(self.workers.get(grader))
@@ -321,7 +319,6 @@ class Run:
                 self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:
-        """Write the record of a job."""
         try:
             record = as_read(self.options.record(job.point, job.journal.events, self.environment, status, reason))
         except ValueError as error:

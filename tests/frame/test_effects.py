@@ -20,7 +20,6 @@ from helpers.effect_scenes import (
     session_of,
 )
 from shadowbench.harness.frame import frame as frame_module
-from shadowbench.harness.frame.effects import receivers
 from shadowbench.harness.frame.method import BaseMethod
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
@@ -212,12 +211,6 @@ def test_a_light_that_reaches_nothing_is_skipped(label, device, monkeypatch):
 
 
 @pytest.mark.parametrize("label", LAMPS)
-def test_a_light_without_shadows_has_no_pass(label):
-    session = session_of(label, scene((POINT, replace(BEHIND, shadows=False))))
-    assert not [name for name in names(session) if "light 1" in name]
-
-
-@pytest.mark.parametrize("label", LAMPS)
 def test_without_shadow_bits_wanted_no_light_has_a_pass(label):
     session = session_of(label, scene(outputs=("depth",)))
     assert {work.part for work in session.all_passes} <= {"build", "trace"}
@@ -254,24 +247,3 @@ def test_an_unasked_mask_is_caught(label, monkeypatch):
     # Or the array of its conditions is missed.
     with pytest.raises((AssertionError, RuntimeError)):
         assert_no_bytes(label, monkeypatch)
-
-
-@pytest.mark.parametrize("label", EXACT)
-def test_an_unasked_build_is_caught(label, monkeypatch):
-    prepared = scene()
-    session = session_of(label, prepared)
-    session.answers(prepared.moment(0, *SIZE))
-    monkeypatch.setattr("shadowbench.harness.frame.session.stale", lambda passes, changed: list(passes))
-    session.select(set())
-    with pytest.raises(AssertionError):
-        assert not launches(session, monkeypatch)
-
-
-def test_an_unasked_light_is_caught(monkeypatch):
-    monkeypatch.setattr(Effects, "of", staticmethod(lambda scene: Effects(shadows=tuple(True for _ in scene.lights))))
-    with pytest.raises(AssertionError):
-        test_a_light_without_shadows_has_no_pass("uniform_grid")
-
-
-def test_the_mask_pass_is_the_harness_own():
-    assert receivers.receiver_passes.__module__.endswith("harness.frame.effects.receivers")

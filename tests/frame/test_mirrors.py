@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers import brute_force
 from helpers.method_trials import hard_trials
 from helpers.mirror_scenes import (
     EXACT,
@@ -116,25 +115,6 @@ def test_float32_methods_trace_the_same_rays_nearly_without_error(name, settings
     assert score.true_errors <= 3, score.examples
     assert sum(one.rays_wrong for one in score.bounces) == 0
     assert all(one.rays > 100 for one in score.bounces)
-
-
-@needs_embree
-@pytest.mark.parametrize("seed", range(3))
-def test_mirrors_of_any_shape_have_no_error(seed):
-    vertices, faces = brute_force.soup(seed, 60, size=0.5)
-    random = np.random.default_rng(seed)
-    prepared = with_mirrors(
-        brute_force.make_scene(vertices, faces, [(1.0, 2.5, 1.5)]),
-        random.integers(0, 2, len(faces)).astype(np.uint8),
-        2,
-    )
-    moment, answers = answered("uniform_grid", {}, prepared)
-    score = score_answers(Judge.of(prepared, moment).with_random_pixels(SIZE * SIZE), answers).score
-    assert score.true_errors == 0, score.examples
-    assert score.bounces[0].rays > 20
-    other = answered("warp_bvh", {"update": "bvh_rebuild"}, prepared)[1]
-    for key in answers:
-        np.testing.assert_array_equal(answers[key], other[key], key)
 
 
 @needs_embree

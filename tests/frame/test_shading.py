@@ -135,46 +135,6 @@ def test_a_picture_is_the_frame_s_colour_displayed():
     np.testing.assert_array_equal(shade(prepared, moment, answers, LIGHTS), shown)
 
 
-def floor_under(light: Light) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (linear, less the ambient light's) of a floor z = 0 seen from above, and its places [n, 3]."""
-    vertices = np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]])
-    results = []
-    for one in (light, dataclasses.replace(light, intensity=0.0)):
-        # A black light beside it keeps the strength that all of them share.
-        prepared = brute_force.make_scene(vertices, [[0, 1, 2], [0, 2, 3]], [one, Light((0, 0, 5.0), color=(0, 0, 0))])
-        scene = dataclasses.replace(prepared.scene, outputs=("color",))
-        session, moment, answers = traced(prepare(scene))
-        results.append(session.frame.color.numpy().astype(np.float64))
-        pixels = np.nonzero(answers["triangle"] >= 0)[0]
-        places = moment.eye + moment.directions(pixels) * answers["t"][pixels, None]
-    return (results[0] - results[1])[pixels], places
-
-
-def test_a_spot_falls_off_as_it_says_and_lights_nothing_outside():
-    place = (0.4, 0.2, 2.0)
-    plain, at = floor_under(Light(place, spot=Spot((0.0, 0.0, -1.0), 40.0)))
-    falling, _ = floor_under(Light(place, spot=Spot((0.0, 0.0, -1.0), 40.0, falloff=4.0)))
-    away = at - np.array(place)
-    cosine = -away[:, 2] / np.linalg.norm(away, axis=1)
-    inside = cosine > np.cos(np.radians(40.0)) + 1e-4
-    outside = cosine < np.cos(np.radians(40.0)) - 1e-4
-    assert inside.sum() > 100
-    assert outside.sum() > 100
-    assert np.abs(plain[outside]).max() == np.abs(falling[outside]).max() == 0.0
-    np.testing.assert_allclose(falling[inside], plain[inside] * cosine[inside, None] ** 4, rtol=1e-3)
-    free, _ = floor_under(Light(place))
-    np.testing.assert_allclose(plain[inside], free[inside], rtol=1e-4)
-    whole, _ = floor_under(Light(place, spot=Spot((0.0, 0.0, -1.0), 180.0)))
-    np.testing.assert_array_equal(whole, free)
-
-
-def test_a_directional_light_is_the_same_everywhere():
-    color, _ = floor_under(Light((0.0, 3.0, 4.0), directional=True))
-    np.testing.assert_allclose(color, np.broadcast_to(color[0], color.shape), rtol=1e-5)
-    head_on, _ = floor_under(Light((0.0, 0.0, 1.0), directional=True))
-    np.testing.assert_allclose(color, 0.8 * head_on, rtol=1e-5)
-
-
 def test_colour_is_one_pass_more_and_nothing_where_nobody_asks():
     plain, colored = (
         Session(make_method("uniform_grid"), room(1, outputs=outputs), SIZE, SIZE, "cpu")

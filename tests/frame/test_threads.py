@@ -71,20 +71,6 @@ def test_parts_run_at_the_same_time_after_the_first_time():
     assert len(set(times[3:])) == 3
 
 
-def test_an_error_of_a_part_is_raised():
-    calls = []
-
-    def fails():
-        calls.append(1)
-        if len(calls) > 1:
-            raise ValueError("lost")
-
-    launch = at_once([lambda: None, fails])
-    launch()
-    with pytest.raises(ValueError, match="lost"):
-        launch()
-
-
 @pytest.mark.parametrize("order", [("fails", "late", "late"), ("quick", "fails", "late"), ("quick", "late", "fails")])
 def test_an_error_is_raised_when_all_parts_have_ended(order):
     calls = []

@@ -158,27 +158,21 @@ def test_the_ports_of_local_workers_take_nobody_without_the_key_of_the_run(place
     assert not list((place / "tmp").iterdir())
 
 
-def test_a_worker_that_ends_as_it_starts_is_one_line(place, monkeypatch):
+@pytest.mark.parametrize(
+    ("cluster", "said"),
+    [
+        ("local", "a worker ended as it started"),
+        ("nonsense", "give local, or the address"),
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers there"),
+    ],
+)
+def test_what_cannot_be_connected_to_is_one_line(place, monkeypatch, cluster, said):
     def failing(**_):
         raise RuntimeError("Nanny failed to start.")
 
     monkeypatch.setattr(distributed, "SpecCluster", failing)
-    with pytest.raises(UserError, match="a worker ended as it started"), connected("local", "cpu"):
-        pass
-
-
-def test_a_word_that_is_no_address_is_refused_at_once(place):
-    with pytest.raises(UserError, match="give local, or the address") as caught, connected("nonsense", "cpu"):
-        pass
-    assert "\n" not in str(caught.value)
-
-
-def test_a_scheduler_that_is_not_there_is_one_line(place, monkeypatch):
     monkeypatch.setattr("shadowbench.harness.runner.cluster.pool.CONNECT_S", 0.2)
-    with (
-        pytest.raises(UserError, match="no Dask scheduler answers there") as caught,
-        connected("tcp://127.0.0.1:9", None),
-    ):
+    with pytest.raises(UserError, match=said) as caught, connected(cluster, "cpu"):
         pass
     assert "\n" not in str(caught.value)
 

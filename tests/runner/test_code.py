@@ -80,53 +80,27 @@ def test_the_code_is_the_same_under_every_python():
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
+    ("old", "new", "counts"),
     [
-        ("  # a comment", ""),
-        ("  # per value", ' # per "value" \\\\'),
-        ("# first a comment", '"""First."""'),
-        ('"""Doc of the module."""', ""),
-        ('"""Doc of the module."""', '"""Other\n\nlines."""'),
-        ('"""Doc alone."""', "'of the class' # now"),
-        ('"""Doc of WIDTH."""\n', ""),
-        ('"éDoc"; PLACE', "PLACE"),
-        ('; "Doc after two bytes"', ""),
-        ('; "Doc of x"', "  # of x"),
-        ('"Doc in one line"', '"in a line"'),
-        ("import warp", "\n\n# imported\n\nimport warp"),
-        ("    i = wp", "\n  # index\n    i = wp"),
-        ("                # between\n", "\n"),
-        ("return [self.x,", "return [ self.x, # kept"),
-        ("\\\n            -1.0", "-1.0"),
-        ("\n", "\r\n"),
+        ('"éDoc"; PLACE', "PLACE", False),
+        ('; "Doc after two bytes"', "", False),
+        ('"Doc in one line"', '"in a line"', False),
+        ("return [self.x,", "return [ self.x, # kept", False),
+        ("\\\n            -1.0", "-1.0", False),
+        ("\n", "\r\n", False),
+        ("  lines # no comment\n", "  lines\n", True),
+        ("two\n", "two \n", True),
+        ("// return #", "// return", True),
+        ("\n\n  # in the text", "\n  # in the text", True),
+        ('("a string", "that counts")', '"a string" "that counts"', True),
+        ("1.0; values[i] *=", "1.0\n    values[i] *=", True),
+        ("    async def wait(self)", "async def wait(self)", True),
+        ("@wp.kernel(enable_backward=False)\n", "", True),
     ],
 )
-def test_comments_docstrings_and_layout_do_not_count(old, new):
+def test_layout_does_not_count_and_what_a_program_sees_does(old, new, counts):
     assert old in SAMPLE
-    assert code(SAMPLE.replace(old, new)) == code(SAMPLE)
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("# no comment", "# a comment"),
-        ("  lines # no comment\n", "  lines\n"),
-        ("two\n\n", "two\n"),
-        ("two\n", "two \n"),
-        ("// return #", "// return"),
-        ("\n\n  # in the text", "\n  # in the text"),
-        ("# {TEXT", "{TEXT"),
-        ('b"of bytes"', 'b"of all"'),
-        ('("a string", "that counts")', '"a string" "that counts"'),
-        ("1.0; values[i] *=", "1.0\n    values[i] *="),
-        ("    async def wait(self)", "async def wait(self)"),
-        ("@wp.kernel(enable_backward=False)\n", ""),
-        ("π℘", "π"),
-    ],
-)
-def test_any_other_change_counts(old, new):
-    assert old in SAMPLE
-    assert code_of(SAMPLE.replace(old, new).encode()) != code(SAMPLE)
+    assert (code_of(SAMPLE.replace(old, new).encode()) != code(SAMPLE)) == counts
 
 
 def tokens(text: str) -> list[tokenize.TokenInfo]:
@@ -147,10 +121,6 @@ def test_every_token_counts():
         if code_of("\n".join(edited).encode()) == before:
             ignored.append(own)
     assert ignored == docstrings
-
-
-def test_a_blank_line_ends_a_statement_that_a_backslash_continues():
-    assert code("x = 1 \\\n+2\n") != code("x = 1 \\\n\n+2\n")
 
 
 @pytest.mark.parametrize("source", [b"x = (", b"x = 1\n  y = 2", b"x = '\xff'", b"# coding: none\n", b"x = 1\0"])

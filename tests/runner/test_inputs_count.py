@@ -11,8 +11,6 @@ from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.runner.known_scenes import known_scene, learn_scene
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.planning.planned_point import describe_method, make_point
-from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.run import Run
 from shadowbench.harness.runner.workers.executor import Worker
 from shadowbench.harness.runner.workers.protocol import load_command
 from shadowbench.harness.scene import catalogue, chosen_view
@@ -101,20 +99,6 @@ def test_what_is_behind_a_mask_of_holes_counts(tmp_path, monkeypatch):
     coordinates[0, 0, 0] = 0.5
     keys.append(key_of(tmp_path / "three", path))
     assert len(set(keys)) == 3
-
-
-def test_a_run_measures_again_what_has_changed(waves, tmp_path):
-    """As a person sees it: the same command, after a frame that is not measured has changed."""
-    asked = options(tmp_path / "out", [str(waves)], ["uniform_grid"], frames=1, rounds=1)
-    counted = []
-    for _ in range(2):
-        assert [record.status for record in Run(asked, Silent()).go()] == ["ok"]
-        counted.append(len(list((tmp_path / "out" / "records").glob("*.json"))))
-    file = waves / "wave_4.ply"
-    file.write_bytes(file.read_bytes().replace(b"by hand", b"by mine"))
-    Run(asked, Silent()).go()
-    counted.append(len(list((tmp_path / "out" / "records").glob("*.json"))))
-    assert counted == [1, 1, 2]
 
 
 def test_workers_in_other_folders_get_whole_paths(waves, tmp_path, monkeypatch):

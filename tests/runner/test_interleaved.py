@@ -1,5 +1,7 @@
 """The points of a scene are measured in turn, whatever their method and lighting."""
 
+from types import SimpleNamespace
+
 import pytest
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.runner.planning.experiment import Entry
@@ -40,10 +42,19 @@ def order(records):
     return [(number, label) for _, number, label in sorted(rounds)]
 
 
-def test_every_lighting_has_its_first_round_before_any_has_its_second(chosen):
-    report = Stops()
+def test_every_lighting_has_its_first_round_before_any_has_its_second(chosen, monkeypatch):
+    """Also where memory is short, so that a worker holds one point at a time."""
+    held, report, command = [], Stops(), workers.Workers.command
+
+    def watched(self, worker, **sent):
+        held.extend([len(self._held)] if sent["do"] == "round" else [])
+        return command(self, worker, **sent)
+
+    monkeypatch.setattr(workers.Workers, "command", watched)
+    monkeypatch.setattr(workers, "ROOM", 2.0)
     records = Run(chosen, report).go()
     assert report.given[-2:] == [0.0, 0.0], "after the last round of the only scene there is nothing left"
+    assert held == [1] * 12
     taken = order(records)
     assert [number for number, _ in taken] == [0] * 6 + [1] * 6
     assert {label for _, label in taken[:6]} == {"one", "two", "moved"}
@@ -65,31 +76,8 @@ def test_an_interrupted_run_of_lightings_takes_only_the_missing_rounds(chosen):
     assert list((chosen.out / "journal").iterdir()) == []
 
 
-def test_where_memory_is_short_a_worker_holds_one_point_at_a_time(chosen, monkeypatch):
-    held = []
-    command = workers.Workers.command
-
-    def watched(self, worker, **sent):
-        if sent["do"] == "round":
-            held.append(len(self._held))
-        return command(self, worker, **sent)
-
-    monkeypatch.setattr(workers.Workers, "command", watched)
-    monkeypatch.setattr(workers, "ROOM", 2.0)
-    records = Run(chosen, Silent()).go()
-    assert held == [1] * 12
-    assert [(one.status, len(one.rounds)) for one in records] == [("ok", 2)] * 6
-    assert all(one.frames[0].score for one in records)
-
-
-@pytest.mark.parametrize(("seconds", "rounds"), [(3.0, 2), (3.3, 1)])
-def test_rounds_are_left_out_where_the_budget_is_exceeded_by_more_than_a_quarter(chosen, monkeypatch, seconds, rounds):
+@pytest.mark.parametrize(("seconds", "spent"), [(3.0, False), (3.3, True)])
+def test_rounds_are_left_out_where_the_budget_is_exceeded_by_more_than_a_quarter(chosen, seconds, spent):
     """Each round may take half of the budget of 5 s."""
-    command = workers.Workers.command
-
-    def slow(self, worker, **sent):
-        return command(self, worker, **sent) | ({"spent_s": seconds} if sent["do"] == "round" else {})
-
-    monkeypatch.setattr(workers.Workers, "command", slow)
-    records = Run(chosen, Silent()).go()
-    assert [len(one.rounds) for one in records] == [rounds] * 6
+    taken = SimpleNamespace(journal=SimpleNamespace(rounds=lambda: {0: {"spent_s": seconds}}))
+    assert Run(chosen, Silent())._spent(taken) == spent

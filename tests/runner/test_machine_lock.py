@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from helpers.tiny_runs import TETRAHEDRON
+from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import run as run_module
@@ -108,13 +108,6 @@ def test_nobody_works_while_another_process_measures(tmp_path: Path) -> None:
                     assert not overlap(measured, span)
 
 
-def test_those_that_only_work_do_so_side_by_side(tmp_path: Path) -> None:
-    (one, said), (two, said_too) = lock_on(tmp_path), lock_on(tmp_path)
-    with one.shared(), two.shared():
-        pass
-    assert said == said_too == []
-
-
 def test_who_waits_to_measure_is_let_in_before_those_who_go_on_working(tmp_path: Path) -> None:
     log = tmp_path / "log"
     mine, said = lock_on(tmp_path)
@@ -126,15 +119,6 @@ def test_who_waits_to_measure_is_let_in_before_those_who_go_on_working(tmp_path:
         assert noted(log, "measuring")
     assert process.wait(PATIENCE_S) == 0
     assert [bool(text) for text in said] == [True, False], "an empty text says that the wait is over"
-
-
-def test_the_lock_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
-    with measuring(tmp_path):
-        pass
-    lock, said = lock_on(tmp_path)
-    with lock.exclusive():
-        pass
-    assert said == []
 
 
 def test_whoever_waits_reads_for_which_process_and_what_to_do(tmp_path: Path) -> None:
@@ -158,7 +142,7 @@ def test_who_will_not_wait_is_refused(tmp_path: Path) -> None:
         with pytest.raises(UserError, match=refused):
             lock.share()
     lock.share()
-    assert (lock.held, said) == (SHARED, [])
+    assert (lock.held, said) == (SHARED, []), "the lock of a process that was killed is free"
     lock.release()
     assert lock.held == FREE
 
@@ -205,56 +189,39 @@ def test_sharing_within_measuring_and_twice_does_nothing(tmp_path: Path) -> None
     with lock.shared(), lock.shared():
         pass
     with lock.exclusive():
-        with lock.shared():
+        with lock.shared(), lock.exclusive():
             lock.give_way()
         lock.share()
         process = other(tmp_path, log, "with lock.shared():\n    note('in')")
         until(lambda: noted(log, SAMPLES_TAKEN))
+        assert not noted(log, "in\n")
     assert process.wait(PATIENCE_S) == 0
     assert noted(log, "in\n")
 
 
-def test_after_an_error_the_lock_is_free(tmp_path: Path) -> None:
-    lock = MachineLock(tmp_path)
+def test_after_an_error_the_lock_is_free_in_the_folder_that_the_environment_names(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    lock = MachineLock()
     with pytest.raises(ValueError, match="no"), lock.shared(), lock.exclusive():
         raise ValueError("no")
+    assert {path.name for path in tmp_path.iterdir()} == {"shadowbench-gate", "shadowbench-turn"}
     free, said = lock_on(tmp_path)
     with free.exclusive():
         pass
     assert said == []
 
 
-def test_where_no_lock_file_can_be_had_nobody_waits(tmp_path: Path) -> None:
-    lock, said = lock_on(tmp_path / "is not there")
-    with lock.shared(), lock.exclusive():
-        lock.give_way()
-    assert said == [], "it does not wait"
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_environment_names_the_folder_in_common(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    with MachineLock().shared():
-        assert {path.name for path in tmp_path.iterdir()} == {"shadowbench-gate", "shadowbench-turn"}
-
-
-def test_on_a_disk_without_locks_nobody_waits(tmp_path: Path, monkeypatch) -> None:
+@pytest.mark.parametrize("reason", ["no folder", "no locks on the disk"])
+def test_where_no_lock_can_be_had_nobody_waits(tmp_path: Path, monkeypatch, reason: str) -> None:
     def none_here(file, kind):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("shadowbench.harness.runner.machine.lock.fcntl.flock", none_here)
-    lock, said = lock_on(tmp_path)
+    if reason != "no folder":
+        monkeypatch.setattr("shadowbench.harness.runner.machine.lock.fcntl.flock", none_here)
+    lock, said = lock_on(tmp_path / "is not there" if reason == "no folder" else tmp_path)
     with lock.shared(), lock.exclusive():
         lock.give_way()
     assert said == []
-
-
-def test_another_measures_while_this_process_only_waits_for_its_workers(tmp_path: Path) -> None:
-    lock, measured = MachineLock(tmp_path), tmp_path / "measured"
-    with lock.shared():
-        with lock.released():
-            assert other(tmp_path, measured, "with lock.exclusive():\n    note('in')").wait(PATIENCE_S) == 0
-        assert lock.held == SHARED
 
 
 def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -> None:
@@ -267,46 +234,25 @@ def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -
         assert lock.held == FREE
 
 
-def test_measuring_within_measuring_gives_nothing_up(tmp_path: Path) -> None:
-    lock, log = MachineLock(tmp_path), tmp_path / "log"
-    with lock.exclusive():
-        with lock.exclusive():
-            pass
-        process = other(tmp_path, log, "with lock.shared():\n    note('in')")
-        until(lambda: noted(log, SAMPLES_TAKEN))
-        assert not noted(log, "in\n")
-    assert process.wait(PATIENCE_S) == 0
-
-
 # --- whole runs -----------------------------------------------------------------------------------------------
 
 
 def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeypatch) -> None:
     """Grading is done under locks of the graders' own: this process has none that they would wait for."""
-    from shadowbench.harness.commands.run import plan_run
-
-    lock = MachineLock(tmp_path)
+    lock, send = MachineLock(tmp_path), workers.Workers.send
     for module in (run_module, workers):
         monkeypatch.setattr(module, "MACHINE", lock)
-    sent: list[tuple[str, bool, int]] = []
+    held: dict[str, set[int]] = {}
 
     def watched(crew, worker, **command):
         send(crew, worker, **command)
-        sent.append((command["do"], workers.grades(worker.name), lock.held))
+        held.setdefault(command["do"], set()).add(lock.held)
 
-    send = workers.Workers.send
     monkeypatch.setattr(workers.Workers, "send", watched)
-
-    options = plan_run(
-        "table1", "quick", "cpu", ["cloth"], ["warp_bvh"], out=tmp_path / "out", size="32x32",
-        overrides={"frames": 1, "rounds": 2, "budget_s": 1.0},
-    )  # fmt: skip
-    run_module.Run(options, Silent()).go()
-    kinds = {kind for kind, _, _ in sent}
-    assert {"load", "prepare", "round", "grade", "free"} <= kinds
-    for kind, grades, held in sent:
-        wanted = {"round": EXCLUSIVE, "grade": FREE}.get(kind, SHARED)
-        assert held == wanted, (kind, grades)
+    scene = write_scene(tmp_path / "tetra.obj")
+    run_module.Run(options(tmp_path / "out", [scene], ["uniform_grid"], frames=1, score=True), Silent()).go()
+    wanted = {"load": SHARED, "prepare": SHARED, "round": EXCLUSIVE, "grade": FREE, "free": SHARED}
+    assert held == {kind: {one} for kind, one in wanted.items()}
     assert lock.held == FREE
 
 
@@ -315,10 +261,8 @@ def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> N
     from shadowbench.harness.runner.workers.handle import Remote
 
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    scene = tmp_path / "tetra.obj"
-    scene.write_text(TETRAHEDRON)
     load = {
-        "do": "load", "scene": str(scene), "scene_dir": None, "frames": 1, "width": 8, "height": 8,
+        "do": "load", "scene": write_scene(tmp_path / "tetra.obj"), "scene_dir": None, "frames": 1, "width": 8, "height": 8,
         "shared": str(tmp_path / "scene.npz"), "lighting": {}, "make": True,
     }  # fmt: skip
     worker, lock = Remote("grading", tmp_path / "grading.log"), MachineLock(tmp_path)
@@ -340,9 +284,8 @@ def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> N
 
 def test_a_command_called_from_a_script_does_not_keep_the_lock(tmp_path: Path) -> None:
     """Its arguments are read before it takes the lock; that there is no such frame is found while it holds it."""
-    (tmp_path / "tetra.obj").write_text(TETRAHEDRON)
     with pytest.raises(UserError, match="--frame 99"):
-        explain(str(tmp_path / "tetra.obj"), "0,0", frame=99, size="8x8", device="cpu")
+        explain(write_scene(tmp_path / "tetra.obj"), "0,0", frame=99, size="8x8", device="cpu")
     assert MACHINE.held == FREE
 
 

@@ -1,7 +1,5 @@
 """What is said while a run goes on, in which order scenes are measured, and the estimate of what is left."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers.experiment_records import record_of
@@ -131,37 +129,27 @@ def test_the_estimate_holds_within_a_factor_of_two(seconds):
             assert 0.5 < estimate.left() / rest < 2.0
 
 
-def test_a_run_has_an_estimate_after_preparing_after_every_round_and_every_scene(tmp_path):
-    class Estimates(Silent):
-        def __init__(self):
-            self.given: list[float] = []
-
-        def left(self, seconds):
-            self.given.append(seconds)
-
-    chosen = options(tmp_path / "out", [write_scene(tmp_path / "a.obj")], ["warp_bvh"], frames=1, rounds=3)
-    twice = replace(chosen.preset, also=(replace(chosen.preset, width=9),))
-    report = Estimates()
-    Run(replace(chosen, preset=twice), report).go()
-    assert len(report.given) == 2 * (1 + 3 + 1)
-    assert all(seconds > 0 for seconds in report.given[:-2])
-    assert report.given[-2:] == [0.0, 0.0], "after the last round there is nothing left"
-
-
-def test_small_scenes_are_measured_first_and_records_come_in_the_order_declared(tmp_path):
+def test_a_run_has_an_estimate_at_every_step_and_measures_small_scenes_first(tmp_path):
+    """After preparing, after every round and every scene; the records come in the order declared."""
     small = write_scene(tmp_path / "small.obj")
     points = np.random.default_rng(1).random((300, 3))
     np.savez(tmp_path / "large.npz", V=points, F=np.arange(300).reshape(-1, 3))
-    measured = []
+    given, measured = [], []
 
     class Noted(Silent):
+        def left(self, seconds):
+            given.append(seconds)
+
         def point(self, record):
             measured.append(record.scene["name"])
 
     scenes = [str(tmp_path / "large.npz"), small]
-    records = Run(options(tmp_path / "out", scenes, ["warp_bvh"], rounds=1), Noted()).go()
+    records = Run(options(tmp_path / "out", scenes, ["warp_bvh"], frames=1, rounds=3), Noted()).go()
     assert measured == ["small", "large"]
     assert [record.scene["name"] for record in records] == ["large", "small"]
+    assert len(given) == 2 * (1 + 3 + 1)
+    assert all(seconds > 0 for seconds in given[:-2])
+    assert given[-2:] == [0.0, 0.0], "after the last round there is nothing left"
 
 
 def test_the_work_of_a_scene_is_known_before_it_is_made(tmp_path):

@@ -13,7 +13,6 @@ from helpers.tiny_runs import go, options, write_scene
 from shadowbench.harness.commands.render import render
 from shadowbench.harness.commands.run import shown
 from shadowbench.harness.results.schema import read_records
-from shadowbench.harness.runner import run as run_module
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
@@ -29,7 +28,8 @@ def troubled(package, scene, tmp_path_factory):
     ).split()
     entries = [Entry(name, {}, name) for name in names]
     # A second point of a method whose worker was lost is measured by a new worker.
-    entries.append(Entry("hangs", {"ms": "1"}, "hangs again"))
+    entries += [Entry("hangs", {"ms": "1"}, "hangs again"), Entry("of_a_library", {}, "of_a_library")]
+    entries.append(Entry("of_a_library", {"holds": "-1"}, "of less than nothing"))
     return out, go(options(out, [scene], entries, timeout_s=3.0))
 
 
@@ -55,6 +55,8 @@ UNSTEADY = "the timed frames gave other answers than the frame that was judged"
         ("varies", "ok", ""),
         ("greedy", "ok", ""),
         ("hoards", "ok", ""),
+        ("of_a_library", "ok", ""),
+        ("of less than nothing", "failed", "ValueError: held_bytes() is -1: less than 0"),
         ("broken", "failed", "cannot be constructed: ImportError: libmissing.so: cannot open"),
     ],
 )
@@ -63,15 +65,11 @@ def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
     assert (records[label].status, records[label].reason) == (status, reason)
 
 
-def test_every_planned_point_has_one_record_and_no_journal(troubled):
+def test_every_planned_point_has_one_record_that_holds_every_sample_and_no_journal(troubled):
     out, records = troubled
-    assert len(records) == 17
+    assert len(records) == 19
     assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r.key for r in records.values())
     assert list((out / "journal").iterdir()) == []
-
-
-def test_a_record_holds_every_sample(troubled):
-    _, records = troubled
     frame = records["steady"].frames[0]
     assert len(frame.total_ms) == len(frame.wall_ms) == 6
     assert frame.round == [0, 0, 0, 1, 1, 1]
@@ -83,19 +81,16 @@ def test_a_record_holds_every_sample(troubled):
     assert frame.counters == {"frames": 1}
     assert frame.unscored.startswith("not requested")
     assert records["steady"].stopped_by == "samples"
-    assert {r["place"] for r in records["steady"].rounds} <= set(range(17))
+    assert {r["place"] for r in records["steady"].rounds} <= set(range(19))
+    assert {name: records[name].frames[0].regrown for name in ("grows", "varies", "steady")} == {
+        "grows": 2, "varies": 1, "steady": 0,
+    }  # fmt: skip
+    assert [len(records[name].rounds) for name in ("once", "fickle")] == [0, 1], "rounds before other answers stay"
 
 
 def started(run: Run) -> set[str]:
     """The names of the workers whose process was started at least once."""
     return {name for name, worker in run.workers._remotes.items() if worker.generation}
-
-
-def test_growth_is_recorded_and_over_before_timing(troubled):
-    _, records = troubled
-    assert records["grows"].frames[0].regrown == 2
-    assert records["varies"].frames[0].regrown == 1
-    assert records["steady"].frames[0].regrown == 0
 
 
 def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
@@ -109,49 +104,35 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
     assert {p: p.read_bytes() for p in (out / "records").iterdir()} == before
 
 
-def test_what_answers_otherwise_later_has_the_rounds_before_it(troubled):
+def test_memory_that_warp_does_not_allocate_is_counted(troubled):
+    """320 MiB of numpy, held from frame to frame or allocated in each, or what a method says it holds, as a structure of a
+    library on a GPU: no allocator of Warp's knows of it."""
     _, records = troubled
-    assert [len(records[name].rounds) for name in ("once", "fickle")] == [0, 1]
-
-
-def test_memory_that_numpy_allocates_is_counted(troubled):
-    """320 MiB, held from frame to frame or allocated in each: no allocator of Warp's knows of it."""
-    _, records = troubled
-    held = {name: records[name].frames[0].memory_bytes for name in ("steady", "greedy", "hoards")}
+    held = {name: records[name].frames[0].memory_bytes for name in ("steady", "greedy", "hoards", "of_a_library")}
     assert held["steady"] < 1 << 20
     assert min(held["greedy"], held["hoards"]) > 300 << 20
-
-
-def test_memory_that_a_method_says_it_holds_is_counted(package, scene, tmp_path):
-    """As a structure of a library on a GPU: no allocator of Warp's and no growth of the process knows of it."""
-    of_a_library, wrong = Entry("of_a_library", {}, "right"), Entry("of_a_library", {"holds": "-1"}, "wrong")
-    records = go(options(tmp_path / "out", [scene], [of_a_library, wrong]))
-    frame = records["right"].frames[0]
-    assert 5 << 20 <= frame.memory_bytes < 6 << 20
-    assert frame.memory_source == "warp allocations and what the method holds besides"
-    assert records["wrong"].reason == "ValueError: held_bytes() is -1: less than 0"
-    (less,) = go(options(tmp_path / "less", [scene], [of_a_library], memory=1 << 20)).values()
-    assert (less.status, less.reason) == ("rejected", "needs 5,242,880 bytes; the limit is 1,048,576")
+    assert 5 << 20 <= held["of_a_library"] < 6 << 20
+    source = records["of_a_library"].frames[0].memory_source
+    assert source == "warp allocations and what the method holds besides"
 
 
 def test_a_method_that_holds_more_than_it_may_is_rejected(package, scene, tmp_path):
-    entries = [Entry(name, {}, name) for name in ("steady", "greedy", "hoards", "warp_bvh")]
+    """By any means: with numpy, as a library does on a GPU, of which only the method knows."""
+    entries = [Entry(name, {}, name) for name in ("steady", "greedy", "hoards", "of_a_library", "warp_bvh")]
     records = go(options(tmp_path, [scene], entries, memory=1 << 20, rounds=1))
-    assert [records[e.method].status for e in entries] == ["ok", "rejected", "rejected", "ok"]
+    assert [records[e.method].status for e in entries] == ["ok", "rejected", "rejected", "rejected", "ok"]
     for name in ("greedy", "hoards"):
         assert re.fullmatch(r"needs [\d,]+ bytes; the limit is 1,048,576", records[name].reason)
-    less = go(options(tmp_path, [scene], ["uniform_grid"], memory=1 << 10, rounds=1))
-    assert {r.status for r in less.values()} == {"rejected"}
+    assert records["of_a_library"].reason == "needs 5,242,880 bytes; the limit is 1,048,576"
 
 
 @pytest.mark.parametrize("name", ["warp_bvh", "embree"])
 def test_memory_does_not_depend_on_what_the_process_did_before(scene, tmp_path, name):
     """The first point of a process compiles kernels and loads libraries."""
     pytest.importorskip("embreex", reason="embree is what is measured")
-    (alone,) = go(options(tmp_path / "alone", [scene], [Entry(name, {}, "it")], rounds=1)).values()
     other = Entry(name, {"threads": "1"} if name == "embree" else {"update": "refit"}, "before")
-    after = go(options(tmp_path / "after", [scene], [other, Entry(name, {}, "it")], rounds=1))["it"]
-    most = max(alone.frames[0].memory_bytes, after.frames[0].memory_bytes)
+    records = go(options(tmp_path, [scene], [other, Entry(name, {}, "it")], rounds=1))
+    most = max(record.frames[0].memory_bytes for record in records.values())
     assert most < 4 << 20, "four triangles: not the library that was loaded and the kernels that were compiled"
 
 
@@ -191,10 +172,9 @@ def test_a_scene_that_cannot_be_made_is_a_stated_failure(package, tmp_path):
     broken = tmp_path / "broken.obj"
     broken.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")
     good = write_scene(tmp_path / "good.obj")
-    records = Run(options(tmp_path / "out", [good, str(broken)], ["steady"]), Silent())
     # The command line refuses such a file before anything starts; a file may also break in between.
-    statuses = [(r.scene["name"], r.status) for r in _breaking(records, broken)]
-    assert statuses == [("good", "ok"), ("broken", "failed")]
+    records = Run(options(tmp_path / "out", [good, str(broken)], ["steady"]), Silent()).go()
+    assert [(r.scene["name"], r.status) for r in records] == [("good", "ok"), ("broken", "failed")]
 
 
 def test_a_scene_that_is_made_at_last_has_no_column_of_its_failure(package, tmp_path, monkeypatch):
@@ -281,45 +261,28 @@ def test_answers_of_a_method_that_goes_elsewhere_are_found(package, tmp_path, mo
     assert (tmp_path / "picture.png").exists()
 
 
-def _breaking(runner, path):
-    """Run with a file that is whole when asked for its hash, and broken when a worker reads it."""
-    known = run_module.known_scene
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            run_module, "known_scene", lambda folder, load: None if load["scene"] == str(path) else known(folder, load)
-        )
-        return runner.go()
-
-
-def test_answers_are_scored_against_the_reference(scene, tmp_path):
-    pytest.importorskip("embreex", reason="the reference needs Embree")
-    chosen = options(tmp_path, [scene], ["warp_bvh"], width=32, height=32, score=True, save_answers=True)
-    (measured,) = Run(chosen, Silent()).go()
-    score = measured.frames[0].score
-    assert score.primary.pixels == 32 * 32
-    assert score.true_errors == 0
-    assert measured.frames[0].unscored is None
-    assert measured.frames[0].shadow_rays > 0
-    assert list((tmp_path / "truth").glob("*.npz"))
-    assert (tmp_path / "answers" / f"{measured.key}-0.npz").exists()
-    assert (tmp_path / "images" / "tetra-32x32.png").stat().st_size > 1000
-    assert measured.frames[0].memory_bytes > 0
-
-
 def test_several_graders_give_the_scores_of_one(scene, tmp_path):
+    """Each point has its score, its answers and its map, and the scene its picture and its reference."""
+    pytest.importorskip("embreex", reason="the reference needs Embree")
     entries = [Entry("accuracy_ladder", {"test": t}, t) for t in ("exact", "woop", "float64")]
     found = {}
     for graders in (1, 2):
         out = tmp_path / str(graders)
-        chosen = options(out, [scene], entries, score=True, frames=1, wrong_maps=True)
+        chosen = options(out, [scene], entries, score=True, save_answers=True, frames=1, wrong_maps=True)
         records = Run(chosen, Silent(), graders=graders).go()
         found[graders] = {record.method["label"]: record for record in records}
         assert len(list((out / "logs").glob("grading*"))) == graders
         assert len(list((out / "maps").glob("*-wrong.png"))) == len(entries)
         assert not list((out / "journal").iterdir())
+        assert list((out / "truth").glob("*.npz"))
+        assert (out / "images" / "tetra-8x8.png").stat().st_size > 100
     for label, one in found[1].items():
-        assert one.frames[0].score.check == "ok", label
-        assert one.frames[0].score == found[2][label].frames[0].score, label
+        (frame,) = one.frames
+        assert frame.score.check == "ok", label
+        assert (frame.score.primary.pixels, frame.unscored) == (64, None)
+        assert min(frame.shadow_rays, frame.memory_bytes) > 0
+        assert (tmp_path / "1" / "answers" / f"{one.key}-0.npz").exists()
+        assert frame.score == found[2][label].frames[0].score, label
 
 
 def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):

@@ -1,8 +1,10 @@
 """Keys of records: an edit makes those records stale whose measurement imports the edited module, and no others."""
 
+import contextlib
 import importlib
 import shutil
 import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -22,14 +24,13 @@ from shadowbench.harness.runner.source.closure import (
 METHODS = registry.built_in_names()
 
 
-def copied(folder: Path) -> Path:
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory) -> Path:
+    """A copy of the project. Who edits it puts back what was there."""
+    folder = tmp_path_factory.mktemp("copied")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
-
-
-def hashes(root: Path) -> dict[str, str]:
-    return {name: source_hash(registry.method_class(name), root) for name in METHODS}
 
 
 def reached(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
@@ -46,10 +47,25 @@ def reached(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
     return found
 
 
-def edit(file: Path, text: bytes = b"\nan_edit = 1\n") -> bytes:
-    before = file.read_bytes()
-    file.write_bytes(before + text)
-    return before
+@contextlib.contextmanager
+def edited(*files: Path, text: bytes = b"\nan_edit = 1\n") -> Iterator[None]:
+    """Inside, the files have a line more."""
+    before = {file: file.read_bytes() for file in files}
+    for file, content in before.items():
+        file.write_bytes(content + text)
+    yield
+    for file, content in before.items():
+        file.write_bytes(content)
+
+
+def that_count(folder: Path, paths: Iterable[str], cls: type) -> set[str]:
+    """The files whose edit changes the hash of a method."""
+    before, found = source_hash(cls), set()
+    for path in paths:
+        with edited(folder / path):
+            found |= {path} if source_hash(cls) != before else set()
+    assert source_hash(cls) == before
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -59,25 +75,22 @@ def stale() -> dict[str, set[str]]:
     return {module: {name for name in METHODS if file in files[name]} for module, file in modules().items()}
 
 
-def test_a_hash_changes_with_each_of_its_files_and_with_no_other(tmp_path) -> None:
-    """On a copied tree: each file of one method edited by itself; of each method all other files of the project at once."""
-    root = copied(tmp_path)
+def test_a_hash_changes_with_each_of_its_files_and_with_no_other(copied) -> None:
+    """On a copied tree, whose folder has no part in it: each file of one method edited by itself; of each method all other
+    files of the project at once."""
     for name in METHODS:
         cls = registry.method_class(name)
-        files = source_files(cls, root)
-        before = source_hash(cls, root)
+        files = source_files(cls, copied)
+        before = source_hash(cls)
         assert (hash_of(files) == before) == (not further_sources(cls, files)), name
         for file in files.values() if name == METHODS[0] else ():
-            content = edit(file)
-            assert hash_of(files) != before, file
-            file.write_bytes(content)
-            edit(file, b'\n# a comment\n"""and a docstring"""\n')
-            assert hash_of(files) == before, file
-            file.write_bytes(content)
-        others = {file: edit(file) for file in set(modules(root).values()) - set(files.values())}
-        assert source_hash(cls, root) == before, name
-        for file, content in others.items():
-            file.write_bytes(content)
+            with edited(file):
+                assert hash_of(files) != before, file
+        if name == METHODS[0]:
+            with edited(*files.values(), text=b'\n# a comment\n"""and a docstring"""\n'):
+                assert hash_of(files) == before
+        with edited(*set(modules(copied).values()) - set(files.values())):
+            assert source_hash(cls, copied) == before, name
 
 
 def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
@@ -123,10 +136,6 @@ def test_what_every_measurement_runs_makes_all_methods_stale_and_what_none_runs_
         assert {module for module in within if stale[module]} == set()
 
 
-def test_the_folder_has_no_part_in_the_hash(tmp_path) -> None:
-    assert hashes(copied(tmp_path / "elsewhere")) == hashes(ROOT)
-
-
 # --- methods of other distributions ---------------------------------------------------------------------------
 
 METHOD = "from shadowbench.harness.frame.method import SimpleMethod\n"
@@ -170,22 +179,14 @@ def installed(folder: Path, files: dict[str, str], monkeypatch, name: str) -> ty
     ],
 )  # fmt: skip
 def test_a_method_of_another_package(tmp_path, monkeypatch, files, name, depends) -> None:
-    cls = installed(tmp_path, files, monkeypatch, name)
-    before = source_hash(cls)
-    changed = set()
-    for path in files:
-        content = edit(tmp_path / path)
-        changed |= {path} if source_hash(cls) != before else set()
-        (tmp_path / path).write_bytes(content)
-    assert changed == depends
+    assert that_count(tmp_path, files, installed(tmp_path, files, monkeypatch, name)) == depends
 
 
-def test_a_method_of_another_package_that_measures_as_ours_do(tmp_path, monkeypatch) -> None:
+def test_a_method_of_another_package_that_measures_as_ours_do(copied, tmp_path, monkeypatch) -> None:
     cls = installed(tmp_path / "theirs", LONE, monkeypatch, "lone")
-    root = copied(tmp_path / "project")
-    before = source_hash(cls, root)
-    edit(root / "harness/frame/session.py")
-    assert source_hash(cls, root) != before
+    before = source_hash(cls, copied)
+    with edited(copied / "harness/frame/session.py"):
+        assert source_hash(cls, copied) != before
 
 
 def test_a_base_class_from_another_distribution_counts(tmp_path, monkeypatch) -> None:
@@ -196,9 +197,7 @@ def test_a_base_class_from_another_distribution_counts(tmp_path, monkeypatch) ->
     text = "import importlib\nclass Theirs(importlib.import_module('their_' + 'base').Theirs): ...\n"
     cls = installed(tmp_path / "b", {"their_method.py": text}, monkeypatch, "their_method")
     assert base in cls.__mro__
-    before = source_hash(cls)
-    edit(tmp_path / "a/their_base.py")
-    assert source_hash(cls) != before
+    assert that_count(tmp_path, ["a/their_base.py"], cls)
 
 
 SOURCED = {
@@ -217,13 +216,8 @@ SOURCED = {
 
 def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) -> None:
     cls = installed(tmp_path, SOURCED, monkeypatch, "sourced")
+    assert that_count(tmp_path, SOURCED, cls) == set(SOURCED) - {"sourced/base/other.cu", "sourced/data/unused.bin"}
     before = source_hash(cls)
-    changed = set()
-    for path in SOURCED:
-        content = edit(tmp_path / path)
-        changed |= {path} if source_hash(cls) != before else set()
-        (tmp_path / path).write_bytes(content)
-    assert changed == set(SOURCED) - {"sourced/base/other.cu", "sourced/data/unused.bin"}
     (tmp_path / "sourced/new.cu").write_text("")
     assert source_hash(cls) != before
     (tmp_path / "sourced/new.cu").unlink()
@@ -247,16 +241,12 @@ def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) 
         ("declared.toml", "harness.scene.declaration", True),
     ],
 )
-def test_the_facts_of_a_scene_follow_from_its_maker(tmp_path, monkeypatch, scene, module, made_again) -> None:
+def test_the_facts_of_a_scene_follow_from_its_maker(copied, tmp_path, monkeypatch, scene, module, made_again) -> None:
     (tmp_path / "declared.toml").write_text('mesh = "fairy"\n')
-    root = copied(tmp_path / "project")
-    monkeypatch.setattr(known_scenes, "closure_hash", lambda roots: closure_hash(roots, places(root)))
+    places = {f"{PROJECT}.{package}": copied / package for package in PACKAGES}
+    monkeypatch.setattr(known_scenes, "closure_hash", lambda roots: closure_hash(roots, places))
     name = str(tmp_path / scene) if scene.endswith("toml") else scene
     load = {"scene": name, "scene_dir": None, "frames": 1, "width": 8, "height": 8, "lighting": {}}
     before = known_scenes._scene_id(load)
-    edit(modules(root)[module])
-    assert (known_scenes._scene_id(load) != before) == made_again
-
-
-def places(root: Path) -> dict[str, Path]:
-    return {f"{PROJECT}.{package}": root / package for package in PACKAGES}
+    with edited(modules(copied)[module]):
+        assert (known_scenes._scene_id(load) != before) == made_again

@@ -23,8 +23,6 @@ from shadowbench.harness.runner.planning.planned_point import orders
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
-CUDA = pytest.param("cuda:0", marks=pytest.mark.gpu)
-
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
@@ -113,6 +111,12 @@ def test_counts_of_samples(device, capturable):
     assert min(measured.total_ms) > 0
     assert measured.stopped_by == "samples"
     assert abs(measured.started - time.time()) < 60
+    if device == "cpu" or capturable:
+        assert measured.row == {}
+    else:  # the part of the host is told apart where it launches pass by pass
+        assert {name: len(ms) for name, ms in measured.row.items()} == {"submitted_ms": 1, "row_ms": 1}
+        assert 0 < measured.row["submitted_ms"][0] < max(measured.wall_ms)
+        assert measured.row["row_ms"][0] > 0
 
 
 def test_passes_of_a_captured_frame_that_has_too_many_are_not_timed_one_by_one(device, monkeypatch):
@@ -122,19 +126,6 @@ def test_passes_of_a_captured_frame_that_has_too_many_are_not_timed_one_by_one(d
     counts = [len(one["ms"]) for one in measured.passes]
     assert counts == ([3, 3, 3] if device == "cpu" else [0, 0, 0])
     assert len(measured.total_ms) == 1
-
-
-@pytest.mark.parametrize("capturable", [True, False])
-def test_the_part_of_the_host_is_told_apart_where_it_launches_pass_by_pass(device, capturable):
-    method = Spinner()
-    method.capturable = capturable
-    measured = sample_frame(session(method, device), Sampling(samples=2, most=2, stage_samples=1))
-    if device == "cpu" or capturable:
-        assert measured.row == {}
-    else:
-        assert {name: len(ms) for name, ms in measured.row.items()} == {"submitted_ms": 1, "row_ms": 1}
-        assert 0 < measured.row["submitted_ms"][0] < max(measured.wall_ms)
-        assert measured.row["row_ms"][0] > 0
 
 
 @pytest.mark.parametrize("capturable", [True, False])
@@ -215,12 +206,6 @@ def test_the_budget_stops_a_slow_method_after_at_least_one_sample():
     tiny = sample_frame(session(Sleeper()), Sampling(samples=5, most=5, budget_s=1e-9))
     assert len(tiny.total_ms) == 1
     assert tiny.stopped_by == "budget"
-
-
-def test_a_deviation_that_is_not_met_takes_more_samples():
-    measured = sample_frame(session(), Sampling(samples=3, most=9, deviation=1e-9, stage_samples=1))
-    assert len(measured.total_ms) == 9
-    assert measured.stopped_by == "most"
 
 
 def test_no_garbage_is_collected_inside_samples():

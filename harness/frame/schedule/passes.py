@@ -83,11 +83,9 @@ class Pass:
             raise ValueError(f"pass {self.name!r}: nothing can run at the same time as a loop")
 
     def run(self) -> None:
-        """Launch it, if its condition holds."""
         run_passes([self])
 
     def hinted(self, **changed: Any) -> Pass:
-        """The same pass with other hints."""
         return replace(self, hints=replace(self.hints, **changed))
 
 
@@ -119,6 +117,5 @@ def condition(work: Pass) -> wp.array | None:
 
 
 def launch_all(passes: Sequence[Pass]) -> None:
-    """Launch every pass, whatever its condition."""
     for work in passes:
         work.launch()

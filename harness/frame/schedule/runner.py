@@ -27,7 +27,6 @@ class PassRunner:
         return self.capturable and wp.get_device(self.device).is_cuda
 
     def run(self) -> None:
-        """Launch every pass once, eagerly."""
         with wp.ScopedDevice(self.device):
             run_passes(self.passes)
 

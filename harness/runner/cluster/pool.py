@@ -44,7 +44,6 @@ class Pool:
 
     @property
     def resources(self) -> dict[str, float]:
-        """The resources that a task takes of a worker."""
         return {RESOURCES[self.kind]: 1}
 
     def workers(self) -> dict[str, str]:

@@ -70,7 +70,6 @@ class Shard:
 
     @property
     def about(self) -> dict[str, str]:
-        """Its scene and size, as the log has them."""
         preset = self.options.preset
         return {"scene": preset.scenes[0], "size": f"{preset.width}x{preset.height}"}
 

@@ -102,7 +102,6 @@ class MachineLock:
             self._share()
 
     def release(self) -> None:
-        """Release the lock."""
         self._beside = False
         self._change(FREE)
 

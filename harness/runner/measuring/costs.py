@@ -43,7 +43,6 @@ class Used:
 
     @property
     def watts(self) -> float:
-        """The mean power."""
         return self.joules / self.seconds
 
 

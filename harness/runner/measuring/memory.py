@@ -31,13 +31,11 @@ class Memory:
         self._core, self._resident = runtime.core, 0
 
     def start(self) -> None:
-        """Reset the counters and start counting."""
         self._core.wp_alloc_tracker_enable(1)
         self._core.wp_alloc_tracker_reset()
         self._resident = resident_bytes()
 
     def pause(self) -> None:
-        """Stop counting."""
         self._core.wp_alloc_tracker_enable(0)
 
     def peak(self) -> int:
@@ -53,7 +51,6 @@ class Memory:
 
 
 def resident_bytes() -> int:
-    """Resident memory of this process, bytes."""
     return int(psutil.Process().memory_info().rss)
 
 

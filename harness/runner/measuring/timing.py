@@ -72,7 +72,6 @@ class FrameSamples:
     row: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, pairs: list[tuple[float, float]]) -> None:
-        """Add samples of whole frames."""
         self.total_ms += [round(total, 6) for total, _ in pairs]
         self.wall_ms += [round(wall, 6) for _, wall in pairs]
 
@@ -203,7 +202,6 @@ def _row(session: PassRunner, budget_s: float, lasts_ms: float) -> dict[str, lis
 
 
 def _stages(session: PassRunner) -> list[float]:
-    """One sample of every pass, in milliseconds."""
     device, launches = wp.get_device(session.device), [step.run for step in session.passes]
     if not device.is_cuda:
         with wp.ScopedDevice(device):

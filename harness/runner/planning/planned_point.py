@@ -52,7 +52,6 @@ def refuse_own_settings(experiment: str, texts: list[str], entries: tuple[Entry,
 
 
 def _parsed(text: str) -> tuple[str, str, str]:
-    """Method, parameter and value of a setting."""
     match = re.fullmatch(r"([\w-]+)\.(\w+)=(.*)", text)
     if not match:
         raise UserError(f"--set {text!r}: write it as method.param=value")

@@ -111,7 +111,6 @@ def busy(device: str) -> str:
 
 
 def as_json(options: Options, points: list[Planned]) -> dict[str, Any]:
-    """What ``run --dry-run --json`` prints."""
     seconds, known = seconds_left(points)
     rows = [
         {"scene": p.scene, "light": p.light, "method": p.method, "status": p.status or "to be measured"} for p in points

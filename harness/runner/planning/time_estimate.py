@@ -117,7 +117,6 @@ class Unit:
 
     @classmethod
     def of(cls, scene: str, part: Preset) -> Unit:
-        """Those of a scene of a preset."""
         points = len(part.methods) * len(part.lightings)
         return cls(expected_work(scene, part), points, OVERHEAD * part.budget_s)
 
@@ -138,7 +137,6 @@ class Estimate:
         self._measured: list[tuple[Unit, float]] = []
 
     def begin(self, unit: Unit) -> None:
-        """A unit is under way from now on."""
         self.to_do.remove(unit)
         self._unit, self._began, self.once = unit, self.clock(), 0.0
 

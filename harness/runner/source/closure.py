@@ -88,7 +88,6 @@ def hash_of(files: Mapping[str, Path]) -> str:
 
 @functools.lru_cache(maxsize=4096)
 def _code_hash(source: bytes) -> str:
-    """Sha256 of a file's code."""
     return hashlib.sha256(code_of(source)).hexdigest()
 
 
@@ -152,7 +151,6 @@ def _file(name: str, places: Mapping[str, Path]) -> Path | None:
 
 
 def project(root: Path = ROOT) -> dict[str, Path]:
-    """The places of this project's packages."""
     return {f"{PROJECT}.{room}": root / room for room in ("harness", "methods", "experiments")}
 
 

@@ -45,7 +45,6 @@ def _written(value: Any) -> Iterator[str]:
 
 
 def _is_text(statement: Any) -> bool:
-    """Whether a statement is only a string."""
     if not isinstance(statement, ast.Expr) or not isinstance(statement.value, ast.Constant):
         return False
     return isinstance(statement.value.value, str)

@@ -152,7 +152,6 @@ class Worker:
         return {**made.facts, "answers": made.answers_hash(), "room": room(made.device)}
 
     def round(self, key: str, sampling: dict[str, Any]) -> dict[str, Any]:
-        """One round of samples of every frame of a point."""
         point = self.points[key]
         # Clocks are read after the samples, because reading them disturbs a GPU.
         return {**point.round(Sampling(**sampling)), "clock": clock_state(point.device)}

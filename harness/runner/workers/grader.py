@@ -124,7 +124,6 @@ class Grader:
 
 
 def hits(triangles: NDArray) -> int:
-    """Number of rays that hit a triangle."""
     return int(np.count_nonzero(triangles >= 0))
 
 

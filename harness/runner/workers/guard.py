@@ -39,7 +39,6 @@ def main() -> None:
 
 
 def _guard(worker: int) -> NoReturn:
-    """Wait for the end of the worker, then end all else."""
     null = os.open(os.devnull, os.O_RDWR)
     for pipe in (0, 1):  # their ends are the worker's
         os.dup2(null, pipe)

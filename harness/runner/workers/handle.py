@@ -59,7 +59,6 @@ class Remote:
 
     @property
     def running(self) -> bool:
-        """Whether the process runs."""
         return self._process is not None
 
     def send(self, **command: Any) -> None:
@@ -151,7 +150,6 @@ class Remote:
             self._process.terminate()  # its guard ends what it guards
 
     def stop(self) -> None:
-        """End the process and all that it has started."""
         self.end()
         process, self._process = self._process, None
         if process is None:

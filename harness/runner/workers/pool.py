@@ -54,7 +54,6 @@ class Workers:
     # --- commands ---
 
     def command(self, worker: Remote, **command: Any) -> dict[str, Any]:
-        """Send a command and wait for its reply."""
         self.send(worker, **command)
         return self.reply(worker)
 
@@ -118,7 +117,6 @@ class Workers:
         self.send(self.get(name), **load_command(self.options, self.folder, lighting, scene, make), alone=alone)
 
     def _loads(self, name: str, lighting: Lighting) -> dict[str, Any]:
-        """What a worker that was asked to load replies."""
         reply = self.reply(self.get(name))
         self._loaded[name, lighting.label] = self.get(name).generation
         return reply
@@ -152,14 +150,12 @@ class Workers:
         return self._tell(self.get(job.method), do="free", key=job.point.key, light=light)
 
     def clear(self) -> None:
-        """Free the scene and all its points, in all workers."""
         self._held.clear()
         self._loaded.clear()
         for worker in self._remotes.values():
             self._tell(worker, do="free")
 
     def stop(self) -> None:
-        """End all processes, and remove the scene that they shared."""
         for worker in self._remotes.values():
             worker.end()
         for worker in self._remotes.values():

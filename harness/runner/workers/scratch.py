@@ -46,7 +46,6 @@ def folder() -> Path:
 
 @atexit.register
 def remove() -> None:
-    """Remove the folder of this process."""
     path, lock = _made.pop(os.getpid(), (None, -1))
     if path is not None:
         shutil.rmtree(path, ignore_errors=True)
