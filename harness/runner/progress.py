@@ -113,10 +113,9 @@ class Bar(Silent):
         mean = fmean(times) if times else 0.0
         result = f"{mean:{',.0f' if mean >= 100 else '.3g'}} ms per frame" if times else "no time"
         result = result + self._short(record) if record.status == "ok" else record.status
-        why = f": {record.reason}" if record.reason else ""
         light = (record.scene.get("lighting") or {}).get("label", "")
         what = ", ".join(filter(None, (record.scene["name"], light, record.method["label"])))
-        self._line(f"{what}: {result}{why}")
+        self._line(": ".join(filter(None, (what, result, record.reason))))
 
     def _short(self, record: Record) -> str:
         """A text if the budget ended before all rounds."""

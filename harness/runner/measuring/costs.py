@@ -57,18 +57,16 @@ def used(
     Raises :class:`MissingError` if the counter stands still.
     """
     last, calls, ends = counter(), 0, clock() + PATIENCE * seconds
-    begin: tuple[float, float, int] | None = None
+    begin: Used | None = None
     while clock() < ends:
         work()
         calls += 1
-        now, at = counter(), clock()
-        if now == last:
+        now = Used(counter(), clock(), calls)
+        if now.joules == last:
             continue
-        last = now
-        if begin is None:
-            begin = now, at, calls
-        elif at - begin[1] >= seconds:
-            return Used(now - begin[0], at - begin[1], calls - begin[2])
+        last, begin = now.joules, begin or now
+        if now.seconds - begin.seconds >= seconds:
+            return Used(now.joules - begin.joules, now.seconds - begin.seconds, calls - begin.calls)
     raise MissingError(f"the energy counter of the card did not move twice in {PATIENCE * seconds:g} s")
 
 

@@ -32,11 +32,9 @@ MEASURING = (f"{HARNESS}.runner.measuring.measured_point",)
 def source_hash(cls: type, root: Path = ROOT) -> str:
     """The hash of all source that a method's records depend on. ``root``: the folder of this project's packages."""
     files = source_files(cls, root)
-    total = hashlib.sha256(hash_of(files).encode())
-    further = further_sources(cls, files)
-    for name, file in sorted(further.items()):
-        total.update(f"{name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
-    return total.hexdigest() if further else hash_of(files)
+    known, further = hash_of(files), sorted(further_sources(cls, files).items())
+    lines = (f"{name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n" for name, file in further)
+    return hashlib.sha256("".join([known, *lines]).encode()).hexdigest() if further else known
 
 
 def further_sources(cls: type, files: Mapping[str, Path]) -> dict[str, Path]:
@@ -80,10 +78,8 @@ def closure_hash(roots: Iterable[str], places: Mapping[str, Path] | None = None)
 
 def hash_of(files: Mapping[str, Path]) -> str:
     """Sha256 of the names and the code of modules; the same wherever their folders lie, and for every Python."""
-    total = hashlib.sha256()
-    for name, file in sorted(files.items()):
-        total.update(f"{name} {_code_hash(file.read_bytes())}\n".encode())
-    return total.hexdigest()
+    lines = (f"{name} {_code_hash(file.read_bytes())}\n" for name, file in sorted(files.items()))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
 @functools.lru_cache(maxsize=4096)
@@ -97,21 +93,15 @@ def closure(roots: Iterable[str], places: Mapping[str, Path]) -> dict[str, Path]
     ``places``: the folder of each package, or the file of each lone module, whose modules are followed; an import of
     anything else is left out.
     """
-    found: dict[str, Path] = {}
-    todo, seen = list(roots), set()
+    found: dict[str, Path | None] = {"": None}
+    todo = list(roots)
     while todo:
         name = todo.pop()
-        if name in seen:
-            continue
-        seen.add(name)
-        file = _file(name, places)
-        if file is not None:
-            found[name] = file
-            todo += imported(name, file)
-        # Importing a module runs the packages around it.
-        if "." in name:
-            todo.append(name.rpartition(".")[0])
-    return found
+        if name not in found:
+            found[name] = file = _file(name, places)
+            todo += imported(name, file) if file is not None else ()
+            todo.append(name.rpartition(".")[0])  # importing a module runs the packages around it
+    return {name: file for name, file in found.items() if file is not None}
 
 
 def imported(name: str, file: Path) -> Iterator[str]:
