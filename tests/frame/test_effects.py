@@ -1,7 +1,7 @@
 """What a scene does not call for is not simulated: launch lists, memory, neutral values."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -27,6 +27,7 @@ from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.harness.scene.surface_rules import perforated
 
 # --- (1) the launch list without an effect is the list with it, minus exactly its passes ------------------------
 
@@ -140,16 +141,20 @@ def test_a_light_without_shadows_takes_no_memory(label):
 
 # --- (4) neutral values give the same bits ----------------------------------------------------------------------
 
-NEUTRAL = {
+NEUTRAL: dict[str, dict[str, Any]] = {
     "a spot of 4 pi": {"lights": (replace(POINT, spot=Spot((0, -1, 0), 180.0)), BEHIND)},
     "a fall-off": {"lights": (replace(POINT, spot=Spot((0, -1, 0), 180.0, falloff=1.0)), BEHIND)},
     "a light of no intensity": {"lights": (replace(POINT, intensity=0.0), BEHIND)},
     "one more light without shadows": {"lights": (POINT, BEHIND, replace(POINT, shadows=False, intensity=0.0))},
+    "an opaque mask": {"alpha": lambda mesh: replace(perforated(mesh, 1, 6), opaque=np.ones((2, 2), np.uint8))},
+    "no mirror": {"mirror": lambda mesh: np.zeros(len(mesh.faces), np.uint8), "bounces": 1},
 }
 
 
-@pytest.mark.parametrize("label", LAMPS)
-@pytest.mark.parametrize("neutral", NEUTRAL)
+@pytest.mark.parametrize(
+    ("label", "neutral"),
+    [(label, neutral) for label in LAMPS for neutral in NEUTRAL if label in EXACT or "lights" in NEUTRAL[neutral]],
+)
 def test_a_neutral_value_changes_no_bit(label, neutral, device):
     plain, changed = scene(), scene(**NEUTRAL[neutral])
     some = session_of(label, plain, device).answers(plain.moment(0, *SIZE))
