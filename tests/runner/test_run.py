@@ -30,7 +30,7 @@ def troubled(package, scene, tmp_path_factory):
     # A second point of a method whose worker was lost is measured by a new worker.
     entries += [Entry("hangs", {"ms": "1"}, "hangs again"), Entry("of_a_library", {}, "of_a_library")]
     entries.append(Entry("of_a_library", {"holds": "-1"}, "of less than nothing"))
-    return out, go(options(out, [scene], entries, timeout_s=3.0))
+    return out, go(options(out, [scene], entries, timeout_s=6.0))
 
 
 UNSTEADY = "the timed frames gave other answers than the frame that was judged"
@@ -46,8 +46,8 @@ UNSTEADY = "the timed frames gave other answers than the frame that was judged"
         ("once", "failed", f"{UNSTEADY} (frame 0: triangle, t, u, v)"),
         ("slow_start", "failed", f"{UNSTEADY} (frame 0: triangle, t)"),
         ("fickle", "failed", f"{UNSTEADY} (frame 0: shadowed)"),
-        ("hangs", "timeout", "no answer within 3 s; the worker was stopped"),
-        ("hangs again", "timeout", "no answer within 3 s; the worker was stopped"),
+        ("hangs", "timeout", "no answer within 6 s; the worker was stopped"),
+        ("hangs again", "timeout", "no answer within 6 s; the worker was stopped"),
         ("exits", "failed", "the worker exited with code 3: leaving"),
         ("rejects", "rejected", "needs 1000000000 pairs, allowed are 1048576"),
         ("skips", "skipped", "only for closed scenes"),
@@ -97,7 +97,7 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
     out, _ = troubled
     before = {p: p.read_bytes() for p in (out / "records").iterdir()}
     entries = [Entry(name, {}, name) for name in ("steady", "hangs")]
-    runner = Run(options(out, [scene], entries, timeout_s=3.0), Silent())
+    runner = Run(options(out, [scene], entries, timeout_s=6.0), Silent())
     again = runner.go()
     assert [r.status for r in again] == ["ok", "timeout"]
     assert started(runner) == set()
@@ -142,7 +142,7 @@ def test_retry_measures_failed_points_only(troubled, scene, tmp_path):
     entries = [Entry(name, {}, name) for name in ("steady", "raises")]
     kept, failed = (out / "records" / f"{first[entry.label].key}.json" for entry in entries)
     before, written, earlier = kept.read_bytes(), kept.stat().st_mtime_ns, failed.stat().st_mtime_ns
-    runner = Run(options(out, [scene], entries, timeout_s=3.0, retry=True), Silent())
+    runner = Run(options(out, [scene], entries, timeout_s=6.0, retry=True), Silent())
     assert [r.status for r in runner.go()] == ["ok", "failed"]
     assert (kept.read_bytes(), kept.stat().st_mtime_ns) == (before, written)
     assert failed.stat().st_mtime_ns > earlier
@@ -156,7 +156,7 @@ def test_another_configuration_is_another_point(troubled, scene, tmp_path, chang
 
     _, records = troubled
     entry, facts = Entry("steady", {}, "steady"), records["steady"].scene
-    plain = options(tmp_path, [scene], [entry], timeout_s=3.0).preset
+    plain = options(tmp_path, [scene], [entry], timeout_s=6.0).preset
     other = options(tmp_path, [scene], [entry], **change).preset
     method = describe_method(entry, "cpu")
     assert make_point("trial", plain, entry, facts, method, 0).key == records["steady"].key
