@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import warp as wp
@@ -33,22 +33,22 @@ class NoParameters:
     """For methods without parameters."""
 
 
-@runtime_checkable
 class Method(Protocol):
-    """The interface of a method. ``build`` and ``trace`` are its parameters."""
+    """The interface of a method, with what many methods need not say. ``build`` and ``trace`` are its parameters."""
 
-    name: ClassVar[str]
-    title: ClassVar[str]
-    capturable: bool
-    devices: ClassVar[tuple[str, ...]]
-    Build: ClassVar[type]
-    Trace: ClassVar[type]
+    name: ClassVar[str] = ""
+    title: ClassVar[str] = ""
+    capturable: bool = True
+    devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
+    Build: ClassVar[type] = NoParameters
+    Trace: ClassVar[type] = NoParameters
 
     def __init__(self, build: Any, trace: Any) -> None: ...
 
     @property
     def finds_closed(self) -> bool:
         """Whether closed surfaces are to be found for it (:mod:`..scene.closed`)."""
+        return False
 
     def applies(self, scene: Scene, device: str) -> str | None:
         """None, or the reason why this method cannot trace this scene on this device."""
@@ -58,36 +58,37 @@ class Method(Protocol):
 
     def needs(self) -> wp.array | None:
         """Device int64 array: the capacity that the last frame needed of each buffer; None if no buffer can overflow."""
+        return None
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         """Between frames: if a capacity was exceeded, raise it and return True; the frame is then repeated.
 
         Raises :class:`~..errors.CapacityRejected` if the need exceeds the limits given to :meth:`plan`.
         """
+        return False
 
     def counters(self) -> dict[str, int]:
         """Deterministic counters of the work of the last frame. May read from the device; never called while timing.
         Tables read those named in :mod:`..results.costs`.
         """
+        return {}
 
     def held_bytes(self) -> int:
         """Bytes on any device that it holds after the last frame and that Warp did not allocate, such as a structure of
         OptiX. They count as its memory, with Warp's arrays. Never called while timing.
         """
+        return 0
 
     def built(self) -> dict[str, Any]:
         """Facts about the acceleration structure (constructor, threads, ...), for the record and the table."""
+        return {}
 
 
-class BaseMethod:
-    """Defaults for the parts of the interface that many methods do not need."""
+class BaseMethod(Method):
+    """A method that declares what it supports."""
 
-    name: ClassVar[str] = ""
-    title: ClassVar[str] = ""
     formerly: ClassVar[tuple[str, ...]] = ()
     """Names that it had in earlier versions. Records with such a name are read as its own."""
-    capturable: bool = True
-    devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
     simulates: frozenset[str] = frozenset({"shadows", "directional"})
     """The effects (:meth:`~..scene.effects.Effects.names`) that it supports; give reasons for others in ``cannot``."""
     cannot: ClassVar[Mapping[str, str]] = {}
@@ -98,8 +99,6 @@ class BaseMethod:
     sources: ClassVar[tuple[str, ...]] = ()
     """Further files that its answers or its speed depend on, such as kernels that are not Python and data: names beside the
     class's own file, also patterns (``kernels/*.cu``). With them changed, its records are out of date."""
-    Build: ClassVar[type] = NoParameters
-    Trace: ClassVar[type] = NoParameters
 
     @classmethod
     def present_settings(cls, settings: dict[str, str]) -> dict[str, str]:
@@ -110,10 +109,6 @@ class BaseMethod:
         self.build = self.Build() if build is None else build
         self.trace = self.Trace() if trace is None else trace
 
-    @property
-    def finds_closed(self) -> bool:
-        return False
-
     def applies(self, scene: Scene, device: str) -> str | None:
         if device.split(":")[0] not in self.devices:
             return f"runs on {' and '.join(self.devices)} only"
@@ -121,21 +116,6 @@ class BaseMethod:
             if effect not in self.simulates:
                 return f"{effect}: {self.cannot.get(effect, REASONS.get(effect, 'not supported'))}"
         return None
-
-    def needs(self) -> wp.array | None:
-        return None
-
-    def grow(self, needed: NDArray[np.int64]) -> bool:
-        return False
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def held_bytes(self) -> int:
-        return 0
-
-    def built(self) -> dict[str, Any]:
-        return {}
 
 
 class SimpleMethod(BaseMethod):

@@ -48,21 +48,6 @@ def test_a_frame_is_of_one_kind_of_camera() -> None:
         session.answers(pinhole)
 
 
-def test_a_moved_camera_is_traced_anew() -> None:
-    trial = judged("O05 x1").trial
-    camera = trial.prepared.scene.camera
-    x, y, z = camera.eye
-    later = trial.prepared.moment(0, 24, 17, camera=replace(camera, eye=(x + 0.5, y, z)))
-    session = Session(make_method("bvh2"), trial.prepared, 24, 17, "cpu")
-    session.answers(trial.moment)
-    session.advance(later)
-    again = session.frame.answers.to_host()
-    fresh = Session(make_method("bvh2"), trial.prepared, 24, 17, "cpu").answers(later)
-    for key, values in fresh.items():
-        np.testing.assert_array_equal(again[key], values, key)
-    assert (fresh["triangle"] >= 0).any()
-
-
 def coloured(trial, camera) -> tuple[np.ndarray, np.ndarray]:
     """The colours of a frame, by the pass of the frame and by the host's picture of its answers."""
     scene = replace(trial.prepared.scene, outputs=("ids", "shadows", "color"), camera=camera)

@@ -5,7 +5,6 @@ import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.paper_knobs import answers_of, drawn
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.judge.receivers import in_spot
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.harness.scene.spotlight import spot_row
@@ -51,14 +50,6 @@ def test_the_spot_rule_agrees_with_angles():
         a, e = np.radians(azimuth), np.radians(elevation)
         way = np.array([[np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)]]) * 3.0
         assert in_spot(spot_row(spot), way)[0] == bool(inside), (azimuth, elevation)
-
-
-def test_methods_that_do_not_know_spots_say_so():
-    assert (
-        make_method("accuracy_ladder").applies(spotted(*SPOTS["wide cone"]).scene, "cpu")
-        == "receivers: its parameters are for whole frames of opaque triangles"
-    )
-    assert make_method("perspective_spherical").applies(spotted(*SPOTS["wide cone"]).scene, "cpu") is None
 
 
 @pytest.mark.parametrize("spot", [Spot((0, 0, 0), 20.0), Spot((0, 1, 0), 0.0), Spot((0, 1, 0), 20.0, rise=10.0)])
