@@ -9,15 +9,11 @@ from ..scene.prepared import Prepared, under
 from ..texts import numbered
 
 
-def bits_bytes(effects: Effects, pixels: int, targets: int) -> int:
-    """Bytes of the shadow bits of a frame: one for each target and pixel, as many for receivers, and so for each bounce."""
-    limited = any(effects.has_receivers(i) for i in range(len(effects.shadows)))
-    return targets * pixels * (1 + limited) * (1 + effects.bounces)
-
-
 def check_bits(effects: Effects, pixels: int, targets: int, limits: Limits) -> None:
-    """Raise :class:`~..errors.CapacityRejected` where the shadow bits alone exceed the limit of memory."""
-    needed = bits_bytes(effects, pixels, targets)
+    """Raise :class:`~..errors.CapacityRejected` where the shadow bits alone exceed the limit of memory: a byte for each
+    target and pixel, as many for receivers, and so for each bounce."""
+    limited = any(effects.has_receivers(i) for i in range(len(effects.shadows)))
+    needed = targets * pixels * (1 + limited) * (1 + effects.bounces)
     if needed > limits.memory:
         fit = limits.memory // (needed // targets)
         raise CapacityRejected(

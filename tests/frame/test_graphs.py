@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from contextlib import nullcontext
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,33 +20,45 @@ def made(name: str, reads: tuple[str, ...], writes: tuple[str, ...], launch: Any
     return Pass(name, "trace", reads, writes, launch, **more)
 
 
-def fake_capture(monkeypatch: pytest.MonkeyPatch, kind: type, wait: Any) -> None:
-    """Capture without a GPU, on streams of a ``kind``; ``wait`` is called in place of ``wp.wait_event``."""
-    monkeypatch.setattr(wp, "Stream", kind)
-    monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
-    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
-    monkeypatch.setattr(wp, "wait_event", wait)
-    monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+class Captured:
+    """What a capture without a GPU launches: of each pass its stream, that stream's priority, and what it has waited for."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, passes: list[Pass]):
+        self.open, self.last = [self], dict[Any, str]()
+        self.waits: list[tuple[str, Any]] = []
+        self.seen: dict[str, tuple[Any, int, tuple[str, ...]]] = {}
+        monkeypatch.setattr(wp, "Stream", lambda device, priority: Stream(self, priority))
+        monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
+        monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+        monkeypatch.setattr(wp, "wait_event", lambda event: self.waits.append((event, self.open[-1])))
+        monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+        for work in passes:
+            object.__setattr__(work, "launch", partial(self.launch, work.name))
+        capture_passes(passes, "cpu")
+        assert len(self.seen) == len(passes)
+
+    def launch(self, name: str) -> None:
+        stream = self.open[-1]
+        self.seen[name] = stream, stream.priority, tuple(event for event, waiting in self.waits if waiting is stream)
+        self.last[stream] = name
+
+
+class Stream:
+    def __init__(self, captured: Captured, priority: int):
+        self.captured, self.priority = captured, priority
+
+    def record_event(self) -> str:
+        return self.captured.last.get(self, "")
+
+    def __enter__(self) -> Stream:
+        self.captured.open.append(self)
+        return self
+
+    def __exit__(self, *given: Any) -> None:
+        self.captured.open.pop()
 
 
 def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
-    open_now: list[int] = []
-    seen: dict[str, int] = {}
-
-    class Stream:
-        def __init__(self, device: Any, priority: int):
-            self.priority = priority
-
-        def record_event(self) -> None: ...
-
-        def __enter__(self) -> Stream:
-            open_now.append(self.priority)
-            return self
-
-        def __exit__(self, *given: Any) -> None:
-            open_now.pop()
-
-    fake_capture(monkeypatch, Stream, lambda event: None)
     passes = [
         made("words", (), ("words",), None),
         made("one", ("words",), ("bits",), None, hints=Hints(parallel=(0,)), adds=True),
@@ -55,38 +68,13 @@ def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
         made("aim", (), ("aim",), None, hints=Hints(early=True)),
         made("last", ("bits", "cells", "aim"), ("colour",), None),
     ]
-    for work in passes:
-        object.__setattr__(work, "launch", lambda name=work.name: seen.setdefault(name, open_now[-1]))
-    capture_passes(passes, "cpu")
-    idle = {name for name, priority in seen.items() if priority == graphs.IDLE}
-    assert idle == {"answers", "aim"}
-    assert {priority for name, priority in seen.items() if name not in idle} == {graphs.URGENT}
-    assert len(seen) == len(passes)
+    priorities = {name: priority for name, (_, priority, _) in Captured(monkeypatch, passes).seen.items()}
+    idle = {"answers", "aim"}
+    assert priorities == {work.name: graphs.IDLE if work.name in idle else graphs.URGENT for work in passes}
 
 
 def test_a_stream_waits_once_for_what_runs_early(monkeypatch):
     """Early passes of two branches run on streams of their own. What depends on one waits for it, and for no other."""
-    streams = ["main"]
-    waits: list[tuple[str, str]] = []
-    last = {"": ""}
-
-    class Stream:
-        def __init__(self, device: Any, priority: int):
-            self.name = f"stream {len(last)}"
-            last[self.name] = ""
-
-        def record_event(self) -> str:
-            return last[self.name]
-
-        def __enter__(self) -> Stream:
-            streams.append(self.name)
-            return self
-
-        def __exit__(self, *given: Any) -> None:
-            streams.pop()
-
-    fake_capture(monkeypatch, Stream, lambda event: waits.append((event, streams[-1])))
-    ran: dict[str, tuple[str, tuple[str, ...]]] = {}
     passes = [
         made("words", (), ("words",), None),
         *(made(f"aim {i}", (), (f"aim/{i}",), None, hints=Hints(early=True, parallel=(i,))) for i in range(2)),
@@ -97,23 +85,18 @@ def test_a_stream_waits_once_for_what_runs_early(monkeypatch):
         ),
         made("last", ("test/0", "test/1", "aim/0"), ("colour",), None),
     ]
-
-    def launch(name: str) -> None:
-        ran[name] = streams[-1], tuple(event for event, stream in waits if stream == streams[-1])
-        last[streams[-1]] = name
-
-    for work in passes:
-        object.__setattr__(work, "launch", lambda name=work.name: launch(name))
-    capture_passes(passes, "cpu")
-    assert len(ran) == len(passes)
-    main = ran["words"][0]
-    assert ran["words"][1] == ()
-    assert len({ran[f"aim {i}"][0] for i in range(2)} | {main}) == 3
+    captured = Captured(monkeypatch, passes)
+    stream, waited = ({name: one[k] for name, one in captured.seen.items()} for k in (0, 2))
+    main = stream["words"]
+    assert waited["words"] == ()
+    assert len({stream["aim 0"], stream["aim 1"], main}) == 3
     for i in range(2):
-        assert [ran[f"{name} {i}"][1] for name in ("place", "sort", "test")] == [(f"aim {i}",)] * 3
-    assert ran["last"][0] == main
-    assert {"test 0", "test 1", "aim 0"} <= set(ran["last"][1])
-    assert {event for event, stream in waits if stream == main} >= {"aim 0", "aim 1"}, "a stream is never joined"
+        assert [waited[f"{name} {i}"] for name in ("place", "sort", "test")] == [(f"aim {i}",)] * 3
+    assert stream["last"] is main
+    assert {"test 0", "test 1", "aim 0"} <= set(waited["last"])
+    assert {event for event, waiting in captured.waits if waiting is main} >= {"aim 0", "aim 1"}, (
+        "a stream is never joined"
+    )
 
 
 def test_without_the_driver_warp_makes_the_graph(monkeypatch):

@@ -101,7 +101,7 @@ def joined(name: str, apart: tuple[Pass, ...], launch: Callable[[], None]) -> Pa
 def run_passes(passes: Sequence[Pass]) -> None:
     """Launch every pass in order. Neighbouring passes with the same condition form one conditional branch."""
     for only_if, group in itertools.groupby(passes, key=condition):
-        launch = partial(launch_all, list(group))
+        launch = partial(_launch_all, list(group))
         if only_if is None:
             launch()
         else:
@@ -116,6 +116,6 @@ def condition(work: Pass) -> wp.array | None:
     return None if device is not None and device.is_cuda and device.stream.is_capturing else work.only_if
 
 
-def launch_all(passes: Sequence[Pass]) -> None:
+def _launch_all(passes: Sequence[Pass]) -> None:
     for work in passes:
         work.launch()

@@ -115,17 +115,13 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
             if kind is None and not pool.workers():
                 pool.kind = "cpu"
             if not local and not pool.workers():
-                raise UserError(_no_worker(pool, kind))
+                wanted, there = RESOURCES[kind or "cuda"], len(pool.info())
+                what = "none of its {} workers has one thread and the resource {}=1" if there else "it has no worker"
+                start = f"start workers with `dask worker {cluster} --nthreads 1 --resources {wanted}=1`"
+                raise UserError(f"--cluster {cluster}: {what.format(there, wanted)}; {start}")
         except SchedulerLostError:
             raise UserError(f"--cluster {cluster}: the scheduler does not answer any more") from None
         yield pool
-
-
-def _no_worker(pool: Pool, kind: str | None) -> str:
-    wanted, there = RESOURCES[kind or "cuda"], len(pool.info())
-    what = f"none of its {there} workers has one thread and the resource {wanted}=1" if there else "it has no worker"
-    start = f"dask worker {pool.address} --nthreads 1 --resources {wanted}=1"
-    return f"--cluster {pool.address}: {what}; start workers with `{start}`"
 
 
 def _cards(kind: str | None) -> list[str]:

@@ -39,11 +39,6 @@ WHAT_FOR = {SHARED: "has taken its samples", EXCLUSIVE: "has finished its curren
 """What this process waits for, by the requested mode of the lock."""
 
 
-def _to_stderr(text: str) -> None:
-    if text:
-        print(f"shadowbench: {text}", file=sys.stderr)
-
-
 class InUse(UserError):
     """Another process has the machine, and this one does not wait."""
 
@@ -64,7 +59,7 @@ class MachineLock:
 
     def __init__(self, folder: Path | None = None, of: str = ""):
         self.folder, self.of = folder, of
-        self.say: Callable[[str], None] = _to_stderr
+        self.say: Callable[[str], object] = lambda text: text and print(f"shadowbench: {text}", file=sys.stderr)
         self.held, self.wait, self.waited = FREE, True, 0.0
         self._beside = False
         self._files: tuple[int, int] | None = None

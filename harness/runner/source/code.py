@@ -36,15 +36,10 @@ def _written(value: Any) -> Iterator[str]:
     elif isinstance(value, list):
         yield "["
         for one in value:
-            if not _is_text(one):
+            alone = one.value if isinstance(one, ast.Expr) else None
+            if not (isinstance(alone, ast.Constant) and isinstance(alone.value, str)):  # not only a string
                 yield from _written(one)
                 yield ","
         yield "]"
     else:
         yield repr(value)
-
-
-def _is_text(statement: Any) -> bool:
-    if not isinstance(statement, ast.Expr) or not isinstance(statement.value, ast.Constant):
-        return False
-    return isinstance(statement.value.value, str)
