@@ -23,10 +23,9 @@ from shadowbench.harness.runner.workers.pool import GRADER, Workers, grades
 def troubled(package, scene, tmp_path_factory):
     """One run of every method of the package: its folder and its records by label."""
     out = tmp_path_factory.mktemp("troubled")
-    names = (
-        "steady talker raises late once slow_start fickle hangs exits rejects skips grows varies greedy hoards broken"
-    ).split()
-    entries = [Entry(name, {}, name) for name in names]
+    alike = "talker late once slow_start fickle rejects skips grows varies broken".split()
+    entries = [Entry("steady", {"like": name}, name) for name in alike]
+    entries += [Entry(name, {}, name) for name in ("steady", "raises", "hangs", "exits", "greedy", "hoards")]
     # A second point of a method whose worker was lost is measured by a new worker.
     entries += [Entry("hangs", {"ms": "1"}, "hangs again"), Entry("of_a_library", {}, "of_a_library")]
     entries.append(Entry("of_a_library", {"holds": "-1"}, "of less than nothing"))
