@@ -38,37 +38,13 @@ def test_nothing_moved_launches_nothing(label, monkeypatch):
     assert not launches(session, monkeypatch)
 
 
-@pytest.mark.parametrize("makers", [("camera",), ("camera", "light 0: late")])
-def test_a_pass_that_reads_what_the_frame_makes_cannot_run_early(makers):
-    """Refused by its name before anything is captured or launched, wherever in the frame that is made."""
-    launched = []
-    given = [Pass(name, "trace", ("points",), (f"made by {name}",), lambda: launched.append(1)) for name in makers]
-    reads = ("points", f"made by {makers[-1]}")
-    early = Pass("light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), hints=Hints(early=True))
-    with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run early"):
-        capture.capture_passes([given[0], early, *given[1:]], "cpu")
-    assert not launched
-
-
-@pytest.mark.parametrize(
-    ("before", "hints"), [("reads", Hints()), ("writes", Hints()), ("other branch", Hints(early=True, parallel=(1,)))]
-)
-def test_a_pass_that_writes_what_runs_at_the_same_time_cannot_run_early(before, hints):
-    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, hints=Hints(early=True, parallel=(0,)))
-    reads, writes = (("table",), ("bits",)) if before == "reads" else (("points",), ("table",))
-    other = Pass("other", "light build", reads, writes, lambda: None, hints=hints)
-    with pytest.raises(ValueError, match=r"cannot run (early|concurrently).*table"):
-        capture.capture_passes([other, early], "cpu")
-
-
 @pytest.mark.parametrize("loops", [True, False])
 def test_a_loop_waits_for_all_that_runs_at_the_same_time(loops, monkeypatch):
     """A graph cannot capture it while another stream is open."""
     steps = []
     monkeypatch.setattr(capture, "_join", lambda running: steps.extend(work.name for work, _ in running))
-    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, hints=Hints(early=True))
     work = Pass("divide", "build", ("pairs",), ("tree",), lambda: steps.append("divide"), loops=loops)
-    running = [(early, None)]
+    running = [(early(), None)]
     capture._launch_overlapping([work], "cpu", running, set())
     assert steps == (["aim", "divide"] if loops else ["divide"])
     assert bool(running) != loops  # nothing after a loop can wait for what was before it
@@ -77,7 +53,7 @@ def test_a_loop_waits_for_all_that_runs_at_the_same_time(loops, monkeypatch):
 @pytest.mark.parametrize("hints", [Hints(parallel=(0,)), Hints(early=True), Hints(overlap=True)])
 def test_nothing_runs_at_the_same_time_as_a_loop(hints):
     with pytest.raises(ValueError, match="pass 'divide': nothing can run at the same time as a loop"):
-        Pass("divide", "build", ("pairs",), ("tree",), lambda: None, loops=True, hints=hints)
+        make("divide", "pairs", "tree", "build", loops=True, hints=hints)
 
 
 @pytest.mark.gpu
@@ -95,46 +71,62 @@ def builds(passes):
     return [work for work in passes if work.part in BUILD_PARTS]
 
 
-def parallel(*branch, adds=False, launch=lambda: None, **names):
-    given = {"reads": ("hits",), "writes": (f"bits/{branch}",)} | names
-    return Pass(f"light {branch}", "shadow", launch=launch, hints=Hints(parallel=branch), adds=adds, **given)
+def make(name, reads, writes, part="trace", **more):
+    """A pass that must not be launched."""
+    return Pass(name, part, tuple(reads.split()), tuple(writes.split()), lambda: 1 / 0, **more)
 
 
-@pytest.mark.parametrize("given", [{"reads": ("bits",)}, {"writes": ("bits",)}, {"writes": ("bits",), "adds": True}])
-@pytest.mark.parametrize("place", [(), (3,)])
-def test_passes_that_share_what_one_writes_cannot_run_at_the_same_time(given, place):
-    """Refused by name before anything is captured or launched, in a fork within a branch too."""
-    launched = []
-    first = parallel(*place, 0, writes=("bits",), launch=lambda: launched.append(0))
-    other = parallel(*place, 1, launch=lambda: launched.append(1), **given)
-    with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
-        capture.capture_passes([first, other], "cpu")
-    assert not launched
+def parallel(*branch, reads="hits", writes="", **more):
+    return make(f"light {branch}", reads, writes or f"bits/{branch}", hints=Hints(parallel=branch), **more)
 
 
-def test_passes_with_one_condition_run_at_the_same_time_too():
-    """They fork inside their conditional branch, so they may share nothing; with two conditions they run in order."""
-    one, other = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
-    pair = [parallel(0, writes=("bits",), only_if=one), parallel(1, writes=("bits",), only_if=one)]
-    with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
-        capture.capture_passes(pair, "cpu")
-    capture.refuse_shared([pair[0], replace(pair[1], only_if=other)])
+def early(reads="points", **more):
+    return make("aim", reads, "table", hints=Hints(early=True, **more))
+
+
+CONDITIONS = [wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2)]
+READS = "pass 'aim' cannot run early: it reads what another pass of the frame writes"
+USES = "pass 'aim' cannot run early: 'other', which runs at the same time, uses table"
+WRITES = "cannot run concurrently with .*, which writes bits"
+REFUSED = [
+    ([make("camera", "points", "rays"), early("points rays")], READS),
+    ([make("camera", "points", "rays"), early("points late"), make("light", "points", "late")], READS),
+    ([make("other", "table", "bits"), early()], USES),
+    ([make("other", "points", "table"), early()], USES),
+    (
+        [make("other", "points", "table", hints=Hints(early=True, parallel=(1,))), early(parallel=(0,))],
+        "cannot run (early|concurrently).*table",
+    ),
+    *(
+        ([parallel(*place, 0, writes="bits"), parallel(*place, 1, **given)], WRITES)
+        for place in ((), (3,))
+        for given in ({"reads": "bits"}, {"writes": "bits"}, {"writes": "bits", "adds": True})
+    ),
+    # With one condition they fork inside their conditional branch.
+    ([parallel(i, writes="bits", only_if=CONDITIONS[0]) for i in range(2)], WRITES),
+]
+
+
+@pytest.mark.parametrize(("passes", "said"), REFUSED)
+def test_what_cannot_run_at_the_same_time_is_refused_by_name_before_anything_is_launched(passes, said):
+    with pytest.raises(ValueError, match=said):
+        capture.capture_passes(passes, "cpu")
 
 
 def test_passes_that_may_run_at_the_same_time():
-    capture.refuse_shared([parallel(0, writes=("bits",), adds=True), parallel(1, writes=("bits",), adds=True)])
+    capture.refuse_shared([parallel(i, writes="bits", adds=True) for i in range(2)])
     capture.refuse_shared([parallel(0), parallel(1)])  # both only read the hits
-    capture.refuse_shared([parallel(0, writes=("bits",)), parallel(0, reads=("bits",))])  # one after the other
+    capture.refuse_shared([parallel(0, writes="bits"), parallel(0, reads="bits")])  # one after the other
+    capture.refuse_shared([parallel(i, writes="bits", only_if=one) for i, one in enumerate(CONDITIONS)])  # likewise
 
 
 def test_branches_fork_where_passes_are_neighbours():
     """What has no branch, or a condition, parts those before it from those after it."""
-    condition = wp.zeros(1, dtype=wp.int32, device="cpu")
     given = [
         make("trace", "camera", "hits"),
         *(parallel(0), parallel(1), parallel(0, 0), parallel(0, 1)),
         make("shade", "hits", "picture"),
-        *(parallel(1), replace(parallel(0), only_if=condition)),
+        *(parallel(1), parallel(0, only_if=CONDITIONS[0])),
     ]
     groups = [(forked, [len(branch) for branch in branches]) for forked, branches in capture._forks(given, 0)]
     assert groups == [(False, [1]), (True, [3, 1]), (False, [1]), (True, [1]), (False, [1])]
@@ -205,10 +197,6 @@ def test_a_light_grid_stays_with_a_moving_camera_only_where_it_knows_no_view(cla
     session = Session(make_method("perspective_spherical", {"clamp": clamp}), scene(), *SIZE, "cpu")
     built = builds(stale(session.all_passes, {"camera"}))
     assert (not [work for work in built if work.part == "light build"]) == stays
-
-
-def make(name, reads, writes, part="trace"):
-    return Pass(name, part, tuple(reads.split()), tuple(writes.split()), lambda: None)
 
 
 def test_pass_graph_on_a_small_frame():

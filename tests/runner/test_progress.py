@@ -62,25 +62,19 @@ def test_untimed_work_is_announced_beside_the_estimate_and_has_steps_of_its_own(
     ]
 
 
-def test_the_estimate_is_said_once_there_is_one(clock, capsys):
+def test_the_estimate_is_said_once_there_is_one_and_a_point_with_its_time_or_what_went_wrong(clock, capsys):
     bar = Bar()
     bar.note("first")
     bar.note("")
     bar.left(50.0)
     clock[0] += 10.0
-    bar.note("then")
-    bar.left(600.0)
-    bar.note("later")
-    assert said(capsys) == ["[   0 s] first", "[  10 s, about 40 s left] then", "[  10 s, about 10 min left] later"]
-
-
-def test_a_point_is_printed_with_its_time_or_with_what_went_wrong(clock, capsys):
-    bar = Bar()
     bar.point(checked(Record, record_of("table1", Entry("warp_bvh"), ms=12.345)))
+    bar.left(600.0)
     bar.point(checked(Record, record_of("table1", Entry("warp_bvh"), status="rejected")))
     assert said(capsys) == [
-        "[   0 s] cloth, warp_bvh: 12.5 ms per frame",
-        "[   0 s] cloth, warp_bvh: rejected: needs 9 pairs",
+        "[   0 s] first",
+        "[  10 s, about 40 s left] cloth, warp_bvh: 12.5 ms per frame",
+        "[  10 s, about 10 min left] cloth, warp_bvh: rejected: needs 9 pairs",
     ]
 
 
