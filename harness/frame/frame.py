@@ -76,6 +76,7 @@ class Frame:
     weld      int32 [vertex_count]      valid     uint8 [triangle_count]
     eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
     tangents  float32 [2]               column    vec3f [width], row vec3f [height]
+    whole_column    vec3f [width + AT_ONCE]: the column with what a CPU may read beyond its end
     max_coordinate  float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`..judge.receivers`
     proxy_positions     vec3f [light_count]: what grids of a light look from (:class:`..scene.moment.Moment`)

@@ -225,14 +225,10 @@ def shaded(
     mirrored = filled_from(
         Bounces, **{one: answers[f"bounce_{one}"] for one in BOUNCED if bounces and f"bounce_{one}" in answers}
     )
-    looks = filled_from(
-        Looks, up=unit_up(prepared.scene.camera.up), count=prepared.triangle_count, tint=reflectances(prepared),
-        lights=moment.lights, spots=spots, lamps=lamps,
-    )  # fmt: skip
-    camera = filled_from(
-        Camera, width=moment.width, height=moment.height, eye=moment.eye.reshape(1, 3), axes=moment.axes,
-        column=moment.column, row=moment.row,
-    )  # fmt: skip
+    seen = {"tint": reflectances(prepared), "lights": moment.lights, "spots": spots, "lamps": lamps}
+    looks = filled_from(Looks, up=unit_up(prepared.scene.camera.up), count=prepared.triangle_count, **seen)
+    image = {name: getattr(moment, name) for name in ("width", "height", "axes", "column", "row")}
+    camera = filled_from(Camera, eye=moment.eye.reshape(1, 3), **image)
     mesh = filled_from(Mesh, points=moment.points, triangles=prepared.faces)
     hits = filled_from(Hits, triangle=answers["triangle"], t=answers["t"])
     inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]

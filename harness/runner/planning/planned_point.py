@@ -63,11 +63,9 @@ def describe_method(entry: Entry, device: str) -> dict[str, Any]:
 
     Raises :class:`UserError` for an unknown method or parameter, or a value of a wrong type.
     """
-    facts: dict[str, Any] = {
-        "name": entry.method, "title": entry.method, "label": entry.label or entry.method,
-        "settings": dict(entry.settings), "parameters": {}, "capturable": None, "device": device, "asked_device": device,
-        "source_sha256": "",
-    }  # fmt: skip
+    facts: dict[str, Any] = {"name": entry.method, "title": entry.method, "label": entry.label or entry.method}
+    facts |= {"settings": dict(entry.settings), "parameters": {}, "capturable": None, "source_sha256": ""}
+    facts |= {"device": device, "asked_device": device}
     try:
         method = registry.make_method(entry.method, dict(entry.settings))
         cls = type(method)
