@@ -104,7 +104,6 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
 
 
 def _refusal(path: Path, suffix: str) -> UserError:
-    """The error for a file whose ending is not read."""
     if not path.exists():
         return UserError(f"{path}: no such file; check the path")
     if suffix in UNREAD:

@@ -247,7 +247,6 @@ class Model:
                     self.left_out.add("beam lattices")
 
     def _add(self, attributes: dict[str, str], element: str, names: tuple[str, ...], kind: type, number: str) -> None:
-        """Take the numbers of a vertex or a triangle."""
         try:
             texts = [attributes[name] for name in names]
             if "_" in "".join(texts):  # which Python allows
