@@ -27,10 +27,7 @@ READERS: dict[str, Callable[[Path, Wanted], Loaded]] = {
     ".stl": read_stl,
     ".off": read_off,
     ".3mf": read_3mf,
-    ".usd": read_usd,
-    ".usda": read_usd,
-    ".usdc": read_usd,
-    ".usdz": read_usd,
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
 }
 
 STILL = (".ply", ".obj", ".stl", ".off", ".3mf")
