@@ -294,7 +294,8 @@ def _use(attributes: dict[str, str], part: str) -> Use:
     matrix = np.eye(4, 3)
     if "transform" in attributes:
         try:
-            matrix = np.array(attributes["transform"].split(), dtype=np.float64).reshape(4, 3)
+            words = attributes["transform"].replace("_", "?").split()
+            matrix = np.array(words, dtype=np.float64).reshape(4, 3)
         except ValueError:
             matrix = np.full((4, 3), np.nan)
         if not np.isfinite(matrix).all():
