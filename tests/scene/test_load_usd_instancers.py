@@ -169,8 +169,11 @@ def test_instancers_that_contradict_themselves(tmp_path, text, word):
     refused(written(tmp_path, "a.usda", HEAD + text), word)
 
 
-def test_few_bytes_that_name_many_triangles(tmp_path):
+def test_few_bytes_that_name_many_triangles(tmp_path, monkeypatch):
     """Ten instances of ten instances of ten ...: 10^9 triangles."""
+    from shadowbench.harness.scene.readers.usd import drawing
+
+    monkeypatch.setattr(drawing, "MOST_INSTANCED", 1 << 16)
     text, path = mesh("P"), ""
     for level in range(9):
         path = "/" + "/".join(f"L{k}" for k in range(8, level, -1)) + f"/L{level}" if level < 8 else "/L8"

@@ -204,10 +204,10 @@ def within_range(loaded: Loaded) -> None:
 def checked(
     path: Path, points: NDArray, faces: NDArray, up: Vector | None = None, notes: tuple[str, ...] = ()
 ) -> Loaded:
-    """The mesh of one frame, after checking that shapes and types fit, every index is in range and there is a triangle."""
-    points, faces = np.asarray(points), np.asarray(faces).reshape(-1, 3)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
-        raise broken(path, f"positions have shape {points.shape} and type {points.dtype}, not [vertices, 3] floats")
+    """The mesh of one frame, after checking that every index is in range and there is a triangle.
+
+    points, faces  floats [vertex_count, 3] and whole numbers [triangle_count, 3], of any size
+    """
     if not len(faces):
         raise broken(path, "holds no triangles", "give a triangle mesh")
     if len(faces) > MAX_TRIANGLES:

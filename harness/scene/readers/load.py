@@ -27,10 +27,7 @@ READERS: dict[str, Callable[[Path, Wanted], Loaded]] = {
     ".stl": read_stl,
     ".off": read_off,
     ".3mf": read_3mf,
-    ".usd": read_usd,
-    ".usda": read_usd,
-    ".usdc": read_usd,
-    ".usdz": read_usd,
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
 }
 
 STILL = (".ply", ".obj", ".stl", ".off", ".3mf")
@@ -104,7 +101,6 @@ def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
 
 
 def _refusal(path: Path, suffix: str) -> UserError:
-    """The error for a file whose ending is not read."""
     if not path.exists():
         return UserError(f"{path}: no such file; check the path")
     if suffix in UNREAD:

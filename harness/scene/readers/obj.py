@@ -86,7 +86,6 @@ def _parsed(path: Path, lines: Sequence[bytes], kind: set[bytes], parse: Callabl
 
 
 def _wrong(path: Path, lines: Sequence[bytes], kind: set[bytes], index: int, problem: str) -> UserError:
-    """The error for the line ``index`` of a kind."""
     place = [i for i, line in enumerate(lines) if line[:2] in kind][index]
     way_out = "correct that line or export the file again"
     return broken(path, f"line {number_of(lines, place)}: {problem}", way_out)

@@ -92,5 +92,4 @@ def _corners(lines: Sequence[bytes]) -> tuple[I64, I32, Bools]:
 
 
 def _whole(values: F64) -> Bools:
-    """Which numbers are whole and not negative."""
     return (values >= 0) & (values == np.floor(values))

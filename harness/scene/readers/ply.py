@@ -12,7 +12,7 @@ import numpy as np
 
 from ...arrays import I32, Floats
 from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
-from .ply_data import CORNERS, Column, Columns, Element, Records, Rows, read_header
+from .ply_data import CORNERS, NOTHING, Column, Columns, Element, Records, Rows, read_header
 from .polygons import polygon_sizes, triangulate
 from .text import decoded
 
@@ -33,9 +33,12 @@ def read_ply(path: Path, wanted: Wanted = ALL) -> Loaded:
     blob = decoded(read_bytes(path))
     header = read_header(path, blob)
     data = (Records if header.order else Rows)(path, header, blob)
-    columns = {element.name: data.columns(element) for element in header.elements}
-    data.finish()
     elements = {element.name: element for element in header.elements}
+    columns: dict[str, Columns] = {}
+    for name, element in elements.items():
+        there = element.length and element.properties
+        columns[name] = data.columns(element) if there else {p.name: NOTHING for p in element.properties}
+    data.finish()
     if "vertex" not in elements:
         raise broken(path, "has no element 'vertex'")
     points = _positions(elements["vertex"], columns["vertex"], bool(header.order))
@@ -61,12 +64,11 @@ def _positions(element: Element, columns: Columns, binary: bool) -> Floats:
 def _corners(path: Path, columns: Columns) -> Column:
     """The lists of vertex indices, after checking that these are integers in the range of int32."""
     name = next((name for name in CORNERS if name in columns), None)
-    if name is None:
-        return Column(np.zeros(0, np.int32), np.zeros(0, np.int64))
-    found, limit = columns[name].values, 1 << 31
+    found, counts = columns[name] if name else NOTHING
+    limit = 1 << 31
     if len(found) and not (-limit <= found.min() and found.max() < limit and not (found % 1).any()):
         raise broken(path, "a face has a vertex index that is not a whole number below 2^31")
-    return Column(found.astype(np.int32, copy=False), columns[name].counts)
+    return Column(found.astype(np.int32, copy=False), counts)
 
 
 def _strips(lists: Column) -> I32:

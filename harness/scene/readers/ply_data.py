@@ -36,7 +36,6 @@ _READ = ("x", "y", "z", *CORNERS)
 """The properties that are read; others are passed over."""
 
 _WRONG = "the file is truncated or its header wrong"
-_NONE = np.zeros(0, np.int64)
 
 
 class Property(NamedTuple):
@@ -120,6 +119,8 @@ class Column(NamedTuple):
     counts: I64
 
 
+NOTHING = Column(np.zeros(0), np.zeros(0, np.int64))
+
 Columns = dict[str, Column]
 
 
@@ -137,8 +138,6 @@ class Records:
         if least > len(self.data) - self.at:
             claim = f"the header claims {element.length} of {element.name!r}, at least {least} bytes"
             raise broken(self.path, f"{claim}, but {len(self.data) - self.at} follow", _WRONG)
-        if not element.length or not element.properties:
-            return _nothing(element)
         begin, sizes = self.at, {name: found.counts for name, found in self._walk(element, 1).items()}
         self.at = begin
         table = self._table(element, sizes)
@@ -184,7 +183,6 @@ class Records:
         return {name: Column(np.array(values), np.array(counts, np.int64)) for name, (values, counts) in read.items()}
 
     def _taken(self, element: Element, kind: str, number: int) -> tuple[Any, ...]:
-        """The next numbers of a kind."""
         start, self.at = self.at, self.at + number * int(kind[1])
         if self.at > len(self.data):
             problem = f"the data end inside the {element.length} of {element.name!r} that the header claims"
@@ -220,8 +218,6 @@ class Rows:
 
     def columns(self, element: Element) -> Columns:
         """The columns of the next element that are read. Raises :class:`UserError` if it has not the rows it claims."""
-        if not element.length or not element.properties:
-            return _nothing(element)
         first, last = self.at, self.at + element.length
         if last > len(self.starts):
             left = len(self.starts) - first
@@ -242,7 +238,7 @@ class Rows:
             if name in _READ:
                 places = np.repeat(at - (np.cumsum(each) - each), each)
                 places += np.arange(len(places))
-                found[name] = Column(self.values[places], each if is_list else _NONE)
+                found[name] = Column(self.values[places], each if is_list else NOTHING.counts)
             at = at + each
         right &= at == ends
         if not right.all():
@@ -257,8 +253,3 @@ class Rows:
         left = len(self.starts) - self.at
         if left:
             raise broken(self.path, f"more rows follow than the header claims: {left}", "its header is wrong")
-
-
-def _nothing(element: Element) -> Columns:
-    """The columns of an element without rows."""
-    return {p.name: Column(np.zeros(0), _NONE) for p in element.properties}

@@ -71,7 +71,6 @@ def _in_order(where: Path | str, files: list[tuple[Any, Path]]) -> list[Path]:
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """A key that sorts names by the numbers in them."""
     words = re.findall(r"\d+|\D+", path.as_posix())
     return [(int(word), "") if word[0].isdigit() else (-1, word) for word in words]
 

@@ -99,7 +99,6 @@ def _corners(path: Path, text: bytes, before: int) -> F64:
 
 
 def _vertices(lines: list[bytes]) -> list[bytes]:
-    """What stands after the word in the lines of vertices."""
     return [line[6:] for line in lines if line[:1] == b"v"]
 
 

@@ -247,7 +247,6 @@ class Model:
                     self.left_out.add("beam lattices")
 
     def _add(self, attributes: dict[str, str], element: str, names: tuple[str, ...], kind: type, number: str) -> None:
-        """Take the numbers of a vertex or a triangle."""
         try:
             texts = [attributes[name] for name in names]
             if "_" in "".join(texts):  # which Python allows
@@ -295,7 +294,8 @@ def _use(attributes: dict[str, str], part: str) -> Use:
     matrix = np.eye(4, 3)
     if "transform" in attributes:
         try:
-            matrix = np.array(attributes["transform"].split(), dtype=np.float64).reshape(4, 3)
+            words = attributes["transform"].replace("_", "?").split()
+            matrix = np.array(words, dtype=np.float64).reshape(4, 3)
         except ValueError:
             matrix = np.full((4, 3), np.nan)
         if not np.isfinite(matrix).all():

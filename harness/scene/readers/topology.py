@@ -57,7 +57,6 @@ def fixed_topology(frames: Sequence[Sequence[Piece | None]]) -> Fixed:
 
 
 def _alike(piece: Piece, other: Piece) -> bool:
-    """Whether two pieces have the same topology."""
     same = piece[1] is other[1] or np.array_equal(piece[1], other[1])
     return same and len(piece[0]) == len(other[0])
 

@@ -22,19 +22,8 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 _TRUNCATED = "the file is truncated or its header wrong"
 _BESIDE = "put it beside the file, or export one self-contained .glb"
 
-_ONE = {
-    "accessors": "accessor",
-    "animations": "animation",
-    "buffers": "buffer",
-    "bufferViews": "buffer view",
-    "cameras": "camera",
-    "materials": "material",
-    "meshes": "mesh",
-    "nodes": "node",
-    "scenes": "scene",
-    "skins": "skin",
-}
-"""The lists of the JSON part that are read, and what one of their entries is called in messages."""
+_ONE = {"bufferViews": "buffer view", "meshes": "mesh"}
+"""What one entry of a list is called in messages, where that is not the name of the list without its s."""
 
 
 class MissingError(UserError):
@@ -77,16 +66,16 @@ class File:
             self._lists[name] = self.head.items(name)
             for i, values in enumerate(self._lists[name]):
                 if not isinstance(values, dict):
-                    raise self.error(f"{_ONE[name]} {i} is not an object")
+                    raise self.error(f"{_one(name)} {i} is not an object")
         return self._lists[name]
 
     def entry(self, name: str, index: int) -> Entry:
         """An entry of a list, whose index is known to be right."""
-        return Entry(self.path, f"{_ONE[name]} {index}", self.all(name)[index])
+        return Entry(self.path, f"{_one(name)} {index}", self.all(name)[index])
 
     def named(self, entry: Entry, index: Any, name: str) -> Entry:
         """The entry of a list that another one names by its index."""
-        return entry.named(_ONE[name], index, self.all(name))
+        return entry.named(_one(name), index, self.all(name))
 
     def _text(self, blob: bytes) -> memoryview:
         """The JSON chunk of a binary file; keeps the binary chunk. Chunks of other kinds and later bytes are ignored."""
@@ -146,9 +135,8 @@ class File:
             if uri is None:
                 self._buffers[index] = self._chunk if index == 0 else None
             else:
-                self._buffers[index] = memoryview(
-                    self._decoded(own, uri) if uri.startswith("data:") else self._beside(own, uri)
-                )
+                read = self._decoded if uri.startswith("data:") else self._beside
+                self._buffers[index] = memoryview(read(own, uri))
         return self._buffers[index]
 
     def _decoded(self, buffer: Entry, uri: str) -> bytes:
@@ -181,3 +169,7 @@ class File:
 
 def _no_number(word: str) -> NoReturn:
     raise ValueError(f"{word} is not JSON")
+
+
+def _one(name: str) -> str:
+    return _ONE.get(name, name[:-1])

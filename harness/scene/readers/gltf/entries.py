@@ -20,22 +20,15 @@ _LARGEST = 1 << 40
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
-_UNDERSTOOD = frozenset(
-    {
-        "EXT_mesh_gpu_instancing",
-        "KHR_animation_pointer",
-        "KHR_lights_punctual",
-        "KHR_mesh_quantization",
-        "KHR_node_visibility",
-        DRACO,
-        *MESHOPT,
-    }
+_UNDERSTOOD = {DRACO, *MESHOPT} | set(
+    """
+    EXT_mesh_gpu_instancing KHR_animation_pointer KHR_lights_punctual KHR_mesh_quantization KHR_node_visibility
+    """.split()
 )
-
 _LOOKS = re.compile(r"[A-Z0-9]+_(materials|texture|textures|lights|image)_.+")
 """Extensions of how surfaces look and are lit."""
 
-_NOT_DRAWN = frozenset(
+_NOT_DRAWN = set(
     """
     AGI_articulations AGI_stk_metadata CESIUM_primitive_outline EXT_feature_metadata EXT_instance_features EXT_mesh_features
     EXT_mesh_manifold EXT_structural_metadata FB_geometry_metadata FB_ngon_encoding GODOT_single_root KHR_audio

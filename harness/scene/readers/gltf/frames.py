@@ -62,13 +62,11 @@ class Frames:
         return self._tree.posed(local, self._levels), self._animation.weights(time)
 
     def _as_stored(self, block: Block) -> bool:
-        """Whether the positions of a block are those of the file."""
         plain = block.skin is None and not any(block.weights) and block.vertices.positions.dtype == np.float32
         return plain and bool((block.matrices(self._tree.world) == np.eye(4)).all())
 
 
 def _write(result: Floats, blocks: list[Block], world: Matrices, weights: Mapping[int, F64]) -> None:
-    """Write the positions of some blocks into ``result`` [vertex_count, 3]."""
     for block in blocks:
         points = _displaced(block.vertices, weights.get(block.place, block.weights))
         part = result[block.start : block.start + block.count]

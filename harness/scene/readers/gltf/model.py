@@ -103,7 +103,7 @@ class Model:
             raise self._file.error("holds no triangles", "give a triangle mesh")
         turned = mirrored(tree.world)
         for one in drawn:
-            self._add(*one, turned[one[0] : one[0] + 1])
+            self._add(one, turned[one[0] : one[0] + 1])
             self._refuse_more(self.vertex_count, most, "vertices")
         surfaceless, placeless = (self._meshes.left_out[why] for why in ("no surface", "no positions"))
         vertices = counted(self._doubtful, "vertex", "vertices")
@@ -135,16 +135,9 @@ class Model:
         weights = weighted.numbers("weights", [0.0] * len(weighted.items("weights"))) if weighted else []
         return place, primitives, skin, instances, weights
 
-    def _add(
-        self,
-        place: int,
-        primitives: list[Primitive],
-        skin: Skin | None,
-        instances: Instances,
-        weights: list[float],
-        turned: Bools,
-    ) -> None:
-        """Add what the node at a place draws. ``turned``: whether its transform mirrors, [1]."""
+    def _add(self, drawn: _Drawn, turned: Bools) -> None:
+        """Add what a node draws. ``turned``: whether its transform mirrors, [1]."""
+        place, primitives, skin, instances, weights = drawn
         each = instances.matrices()
         turned = mirrored(each) ^ turned if instances.given else turned & (skin is None)
         for primitive in primitives:

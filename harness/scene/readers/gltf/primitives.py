@@ -136,7 +136,6 @@ class Meshes:
         return values if whole else values.astype(np.float32, copy=False)
 
     def _target(self, target: Entry, count: int) -> Floats | None:
-        """The displacements of a morph target."""
         if target.get("POSITION") is None:
             return None
         found = self._accessors.layout(target, "POSITION").count

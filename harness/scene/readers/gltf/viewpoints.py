@@ -62,33 +62,33 @@ def _camera(entry: Entry, matrix: F64) -> Camera | None:
     size = lens.get("ymag" if parallel else "yfov") if isinstance(lens, dict) else None
     if not isinstance(size, int | float) or not 0.0 < size < (1e30 if parallel else math.pi):
         return None
-    forward, up, place = unit(-matrix[:3, 2]), unit(matrix[:3, 1]), matrix[:3, 3]
+    forward, up, place = _unit(-matrix[:3, 2]), _unit(matrix[:3, 1]), matrix[:3, 3]
     if forward is None or up is None or not np.isfinite(place).all():
         return None
     # So far away that rounding leaves the direction as it is.
-    eye, target = vector(place), vector(place + forward * max(1.0, np.abs(place).max()))
+    eye, target = _vector(place), _vector(place + forward * max(1.0, np.abs(place).max()))
     if parallel:
-        return Camera(eye, target, vector(up), height=2.0 * size)
-    return Camera(eye, target, vector(up), math.degrees(size))
+        return Camera(eye, target, _vector(up), height=2.0 * size)
+    return Camera(eye, target, _vector(up), math.degrees(size))
 
 
 def _light(entry: Entry, matrix: F64) -> Light | None:
-    kind, place, forward = entry.get("type"), matrix[:3, 3], unit(-matrix[:3, 2])
+    kind, place, forward = entry.get("type"), matrix[:3, 3], _unit(-matrix[:3, 2])
     r, g, b = (min(max(x, 0.0), _BRIGHTEST) for x in entry.numbers("color", (1.0, 1.0, 1.0)))
     strength = min(max(entry.number("intensity", 1.0), 0.0), _BRIGHTEST)
     if kind == "directional":
-        return None if forward is None else Light(vector(-forward), True, (r, g, b), strength, None, True)
+        return None if forward is None else Light(_vector(-forward), True, (r, g, b), strength, None, True)
     if not np.isfinite(place).all():
         return None
     if kind == "point":
-        return Light(vector(place), True, (r, g, b), strength)
+        return Light(_vector(place), True, (r, g, b), strength)
     angle = math.degrees(entry.object("spot").number("outerConeAngle", math.pi / 4))
     if kind != "spot" or forward is None or not 0.0 < angle <= 180.0:
         return None
-    return Light(vector(place), True, (r, g, b), strength, Spot(vector(forward), angle))
+    return Light(_vector(place), True, (r, g, b), strength, Spot(_vector(forward), angle))
 
 
-def unit(vector: F64) -> F64 | None:
+def _unit(vector: F64) -> F64 | None:
     """The direction of a vector; None where it has none."""
     largest = np.abs(vector).max()
     if not 0.0 < largest < np.inf:
@@ -97,7 +97,7 @@ def unit(vector: F64) -> F64 | None:
     return vector / np.linalg.norm(vector)
 
 
-def vector(values: F64) -> Vector:
+def _vector(values: F64) -> Vector:
     x, y, z = (float(value) + 0.0 for value in values)  # without negative zeros
     return x, y, z
 

@@ -30,6 +30,11 @@ MOST_INSTANCES = 1 << 22
 _BLOCK = 1 << 18
 """Positions of instances that are transformed at a time."""
 
+_OF_INSTANCES = (
+    "positions", "orientations", "orientationsf", "scales", "velocities", "accelerations", "angularVelocities", "ids",
+)  # fmt: skip
+"""The attributes of a PointInstancer that have a value for each instance."""
+
 _IDENTITY = np.eye(4)
 
 _EMPTY = (UsdGeom.Xform, UsdGeom.Scope, UsdGeom.Camera, UsdSkel.Root, UsdSkel.Skeleton)
@@ -119,16 +124,7 @@ class Instancer:
         """``shapes``: those of the stage."""
         self._path, self._prototypes, self._shapes = path, prototypes, shapes
         own = self._prim = UsdGeom.PointInstancer(prim)
-        self._lengths = [
-            own.GetPositionsAttr(),
-            own.GetOrientationsAttr(),
-            prim.GetAttribute("orientationsf"),
-            own.GetScalesAttr(),
-            own.GetVelocitiesAttr(),
-            own.GetAccelerationsAttr(),
-            own.GetAngularVelocitiesAttr(),
-            own.GetIdsAttr(),
-        ]
+        self._lengths = [prim.GetAttribute(name) for name in _OF_INSTANCES]
         read = [*self._lengths, own.GetProtoIndicesAttr(), own.GetInvisibleIdsAttr()]
         self.times = samples(read).union(*(prototype.times for prototype in prototypes))
         self.moves = vary(read) or any(prototype.moves for prototype in prototypes)

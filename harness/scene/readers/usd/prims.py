@@ -39,19 +39,6 @@ class Node:
     visible  whether it and all above it are visible
     """
 
-    __slots__ = (
-        "_apart",
-        "_matrix",
-        "_shows",
-        "_transform",
-        "above",
-        "changes",
-        "hidden",
-        "prim",
-        "purpose",
-        "visible",
-    )
-
     def __init__(self, prim: Any, above: Node | None, purpose: str) -> None:
         """``purpose``: what a node inherits that has none above."""
         self.prim, self.above = prim, above

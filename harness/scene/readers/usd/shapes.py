@@ -212,9 +212,8 @@ class Skinned(Shape):
         self.moves |= rest.moves
         self._motion = skin.skeleton.GetAnimQuery()
         if self._motion:
-            self.times.update(
-                self._motion.GetJointTransformTimeSamples(), self._motion.GetBlendShapeWeightTimeSamples()
-            )
+            self.times.update(self._motion.GetJointTransformTimeSamples())
+            self.times.update(self._motion.GetBlendShapeWeightTimeSamples())
             self.moves |= self._motion.JointTransformsMightBeTimeVarying()
             self.moves |= self._motion.BlendShapeWeightsMightBeTimeVarying()
         blends = query.HasBlendShapes() and self._motion
