@@ -13,6 +13,7 @@ a translation; or a ``matrix`` of four rows that column vectors are multiplied b
 longest stays as in its last one.
 """
 
+import functools
 import hashlib
 import itertools
 from collections.abc import Callable, Sequence
@@ -24,8 +25,8 @@ import numpy as np
 
 from ..arrays import F64, I32, Floats
 from ..errors import UserError, note
-from .declared_values import known, listed, number, typed, vector
-from .light_paths import vector as to_vector
+from .declared_values import Table, listed, with_path
+from .light_paths import vector
 from .readers.checks import LARGEST, MAX_TRIANGLES, Wanted, frames_of
 from .scene import Camera, Geometry, Moves, Scene, Source
 from .shape import shape_of
@@ -48,25 +49,20 @@ def declared_parts(path: Path, tables: Any, resolve: Callable[[str, Wanted], Sce
     """The meshes of ``[[meshes]]``. ``resolve`` finds each; ``wanted``: what is asked of all. Raises :class:`UserError`."""
     parts = []
     for i, table in enumerate(listed(path, "meshes", tables)):
-        where = f"meshes[{i}]"
-        known(path, where, table, ("file", "transform", "frames"))
-        if not isinstance(table.get("file"), str) or not table["file"]:
-            raise UserError(f'{path}: {where}: add its file: file = "FILE or name of a scene"')
-        own = replace(wanted, frames=None)
-        if "frames" in table:
+        given = Table(path, f"meshes[{i}]", table, ("file", "transform", "frames"))
+        file, own = given.values.get("file"), replace(wanted, frames=None)
+        if not isinstance(file, str) or not file:
+            raise UserError(f'{given}: add its file: file = "FILE or name of a scene"')
+        if "frames" in given.values:
+            frames = given.typed("frames", str)
             try:
-                own = replace(own, frames=frames_of(typed(path, f"{where}.frames", table["frames"], str)))
+                own = replace(own, frames=frames_of(frames))
             except UserError as error:
-                raise UserError(f"{path}: {where}.frames: {str(error).removeprefix('--frames ')}") from error
-        try:
-            scene = resolve(table["file"], own)
-        except UserError as error:
-            raise UserError(f"{path}: {where}: {error}") from error
+                raise UserError(f"{given}.frames: {str(error).removeprefix('--frames ')}") from error
+        scene = with_path(path, f"{given.where}: ", functools.partial(resolve, file, own))
         if scene.alpha is not None or scene.mirror is not None:
-            raise UserError(
-                f"{path}: {where}: has holes or mirrors of its own; declare [alpha] and [mirror] here instead"
-            )
-        parts.append(Part(table["file"], scene, matrix_of(path, f"{where}.transform", table.get("transform", {}))))
+            raise UserError(f"{given}: has holes or mirrors of its own; declare [alpha] and [mirror] here instead")
+        parts.append(Part(file, scene, matrix_of(path, f"{given.where}.transform", given.values.get("transform", {}))))
     if not parts:
         raise UserError(f"{path}: meshes: give at least one")
     return parts
@@ -74,24 +70,23 @@ def declared_parts(path: Path, tables: Any, resolve: Callable[[str, Wanted], Sce
 
 def matrix_of(path: Path, where: str, table: Any) -> MATRIX:
     """The matrix of a transform."""
-    known(path, where, table, ("scale", "rotate", "translate", "matrix"))
-    matrix = np.eye(4)
+    given = Table(path, where, table, ("scale", "rotate", "translate", "matrix"))
     if "matrix" in table:
         if len(table) > 1:
-            raise UserError(f"{path}: {where}: give either a matrix, or scale, rotate and translate")
-        rows = typed(path, f"{where}.matrix", table["matrix"], list)
+            raise UserError(f"{given}: give either a matrix, or scale, rotate and translate")
+        rows = given.typed("matrix", list)
         if len(rows) != 4 or any(not isinstance(row, list) or len(row) != 4 for row in rows):
-            raise UserError(f"{path}: {where}.matrix must be four rows of four numbers")
-        matrix = np.array([[number(path, f"{where}.matrix", value) for value in row] for row in rows])
+            raise given.error("matrix", "must be four rows of four numbers")
+        matrix = np.array([given.numbers("matrix", row) for row in rows])
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-            raise UserError(f"{path}: {where}.matrix: its last row must be 0, 0, 0, 1")
+            raise UserError(f"{given}.matrix: its last row must be 0, 0, 0, 1")
         return matrix
-    scale = table.get("scale", 1.0)
-    scale = vector(path, f"{where}.scale", scale) if isinstance(scale, list) else number(path, f"{where}.scale", scale)
+    matrix, nothing = np.eye(4), (0.0, 0.0, 0.0)
+    scale = given.vector("scale") if isinstance(table.get("scale"), list) else given.number("scale", 1.0)
     matrix[:3, :3] = np.diag(np.broadcast_to(scale, 3))
-    for axis, degrees in enumerate(vector(path, f"{where}.rotate", table.get("rotate", (0.0, 0.0, 0.0)))):
+    for axis, degrees in enumerate(given.vector("rotate", nothing)):
         matrix[:3, :3] = _turn(axis, degrees) @ matrix[:3, :3]
-    matrix[:3, 3] = vector(path, f"{where}.translate", table.get("translate", (0.0, 0.0, 0.0)))
+    matrix[:3, 3] = given.vector("translate", nothing)
     return matrix
 
 
@@ -118,33 +113,25 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
     shape = shape_of(geometry, scenes[0].camera.up)
     if max(-shape.low.min(), shape.high.max()) > LARGEST:
         raise UserError(f"{path}: meshes: have coordinates too large for float32 rays; choose other transforms")
-    camera, lights = view(shape)
-    sources = [scene.source for scene in scenes]
-    named = [one.file or scene.name for one, scene in zip(sources, scenes, strict=True)]
-    hashes = [f"{name} {one.sha256}" for name, one in zip(named, sources, strict=True)]
-    left_out = [f"{name}: {one.left_out}" for name, one in zip(named, sources, strict=True) if one.left_out]
+    named = [scene.source.file or scene.name for scene in scenes]
+    sources = list(zip(named, (scene.source for scene in scenes), strict=True))
+    hashes = "\n".join(f"{name} {one.sha256}" for name, one in sources)
+    left_out = [f"{name}: {one.left_out}" for name, one in sources if one.left_out]
     rates = list(dict.fromkeys(scene.rate for scene in scenes if scene.rate))
     if len(rates) > 1:
         said = f"rates of {' and '.join(f'{rate:g}' for rate in rates)} frames a second read frame by frame"
         note(f"{path}: {said}")
         left_out.append(said)
     step = wanted.frames[2] if wanted.frames else 1
-    source = Source(
-        "file",
-        " + ".join(named),
-        hashlib.sha256("\n".join(hashes).encode()).hexdigest(),
-        wanted.facts(),
-        "; ".join(left_out),
-    )
+    digest = hashlib.sha256(hashes.encode()).hexdigest()
     return Scene(
         path.stem,
         " + ".join(scene.title for scene in scenes),
         lambda: geometry,
-        camera,
-        lights,
+        *view(shape),
         stand_in="; ".join(dict.fromkeys(scene.stand_in for scene in scenes if scene.stand_in)) or None,
         closed=all(scene.closed for scene in scenes),
-        source=source,
+        source=Source("file", " + ".join(named), digest, wanted.facts(), "; ".join(left_out)),
         cameras=_offers(parts, "cameras"),
         lamps=_offers(parts, "lamps"),
         rate=rates[0] / step if rates and geometry.frame_count > 1 else None,
@@ -154,27 +141,22 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
 def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
     """The meshes as one, in their order; of its frames those ``wanted``. Positions are float64."""
     meshes = [part.scene.geometry() for part in parts]
-    matrices = [part.matrix for part in parts]
+    placed = list(zip(meshes, (part.matrix for part in parts), strict=True))
     starts = np.cumsum([0, *(len(mesh.positions(0)) for mesh in meshes)])
     triangles = sum(len(mesh.faces) for mesh in meshes)
     if triangles > MAX_TRIANGLES or starts[-1] >= 2**31:
         raise UserError(
             f"{path}: meshes: {triangles:,} triangles together are more than can be indexed; leave out some"
         )
-    faces = np.concatenate(
-        [
-            _outwards(mesh.faces, matrix) + np.int32(start)
-            for mesh, matrix, start in zip(meshes, matrices, starts, strict=False)
-        ]
-    )
+    faces = [
+        _outwards(mesh.faces, matrix) + np.int32(start) for (mesh, matrix), start in zip(placed, starts, strict=False)
+    ]
     chosen = wanted.chosen(path, max(mesh.frame_count for mesh in meshes))
 
     def positions(frame: int) -> F64:
+        k = chosen[frame]
         return np.concatenate(
-            [
-                _placed(mesh.positions(min(chosen[frame], mesh.frame_count - 1)), matrix)
-                for mesh, matrix in zip(meshes, matrices, strict=True)
-            ]
+            [_placed(mesh.positions(min(k, mesh.frame_count - 1)), matrix) for mesh, matrix in placed]
         )
 
     moving = [i for i, mesh in enumerate(meshes) if mesh.frame_count > 1]
@@ -186,7 +168,7 @@ def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:
             motion = Moves("rigid", span, bodies)
         elif len(moving) == 1 and span:
             motion = Moves("deforming", span)
-    return Geometry(faces, positions, len(chosen), motion)
+    return Geometry(np.concatenate(faces), positions, len(chosen), motion)
 
 
 def _bodies(meshes: Sequence[Geometry]) -> I32 | None:
@@ -231,12 +213,10 @@ def _moved(one: Any, matrix: MATRIX) -> Any:
     """A camera or a light in the place of its mesh."""
     turn, size = matrix[:3, :3], float(np.abs(np.linalg.det(matrix[:3, :3]))) ** (1 / 3)
     if isinstance(one, Camera):
-        eye, target = (to_vector(turn @ place + matrix[:3, 3]) for place in (one.eye, one.target))
+        eye, target = (vector(turn @ place + matrix[:3, 3]) for place in (one.eye, one.target))
         height = one.height and one.height * size
-        return replace(one, eye=eye, target=target, up=to_vector(turn @ one.up), height=height)
+        return replace(one, eye=eye, target=target, up=vector(turn @ one.up), height=height)
     place = turn @ one.position + (0.0 if one.directional else matrix[:3, 3])
-    spot = one.spot and replace(
-        one.spot, direction=to_vector(turn @ one.spot.direction), up=to_vector(turn @ one.spot.up)
-    )
-    towards, across = (way and to_vector(turn @ way) for way in (one.towards, one.across))
-    return replace(one.resized(size), position=to_vector(place), spot=spot, towards=towards, across=across)
+    spot = one.spot and replace(one.spot, direction=vector(turn @ one.spot.direction), up=vector(turn @ one.spot.up))
+    towards, across = (way and vector(turn @ way) for way in (one.towards, one.across))
+    return replace(one.resized(size), position=vector(place), spot=spot, towards=towards, across=across)

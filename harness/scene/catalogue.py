@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from os.path import exists, isfile
 from pathlib import Path
+from typing import Any
 
 from ..errors import UserError, did_you_mean, install, note, one_line, warn
 from ..texts import visible
@@ -160,22 +161,13 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
     loaded: Loaded = load_sequence(files, wanted) if isinstance(files, list) else load(files, wanted)
     within_range(loaded)
     shape = shape_of(loaded.geometry(), loaded.up)
-    camera, lights = VIEWS.get(name, view)(shape)
     far = [f"{triangles(shape.far)} too far from the others for the automatic view"] if shape.far else []
     left_out = visible("; ".join([*loaded.notes, *far]))
     if left_out:
         note(f"{title}: {left_out}")
-    return Scene(
-        name,
-        title,
-        loaded.geometry,
-        camera,
-        lights,
-        source=replace(source(loaded.files, wanted), left_out=left_out),
-        cameras=loaded.cameras,
-        lamps=loaded.lights,
-        rate=loaded.rate,
-    )
+    known = replace(source(loaded.files, wanted), left_out=left_out)
+    offers: dict[str, Any] = {"cameras": loaded.cameras, "lamps": loaded.lights, "rate": loaded.rate}
+    return Scene(name, title, loaded.geometry, *VIEWS.get(name, view)(shape), source=known, **offers)
 
 
 def bunny_file() -> Path:

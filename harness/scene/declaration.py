@@ -50,7 +50,7 @@ from ..errors import UserError, did_you_mean, one_line
 from ..files import read_regular
 from ..texts import visible
 from .assembly import assembled, declared_parts
-from .declared_values import MOST, known, made, number, typed, whole
+from .declared_values import Table, with_path
 from .declared_views import CAMERA, camera_of, lights_of, named_cameras
 from .effects import OUTPUTS
 from .light_paths import Orbit
@@ -89,90 +89,75 @@ def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: 
         raise UserError(f"{path}: cannot read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:  # wrong syntax or encoding, a number too long, nesting too deep
         raise UserError(f"{path}: not valid TOML: {one_line(error)}") from error
-    known(path, "", table, TOP)
-    base = _base(path, table, resolve, wanted)
+    top = Table(path, "", table, TOP)
+    base = _base(top, resolve, wanted)
+    said = f"{visible(path.name)}: {base.source.file or base.name}"
+    digest = sha256(base.source.sha256.encode() + data).hexdigest()
     fields: dict[str, Any] = {
-        "title": _title(path, table.get("title", f"{base.title} ({visible(path.name)})")),
-        "closed": typed(path, "closed", table.get("closed", base.closed), bool),
-        "facing": typed(path, "facing", table.get("facing", base.facing), bool),
-        "source": dataclasses.replace(
-            base.source,
-            file=f"{visible(path.name)}: {base.source.file or base.name}",
-            sha256=sha256(base.source.sha256.encode() + data).hexdigest(),
-        ),
+        "title": top.typed("title", str, f"{base.title} ({visible(path.name)})"),
+        "closed": top.typed("closed", bool, base.closed),
+        "facing": top.typed("facing", bool, base.facing),
+        "source": dataclasses.replace(base.source, file=said, sha256=digest),
+        "outputs": _outputs(top) if "outputs" in table else base.outputs,
     }
-    if "outputs" in table:
-        fields["outputs"] = _outputs(path, table["outputs"])
+    if not fields["title"].strip() or not fields["title"].isprintable():
+        raise top.error("title", "must be one line of text")
     if "cameras" in table:
         base = dataclasses.replace(base, cameras={**base.cameras, **named_cameras(path, table["cameras"], base)})
-        fields["cameras"] = base.cameras
     if "camera" in table:
-        known(path, "camera", table["camera"], (*CAMERA, "moves"))
-        given = dict(table["camera"])
-        fields["camera_moves"] = typed(path, "camera.moves", given.pop("moves", False), bool)
-        fields["camera"] = camera_of(path, "camera", given, base)
+        camera = top.table("camera", (*CAMERA, "moves"))
+        fields["camera_moves"] = camera.typed("moves", bool, False)
+        camera.values.pop("moves", None)
+        fields["camera"] = camera_of(camera, base)
     if "lights" in table:
         fields["lights"], named = lights_of(path, table["lights"], base)
-        fields["lamps"] = {**base.lamps, **named}
-        fields["light_path"] = None
+        fields |= {"lamps": {**base.lamps, **named}, "light_path": None}
     if "orbit" in table:
-        known(path, "orbit", table["orbit"], ("centre", "axis", "turns", "frames"))
-        given = dict(table["orbit"])
-        frames = whole(path, "orbit.frames", given.pop("frames", 1))
-        orbit = made(path, "orbit", Orbit, given)
+        turning = top.table("orbit", ("centre", "axis", "turns", "frames"))
+        frames = turning.whole("frames", 1)
+        turning.values.pop("frames", None)
+        fields["light_path"] = orbit = turning.made(Orbit)
         if not any(orbit.axis):
-            raise UserError(f"{path}: orbit.axis must not be zero")
-        fields["light_path"] = orbit
+            raise turning.error("axis", "must not be zero")
         fields["geometry"] = lambda: base.geometry().lasting(frames)
     if "alpha" in table:
-        known(path, "alpha", table["alpha"], ("every", "holes"))
-        for name, value in table["alpha"].items():
-            whole(path, f"alpha.{name}", value, MOST_HOLES if name == "holes" else MOST)
-        fields["alpha"] = functools.partial(perforated, **table["alpha"])
+        holes = top.table("alpha", ("every", "holes"))
+        every, side = holes.whole("every", 2), holes.whole("holes", 4, MOST_HOLES)
+        fields["alpha"] = functools.partial(perforated, every=every, holes=side)
     if "mirror" in table:
-        known(path, "mirror", table["mirror"], ("share", "bounces"))
-        share = number(path, "mirror.share", table["mirror"].get("share", 0.5))
+        mirror = top.table("mirror", ("share", "bounces"))
+        share, bounces = mirror.number("share", 0.5), mirror.typed("bounces", int, 1)
         if not 0.0 < share <= 1.0:
-            raise UserError(f"{path}: mirror.share {share} must be greater than 0 and at most 1")
-        fields["mirror"] = functools.partial(largest_triangles, share=share)
-        fields["bounces"] = typed(path, "mirror.bounces", table["mirror"].get("bounces", 1), int)
-        if not 0 <= fields["bounces"] <= MOST_BOUNCES:
-            raise UserError(f"{path}: mirror.bounces {fields['bounces']} must lie in 0..{MOST_BOUNCES}")
+            raise mirror.error("share", f"{share} must be greater than 0 and at most 1")
+        if not 0 <= bounces <= MOST_BOUNCES:
+            raise mirror.error("bounces", f"{bounces} must lie in 0..{MOST_BOUNCES}")
+        fields |= {"mirror": functools.partial(largest_triangles, share=share), "bounces": bounces}
     return dataclasses.replace(base, **fields)
 
 
-def _base(path: Path, table: dict[str, Any], resolve: Callable[[str, Wanted], Scene], wanted: Wanted) -> Scene:
+def _base(top: Table, resolve: Callable[[str, Wanted], Scene], wanted: Wanted) -> Scene:
     """The scene of the declaration's mesh or meshes, to which it adds."""
+    path, mesh = top.path, top.values.get("mesh")
 
     def beside(name: str, wanted: Wanted) -> Scene:
         place = str(path.parent / name)
         return resolve(place if exists(Path(place)) or is_pattern(name) else name, wanted)
 
-    mesh = table.get("mesh")
-    if "meshes" in table:
+    if "meshes" in top.values:
         if mesh is not None:
             raise UserError(f"{path}: give either mesh or [[meshes]]")
-        return assembled(path, declared_parts(path, table["meshes"], beside, wanted), wanted)
+        return assembled(path, declared_parts(path, top.values["meshes"], beside, wanted), wanted)
     if not isinstance(mesh, str) or not mesh:
         raise UserError(f'{path}: add the mesh: mesh = "FILE or name of a scene"')
-    try:
-        return beside(mesh, wanted)
-    except UserError as error:
-        raise UserError(f"{path}: mesh: {error}") from error
+    found: Scene = with_path(path, "mesh: ", lambda: beside(mesh, wanted))
+    return found
 
 
-def _outputs(path: Path, table: Any) -> tuple[str, ...]:
-    names = tuple(typed(path, "outputs", table, list))
+def _outputs(top: Table) -> tuple[str, ...]:
+    names = tuple(top.typed("outputs", list))
     for name in names:
         if name not in OUTPUTS:
-            raise UserError(f"{path}: unknown output {name!r}{did_you_mean(str(name), OUTPUTS)}")
+            raise UserError(f"{top}: unknown output {name!r}{did_you_mean(str(name), OUTPUTS)}")
     if not names or len(set(names)) < len(names):
-        raise UserError(f"{path}: outputs: give at least one of {', '.join(OUTPUTS)}, each once")
+        raise UserError(f"{top}: outputs: give at least one of {', '.join(OUTPUTS)}, each once")
     return names
-
-
-def _title(path: Path, table: Any) -> str:
-    title: str = typed(path, "title", table, str)
-    if not title.strip() or not title.isprintable():
-        raise UserError(f"{path}: title must be one line of text")
-    return title

@@ -1,8 +1,10 @@
 """Values of a declaration, checked: each error names the file and where in it the value stands."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,45 +12,90 @@ from ..errors import UserError, did_you_mean
 
 MOST = 2**31 - 1
 
-
-def whole(path: Path, where: str, value: Any, most: int = MOST) -> int:
-    if not 1 <= typed(path, where, value, int) <= most:
-        raise UserError(f"{path}: {where} must lie in 1..{most}")
-    return int(value)
+VECTORS = ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards", "across")
+"""Fields that are three numbers."""
 
 
-def known(path: Path, where: str, table: Any, names: tuple[str, ...]) -> None:
-    if not isinstance(table, dict):
-        raise UserError(f"{path}: {where} must be a table")
-    for name in table:
-        if name not in names:
-            spot = f"{where}: " if where else ""
-            raise UserError(f"{path}: {spot}unknown key {name!r}{did_you_mean(name, names)}")
+class Table:
+    """A table of a declaration with the keys ``names``. ``where``: in the file; "" for the whole of it."""
 
+    def __init__(self, path: Path, where: str, values: Any, names: Iterable[str]):
+        self.path, self.where = path, where
+        if not isinstance(values, dict):
+            raise UserError(f"{self} must be a table")
+        for name in values:
+            if name not in names:
+                raise UserError(f"{self}: unknown key {name!r}{did_you_mean(name, names)}")
+        self.values: dict[str, Any] = dict(values)
 
-def typed(path: Path, where: str, value: Any, kind: type) -> Any:
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise UserError(f"{path}: {where} must have type {kind.__name__}, not {value!r}")
-    return value
+    def __str__(self) -> str:
+        return f"{self.path}: {self.where}" if self.where else str(self.path)
 
+    def error(self, name: str, said: str) -> UserError:
+        """What is wrong with the value of a name."""
+        return UserError(f"{self}.{name} {said}" if self.where else f"{self}: {name} {said}")
 
-def number(path: Path, where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise UserError(f"{path}: {where} must be a number, not {value!r}")
-    try:
-        number = float(value)
-    except OverflowError:  # TOML integers have no limit
-        number = math.inf
-    if not math.isfinite(number):
-        raise UserError(f"{path}: {where} must be finite, not {value!r}")
-    return number
+    def table(self, name: str, names: Iterable[str]) -> Table:
+        """The table of a name."""
+        return Table(self.path, f"{self.where}.{name}" if self.where else name, self.values[name], names)
 
+    def typed(self, name: str, kind: type, default: Any = None) -> Any:
+        value = self.values.get(name, default)
+        if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+            raise self.error(name, f"must have type {kind.__name__}, not {value!r}")
+        return value
 
-def vector(path: Path, where: str, value: Any) -> tuple[float, float, float]:
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise UserError(f"{path}: {where} must be three numbers, not {value!r}")
-    x, y, z = (number(path, where, part) for part in value)
-    return (x, y, z)
+    def whole(self, name: str, default: int, most: int = MOST) -> int:
+        value = self.typed(name, int, default)
+        if not 1 <= value <= most:
+            raise self.error(name, f"must lie in 1..{most}")
+        return int(value)
+
+    def number(self, name: str, default: Any = None) -> float:
+        return self._number(name, self.values.get(name, default))
+
+    def _number(self, name: str, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(name, f"must be a number, not {value!r}")
+        try:
+            number = float(value)
+        except OverflowError:  # TOML integers have no limit
+            number = math.inf
+        if not math.isfinite(number):
+            raise self.error(name, f"must be finite, not {value!r}")
+        return number
+
+    def numbers(self, name: str, value: Any) -> tuple[float, ...]:
+        return tuple(self._number(name, part) for part in value)
+
+    def vector(self, name: str, default: Any = None) -> Any:
+        value = self.values.get(name, default)
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise self.error(name, f"must be three numbers, not {value!r}")
+        return self.numbers(name, value)
+
+    def made(self, kind: type) -> Any:
+        """A frozen dataclass made from the values; the name of each field determines its type."""
+        missing = dataclasses.MISSING
+        for field in dataclasses.fields(kind):
+            if field.default is missing and field.default_factory is missing and field.name not in self.values:
+                raise UserError(f"{self}: add its {field.name}")
+        made = {name: self._field(name, value) for name, value in self.values.items()}
+        try:
+            return kind(**made)
+        except (TypeError, ValueError) as error:
+            raise UserError(f"{self}: {error}") from error
+
+    def _field(self, name: str, value: Any) -> Any:
+        if value is None or name in ("spot", "shape", "samples"):  # None: of a light that this one is based on
+            return value
+        if name in VECTORS:
+            return self.vector(name)
+        if name in ("shadows", "directional"):
+            return self.typed(name, bool)
+        if name == "size" and isinstance(value, list | tuple):
+            return self.numbers(name, value)
+        return self.number(name)
 
 
 def listed(path: Path, where: str, tables: Any) -> list[Any]:
@@ -58,39 +105,9 @@ def listed(path: Path, where: str, tables: Any) -> list[Any]:
     return tables
 
 
-VECTORS = ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards", "across")
-"""Fields that are three numbers."""
-
-
-def made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
-    """A frozen dataclass made from TOML values; the name of each field determines its type."""
-    missing = dataclasses.MISSING
-    for field in dataclasses.fields(kind):
-        if field.default is missing and field.default_factory is missing and field.name not in given:
-            raise UserError(f"{path}: {where}: add its {field.name}")
-    values: dict[str, Any] = {}
-    for name, value in given.items():
-        if value is None:  # of a light of the scene that this one is based on
-            values[name] = None
-        elif name in VECTORS:
-            values[name] = vector(path, f"{where}.{name}", value)
-        elif name in ("shadows", "directional"):
-            values[name] = typed(path, f"{where}.{name}", value, bool)
-        elif name == "size" and isinstance(value, list | tuple):
-            values[name] = tuple(number(path, f"{where}.size", side) for side in value)
-        elif name in ("spot", "shape", "samples"):
-            values[name] = value
-        else:
-            values[name] = number(path, f"{where}.{name}", value)
+def with_path(path: Path, where: str, rule: Callable[[], Any]) -> Any:
+    """What a rule gives, with the file and the place in it before its error."""
     try:
-        return kind(**values)
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{path}: {where}: {error}") from error
-
-
-def with_path(path: Path, where: str, rule: Callable[[], Any]) -> None:
-    """Apply a check that would otherwise fail only when a frame is made, and add the file to its error."""
-    try:
-        rule()
+        return rule()
     except UserError as error:
         raise UserError(f"{path}: {where}{error}") from error

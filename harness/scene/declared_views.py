@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..errors import UserError
-from .declared_values import known, listed, made, typed, with_path
+from .declared_values import Table, listed, with_path
 from .moment import ray_tables
 from .scene import FARTHEST, Camera, Light, Scene, Spot, Vector, offered
 from .spotlight import spot_row
@@ -24,19 +24,18 @@ KINDS = ("perspective", "orthographic")
 CAMERA = ("of", "kind", "eye", "target", "up", "fov", "height")
 """Keys of a camera."""
 
+LIGHT = tuple(field.name for field in dataclasses.fields(Light))
 
-def camera_of(path: Path, where: str, table: dict[str, Any], base: Scene) -> Camera:
+
+def camera_of(given: Table, base: Scene) -> Camera:
     """The camera of a table with the keys :data:`CAMERA`. What it leaves out is as in the camera of the scene that it is
     ``of``, else as in the scene's own.
     """
-    given = dict(table)
-    start = base.camera
-    if "of" in given:
-        start = _named(path, where, base.title, "camera", base.cameras, given.pop("of"))
-    fields = {**dataclasses.asdict(start), **_lens(path, where, given, start)}
-    camera: Camera = made(path, where, Camera, fields)
-    _near(path, f"{where}.eye", camera.eye)
-    with_path(path, "", lambda: ray_tables(camera, 1, 1, np.zeros(3)))
+    start = _of(given, base.title, "camera", base.cameras) if "of" in given.values else base.camera
+    given.values = {**dataclasses.asdict(start), **_lens(given, start)}
+    camera: Camera = given.made(Camera)
+    _near(given, "eye", camera.eye)
+    with_path(given.path, "", lambda: ray_tables(camera, 1, 1, np.zeros(3)))
     return camera
 
 
@@ -44,11 +43,9 @@ def named_cameras(path: Path, tables: Any, base: Scene) -> dict[str, Camera]:
     """The cameras of ``[[cameras]]``, by name."""
     cameras: dict[str, Camera] = {}
     for i, table in enumerate(listed(path, "cameras", tables)):
-        where = f"cameras[{i}]"
-        known(path, where, table, ("name", *CAMERA))
-        given = dict(table)
-        name = _name(path, where, given.pop("name", None), cameras)
-        cameras[name] = camera_of(path, where, given, base)
+        given = Table(path, f"cameras[{i}]", table, ("name", *CAMERA))
+        name = _name(given, cameras)
+        cameras[name] = camera_of(given, base)
     return cameras
 
 
@@ -57,76 +54,74 @@ def lights_of(path: Path, tables: Any, base: Scene) -> tuple[tuple[Light, ...], 
     lights: list[Light] = []
     names: dict[str, Light] = {}
     for i, table in enumerate(listed(path, "lights", tables)):
-        where = f"lights[{i}]"
-        known(path, where, table, ("name", "of", *(field.name for field in dataclasses.fields(Light))))
-        given = dict(table)
-        name = given.pop("name", None)
-        lights.append(_light(path, where, given, base))
+        given = Table(path, f"lights[{i}]", table, ("name", "of", *LIGHT))
+        name = _name(given, names) if given.values.get("name") is not None else None
+        lights.append(_light(given, base))
         if name is not None:
-            names[_name(path, where, name, names)] = lights[-1]
+            names[name] = lights[-1]
     return tuple(lights), names
 
 
-def _light(path: Path, where: str, given: dict[str, Any], base: Scene) -> Light:
-    if "of" in given:
-        start = _named(path, where, base.title, "light", base.lamps, given.pop("of"))
-        given = {**{field.name: getattr(start, field.name) for field in dataclasses.fields(Light)}, **given}
-    if "position" not in given:
-        raise UserError(f"{path}: {where}: add its position (of a directional light: the direction towards it)")
-    if isinstance(given.get("spot"), dict):
-        known(path, f"{where}.spot", given["spot"], tuple(field.name for field in dataclasses.fields(Spot)))
-        spot = made(path, f"{where}.spot", Spot, given["spot"])
+def _light(given: Table, base: Scene) -> Light:
+    if "of" in given.values:
+        start = _of(given, base.title, "light", base.lamps)
+        given.values = {**{name: getattr(start, name) for name in LIGHT}, **given.values}
+    if "position" not in given.values:
+        raise UserError(f"{given}: add its position (of a directional light: the direction towards it)")
+    if isinstance(given.values.get("spot"), dict):
+        told = given.table("spot", [field.name for field in dataclasses.fields(Spot)])
+        given.values["spot"] = spot = told.made(Spot)
         if spot.falloff < 0.0:
-            raise UserError(f"{path}: {where}.spot.falloff must not be negative")
-        with_path(path, f"{where}: ", lambda: spot_row(spot))
-        given["spot"] = spot
-    elif not isinstance(given.get("spot"), Spot | None):
-        raise UserError(f"{path}: {where}.spot must be a table")
-    light: Light = made(path, where, Light, given)
+            raise told.error("falloff", "must not be negative")
+        with_path(given.path, f"{given.where}: ", lambda: spot_row(spot))
+    elif not isinstance(given.values.get("spot"), Spot | None):
+        raise given.error("spot", "must be a table")
+    light: Light = given.made(Light)
     for name, values in (("color", light.color), ("intensity", (light.intensity,))):
         if not 0.0 <= min(values) <= max(values) <= BRIGHTEST:
-            raise UserError(f"{path}: {where}.{name} must lie in 0..{BRIGHTEST:g}")
+            raise given.error(name, f"must lie in 0..{BRIGHTEST:g}")
     if not light.directional:
-        _near(path, f"{where}.position", light.position)
-        _near(path, f"{where}.size", (*light.extent, 0.0))
+        _near(given, "position", light.position)
+        _near(given, "size", (*light.extent, 0.0))
     elif not any(light.position):
-        raise UserError(f"{path}: {where}.position: the direction of a directional light must not be zero")
+        raise UserError(f"{given}.position: the direction of a directional light must not be zero")
     return light
 
 
-def _lens(path: Path, where: str, given: dict[str, Any], start: Camera) -> dict[str, Any]:
+def _lens(given: Table, start: Camera) -> dict[str, Any]:
     """The fields of a camera table, without its kind: an orthographic camera has a height, a pinhole camera a fov."""
-    given = dict(given)
-    kind = given.pop("kind", KINDS[0] if start.height is None else KINDS[1])
+    fields = dict(given.values)
+    kind = fields.pop("kind", KINDS[0] if start.height is None else KINDS[1])
     if kind not in KINDS:
-        raise UserError(f"{path}: {where}.kind {kind!r} is not one of {', '.join(KINDS)}")
+        raise given.error("kind", f"{kind!r} is not one of {', '.join(KINDS)}")
     asked, other = ("height", "fov") if kind == "orthographic" else ("fov", "height")
-    if other in given:
-        raise UserError(f"{path}: {where}.{other} does not apply to a camera of kind {kind}; give {asked}")
+    if other in fields:
+        raise given.error(other, f"does not apply to a camera of kind {kind}; give {asked}")
     if kind == "perspective":
-        return {**given, "height": None}
-    if "height" not in given and start.height is None:
-        raise UserError(f"{path}: {where}: add its height, what the image shows from bottom to top")
-    return given
+        return {**fields, "height": None}
+    if "height" not in fields and start.height is None:
+        raise UserError(f"{given}: add its height, what the image shows from bottom to top")
+    return fields
 
 
-def _named(path: Path, where: str, title: str, kind: str, offers: Mapping[str, T], name: Any) -> T:
-    """What the scene offers under the name that stands in ``of``."""
-    try:
-        return offered(title, kind, offers, typed(path, f"{where}.of", name, str))
-    except UserError as error:
-        raise UserError(f"{path}: {where}.of: {error}") from error
+def _of(given: Table, title: str, kind: str, offers: Mapping[str, T]) -> T:
+    """What the scene offers under the name that stands in ``of``, which is taken out of the table."""
+    name = given.typed("of", str)
+    del given.values["of"]
+    found: T = with_path(given.path, f"{given.where}.of: ", lambda: offered(title, kind, offers, name))
+    return found
 
 
-def _name(path: Path, where: str, name: Any, taken: Mapping[str, Any]) -> str:
-    """A name to offer something under."""
+def _name(given: Table, taken: Mapping[str, Any]) -> str:
+    """A name to offer something under, which is taken out of the table."""
+    name = given.values.pop("name", None)
     if not isinstance(name, str) or not name or not name.isprintable():
-        raise UserError(f"{path}: {where}: add its name, one line of text")
+        raise UserError(f"{given}: add its name, one line of text")
     if name in taken:
-        raise UserError(f"{path}: {where}: the name {name!r} is taken")
+        raise UserError(f"{given}: the name {name!r} is taken")
     return name
 
 
-def _near(path: Path, where: str, point: Vector) -> None:
+def _near(given: Table, name: str, point: Vector) -> None:
     if max(abs(x) for x in point) > FARTHEST:
-        raise UserError(f"{path}: {where} {point} is outside the range of float32")
+        raise given.error(name, f"{point} is outside the range of float32")

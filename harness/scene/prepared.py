@@ -97,25 +97,15 @@ class Prepared:
         chosen = camera or self.scene.camera
         given = self.lights(frame) if lights is None else lights
         lights = targets_of(given, self.middle + self.centre, self.scene.camera.up)
+        parallel = chosen.height is not None
         eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
-        starts = eye if chosen.height is None else np.abs(column).max(axis=0) + np.abs(row).max(axis=0)
+        starts = np.abs(column).max(axis=0) + np.abs(row).max(axis=0) if parallel else eye
         scale, extent = self.scale(points)
-        positions = np.array([self.light_point(light, scale) for light in lights]).reshape(-1, 3)
+        positions = np.array([self.light_point(light, scale) for light in lights]).reshape(-1, 3).astype(np.float32)
+        reach, proxies = max_coordinate_of(starts, extent), proxy_positions_of(positions, lights)
+        spots, facing = spot_rows(lights), self.scene.facing
         return Moment(
-            frame,
-            points,
-            valid,
-            eye,
-            axes,
-            tangents,
-            column,
-            row,
-            np.ascontiguousarray(positions.astype(np.float32)),
-            spot_rows(lights),
-            self.scene.facing,
-            max_coordinate_of(starts, extent),
-            proxy_positions_of(positions.astype(np.float32), lights),
-            chosen.height is not None,
+            frame, points, valid, eye, axes, tangents, column, row, positions, spots, facing, reach, proxies, parallel
         )
 
     def scale(self, points: F32) -> tuple[float, float]:
@@ -254,9 +244,7 @@ def recentre(positions: F64) -> F64:
     """The point to subtract: the middle of the box, or zero where the box lies within its own size of the origin."""
     low, high = finite_bounds(positions)
     middle = (low + high) / 2
-    if np.abs(middle).max() <= (high - low).max():
-        return np.zeros(3)
-    return middle
+    return middle if np.abs(middle).max() > (high - low).max() else np.zeros(3)
 
 
 def weld(positions: F64) -> I32:
@@ -271,8 +259,7 @@ def weld(positions: F64) -> I32:
         return np.zeros(0, dtype=np.int32)
     with np.errstate(over="ignore"):
         keys = np.ascontiguousarray(positions.astype(np.float32) + np.float32(0.0))
-    view = keys.view([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]).ravel().view("V12")
-    _, first, inverse = np.unique(view, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(keys.view("V12").ravel(), return_index=True, return_inverse=True)
     result = first[inverse.ravel()].astype(np.int32)
     odd = np.isnan(keys).any(axis=1)
     result[odd] = np.nonzero(odd)[0]
@@ -285,7 +272,7 @@ def valid_triangles(points: F32, faces: I32) -> U8:
         return np.zeros(0, dtype=np.uint8)
     with np.errstate(invalid="ignore", over="ignore"):
         a, b, c = (points[faces[:, i]].astype(np.float64) for i in range(3))
-        finite = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & np.isfinite(c).all(axis=1)
+        finite = np.take(np.isfinite(points).all(axis=1), faces).all(axis=1)
         e, f = b - a, c - a
         normal = np.abs(np.cross(e, f)).max(axis=1)
         # A difference, a product and their difference each round once, by at most 2^-53 of their size.
@@ -300,6 +287,5 @@ def valid_triangles(points: F32, faces: I32) -> U8:
 
 def _zero_area_exact(a: F32, b: F32, c: F32) -> bool:
     p, q, r = ([Fraction(float(x)) for x in vertex] for vertex in (a, b, c))
-    e = [x - y for x, y in zip(q, p, strict=True)]
-    f = [x - y for x, y in zip(r, p, strict=True)]
+    e, f = ([x - y for x, y in zip(other, p, strict=True)] for other in (q, r))
     return all(e[i] * f[j] == e[j] * f[i] for i, j in ((0, 1), (1, 2), (2, 0)))

@@ -15,7 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...arrays import F64, I32, Floats
+from ..light_paths import vector
 from ..scene import Camera, Geometry, Light, Moves, Scene
+from .shapes import Mesh, join
 
 NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?)|-swirl([1-9]\d{0,2}))?")
 EXAMPLE = "balls-300k"
@@ -88,8 +90,7 @@ def camera_for(seen: float) -> Camera:
             half = scale * np.tan(np.radians(CAMERA.fov / 2))
             return replace(CAMERA, fov=float(2 * np.degrees(np.arctan(half))))
         target = np.array(CAMERA.target)
-        back = target + scale * (np.array(CAMERA.eye) - target)
-        return replace(CAMERA, eye=(float(back[0]), float(back[1]), float(back[2])))
+        return replace(CAMERA, eye=vector(target + scale * (np.array(CAMERA.eye) - target)))
 
     def share(camera: Camera) -> float:
         eye = np.array(camera.eye)
@@ -165,21 +166,19 @@ def geometry(count: int) -> Geometry:
         angle, radius = 2.4 * k, 0.42 + 0.95 * k**0.5
         centre = np.array([radius * np.cos(angle), 0.9 + random.uniform(0.0, 1.6), radius * np.sin(angle)])
         parts.append(ball(centre, random.uniform(0.3, 0.6), random.uniform(3, 9, 3), max(2, around // 2), around))
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    vertices = np.concatenate([vertices for vertices, _ in parts])
-    faces = np.concatenate([f + start for (_, f), start in zip(parts, starts, strict=False)])
-    return Geometry.static(vertices.astype(np.float32), faces.astype(np.int32))
+    vertices, faces = join(parts)
+    return Geometry.static(vertices.astype(np.float32), faces)
 
 
-def ground(side: int) -> tuple[F64, I32]:
+def ground(side: int) -> Mesh:
     """Rolling ground of ``side`` x ``side`` squares."""
     along = np.linspace(-HALF, HALF, side + 1)
     x, z = np.meshgrid(along, along, indexing="ij")
     y = 0.25 * np.sin(1.3 * x + 0.4 * z) + 0.2 * np.cos(0.9 * z - 0.5 * x) + 0.03 * np.sin(7 * x) * np.sin(6 * z)
-    return np.stack([x, y, z], axis=-1).reshape(-1, 3), squares(side, side, side + 1)
+    return Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), squares(side, side, side + 1))
 
 
-def ball(centre: F64, radius: float, waves: F64, rows: int, around: int) -> tuple[F64, I32]:
+def ball(centre: F64, radius: float, waves: F64, rows: int, around: int) -> Mesh:
     """A bumpy ball of ``rows`` x ``around`` squares; those at the poles degenerate to one triangle."""
     theta = np.linspace(0.0, np.pi, rows + 1)[:, None]
     phi = np.linspace(0.0, 2 * np.pi, around + 1)[None, :]
@@ -189,7 +188,7 @@ def ball(centre: F64, radius: float, waves: F64, rows: int, around: int) -> tupl
     faces = squares(rows, around, around + 1)
     # The first triangle of a square at the top and the second of one at the bottom have no area.
     first, last = np.arange(around) * 2, (len(faces) // 2 - around + np.arange(around)) * 2 + 1
-    return points.reshape(-1, 3), np.delete(faces, np.concatenate([first, last]), axis=0)
+    return Mesh(points.reshape(-1, 3), np.delete(faces, np.concatenate([first, last]), axis=0))
 
 
 def squares(rows: int, columns: int, stride: int) -> I32:

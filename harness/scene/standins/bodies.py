@@ -106,7 +106,7 @@ def both(blobs: Iterable[Blob]) -> list[Blob]:
     return pairs
 
 
-def curve(knots: Sequence[Point], per_span: int) -> F64:
+def curve(knots: Sequence[Point] | F64, per_span: int) -> F64:
     """A Catmull-Rom curve through knots [n, d], ``per_span`` points per span, shape [(n - 1) per_span + 1, d]."""
     line = np.asarray(knots, dtype=np.float64)
     line = np.concatenate([2 * line[:1] - line[1:2], line, 2 * line[-1:] - line[-2:-1]])

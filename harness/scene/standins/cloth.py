@@ -8,9 +8,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...arrays import F64, I64
+from ...arrays import F64, I32
 from ..scene import Geometry, Moves
+from .bodies import curve
 from .cloth_solver import ClothSettings, simulate
+from .shapes import Mesh, join
 
 FRAMES = 16
 FRAME_TIME = 0.15
@@ -22,22 +24,19 @@ GROUND_HALF = 2.5
 
 def geometry() -> Geometry:
     count = SETTINGS.cells * REFINE + 1
-    sheet_faces = _grid_faces(count)
-    ball, ball_faces = _ball()
-    ground = np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) * GROUND_HALF
-    ground_faces = np.array([[0, 2, 1], [0, 3, 2]])
-    ball_start = count * count
-    ground_start = ball_start + len(ball)
-    faces = np.concatenate([sheet_faces, ball_faces + ball_start, ground_faces + ground_start]).astype(np.int32)
+    sheet, ball = Mesh(np.zeros((count * count, 3)), _grid_faces(count)), _ball()
+    square = np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) * GROUND_HALF
+    ground = Mesh(square, np.array([[0, 2, 1], [0, 3, 2]]))
+    x, y, z = ball.vertices.T
 
     def positions(k: int) -> F64:
         angle = SETTINGS.ball_angle(k * FRAME_TIME)
-        turned = ball.copy()
-        turned[:, 0] = ball[:, 0] * np.cos(angle) + ball[:, 2] * np.sin(angle)
-        turned[:, 2] = ball[:, 2] * np.cos(angle) - ball[:, 0] * np.sin(angle)
-        return np.concatenate([_refined(_simulated()[k]), turned, ground])
+        c, s = np.cos(angle), np.sin(angle)
+        turned = np.stack([x * c + z * s, y, z * c - x * s], axis=-1)
+        return np.concatenate([_refined(_simulated()[k]), turned, square])
 
-    return Geometry(faces, positions, FRAMES, Moves("deforming", (0, ground_start)))
+    moves = Moves("deforming", (0, len(sheet.vertices) + len(ball.vertices)))
+    return Geometry(join([sheet, ball, ground]).faces, positions, FRAMES, moves)
 
 
 @lru_cache(maxsize=1)
@@ -60,20 +59,12 @@ def _refined(sheet: F64) -> F64:
 
 def _catmull_rom(values: F64, axis: int) -> F64:
     """Interpolate ``REFINE`` times as densely along ``axis``; the line goes on straight beyond its ends."""
-    values = np.moveaxis(values, axis, -1)
-    before = 2 * values[..., :1] - values[..., 1:2]
-    after = 2 * values[..., -1:] - values[..., -2:-1]
-    padded = np.concatenate([before, values, after], axis=-1)
-    a, b, c, d = (padded[..., i : padded.shape[-1] - 3 + i] for i in range(4))
-    fine = np.empty((*values.shape[:-1], (values.shape[-1] - 1) * REFINE + 1))
-    fine[..., -1] = values[..., -1]
-    for i in range(REFINE):
-        s = i / REFINE
-        fine[..., i:-1:REFINE] = b + 0.5 * s * ((c - a) + s * ((2 * a - 5 * b + 4 * c - d) + s * (3 * (b - c) + d - a)))
-    return np.moveaxis(fine, -1, axis)
+    lines = np.moveaxis(values, axis, 0)
+    fine = curve(lines.reshape(len(lines), -1), REFINE)
+    return np.moveaxis(fine.reshape(-1, *lines.shape[1:]), 0, axis)
 
 
-def _grid_faces(count: int) -> I64:
+def _grid_faces(count: int) -> I32:
     """Two triangles for each cell of a square grid of ``count`` by ``count`` vertices, diagonals alternating."""
     i, j = np.meshgrid(np.arange(count - 1), np.arange(count - 1), indexing="ij")
     a = (i * count + j).ravel()
@@ -81,30 +72,22 @@ def _grid_faces(count: int) -> I64:
     odd = ((i + j) % 2 == 1).ravel()[:, None]
     one = np.where(odd, np.stack([a, b, d], -1), np.stack([a, b, c], -1))
     two = np.where(odd, np.stack([b, c, d], -1), np.stack([a, c, d], -1))
-    return np.stack([one, two], 1).reshape(-1, 3)
+    return np.stack([one, two], 1).reshape(-1, 3).astype(np.int32)
 
 
-def _ball() -> tuple[F64, I64]:
-    """A sphere of rings and segments standing on the ground: vertices and faces, normals outward."""
+def _ball() -> Mesh:
+    """A sphere of rings and segments standing on the ground, normals outward."""
     rise = np.pi * np.arange(1, BALL_RINGS) / BALL_RINGS
     turn = 2 * np.pi * np.arange(BALL_SEGMENTS) / BALL_SEGMENTS
-    ring = np.stack(
-        [
-            np.outer(np.sin(rise), np.cos(turn)),
-            np.repeat(np.cos(rise)[:, None], BALL_SEGMENTS, 1),
-            np.outer(np.sin(rise), np.sin(turn)),
-        ],
-        -1,
-    ).reshape(-1, 3)
-    points = np.concatenate([[[0.0, 1, 0]], ring, [[0.0, -1, 0]]])
-    points = (points + (0.0, 1.0, 0.0)) * SETTINGS.ball_radius
+    level = np.repeat(np.cos(rise)[:, None], BALL_SEGMENTS, 1)
+    rings = np.stack([np.outer(np.sin(rise), np.cos(turn)), level, np.outer(np.sin(rise), np.sin(turn))], -1)
+    points = np.concatenate([[[0.0, 1, 0]], rings.reshape(-1, 3), [[0.0, -1, 0]]])
     here = np.arange(BALL_SEGMENTS)
-    after = (here + 1) % BALL_SEGMENTS
-    faces = [np.stack([np.zeros_like(here), 1 + after, 1 + here], -1)]
-    for r in range(BALL_RINGS - 2):
-        a, b = 1 + r * BALL_SEGMENTS + here, 1 + r * BALL_SEGMENTS + after
-        c, d = b + BALL_SEGMENTS, a + BALL_SEGMENTS
-        faces += [np.stack([a, b, c], -1), np.stack([a, c, d], -1)]
+    after, pole = (here + 1) % BALL_SEGMENTS, np.full(BALL_SEGMENTS, len(points) - 1)
+    a, b = (1 + BALL_SEGMENTS * np.arange(BALL_RINGS - 2)[:, None] + ends for ends in (here, after))
+    c, d = b + BALL_SEGMENTS, a + BALL_SEGMENTS
+    belt = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], 1).reshape(-1, 3)
     last = 1 + (BALL_RINGS - 2) * BALL_SEGMENTS
-    faces.append(np.stack([last + here, last + after, np.full_like(here, len(points) - 1)], -1))
-    return points, np.concatenate(faces)
+    top, bottom = np.stack([0 * here, 1 + after, 1 + here], -1), np.stack([last + here, last + after, pole], -1)
+    faces = np.concatenate([top, belt, bottom]).astype(np.int32)
+    return Mesh((points + (0.0, 1.0, 0.0)) * SETTINGS.ball_radius, faces)

@@ -7,10 +7,11 @@ motion repeats after the last frame. Both figures are modelled looking towards +
 
 import numpy as np
 
-from ..scene import Geometry, Moves
+from ...arrays import F64
+from ..scene import Geometry
 from . import forest
 from .bodies import Blob, Body, Point, ball, both, chain, curve, limb
-from .motion import Animated, Carry, Drift, Motion, Part, Sway, Swing
+from .motion import Carry, Drift, Motion, Part, Sway, Swing, animated
 from .shapes import Mesh, patch, transform
 
 FRAMES = 21
@@ -34,8 +35,7 @@ def geometry() -> Geometry:
     ]
     so_far = sum(len(part.mesh.faces) for part in parts)
     parts.append(forest.leaves((TRIANGLES - so_far) // 4))
-    animated = Animated(parts, FRAMES)
-    return Geometry(animated.faces, animated.positions, FRAMES, Moves("deforming", animated.span))
+    return animated(parts, FRAMES)
 
 
 def _placed(parts: list[Part], place: Point, turn: float, drift: Drift) -> list[Part]:
@@ -125,12 +125,17 @@ def fairy_body() -> Body:
     return Body(middle + both(sides) + limbs + _hair())
 
 
-def _hand(wrist: Point, ahead: Point, across: Point, group: str) -> list[Blob]:
-    """Palm and five fingers, spread a little, from the wrist along ``ahead``."""
-    start, forward, side = (np.asarray(v, dtype=np.float64) for v in (wrist, ahead, across))
+def _directions(ahead: Point, across: Point) -> tuple[F64, F64]:
+    """Unit vectors along ``ahead``, and across it as far as may be along ``across``."""
+    forward, side = np.asarray(ahead, dtype=np.float64), np.asarray(across, dtype=np.float64)
     forward = forward / np.sqrt((forward**2).sum())
     side = side - forward * (side * forward).sum()
-    side = side / np.sqrt((side**2).sum())
+    return forward, side / np.sqrt((side**2).sum())
+
+
+def _hand(wrist: Point, ahead: Point, across: Point, group: str) -> list[Blob]:
+    """Palm and five fingers, spread a little, from the wrist along ``ahead``."""
+    start, (forward, side) = np.asarray(wrist, dtype=np.float64), _directions(ahead, across)
     palm = start + 0.055 * forward
     blobs = [
         limb(start, palm + 0.014 * side, 0.019, 0.016, 0.012, group),
@@ -182,10 +187,7 @@ def _dress() -> Part:
 
 def _wing(ahead: Point, across: Point, length: float, width: float, cells: tuple[int, int] = (44, 22)) -> Mesh:
     """A wing from the origin: a lobed sheet with raised veins and a slight camber."""
-    forward, side = np.asarray(ahead, dtype=np.float64), np.asarray(across, dtype=np.float64)
-    forward = forward / np.sqrt((forward**2).sum())
-    side = side - forward * (side * forward).sum()
-    side = side / np.sqrt((side**2).sum())
+    forward, side = _directions(ahead, across)
     up = np.cross(forward, side)
     s = np.linspace(0.0, 1.0, cells[0] + 1)[:, None]
     t = np.linspace(-0.35, 0.65, cells[1] + 1)[None, :]
@@ -199,25 +201,14 @@ def _wing(ahead: Point, across: Point, length: float, width: float, cells: tuple
 def _dragonfly() -> list[Part]:
     """A dragonfly as long as the fairy's arm, looking towards +x: body, six legs, four beating wings."""
     segments = [(-0.02 - 0.036 * i, 0.012 - 0.0011 * i * i * 0.4, 0.0) for i in range(14)]
+    x, y, _ = segments[-1]
     blobs = [
         ball((0.075, 0.0, 0), (0.060, 0.050, 0.044)),
         ball((0.030, 0.015, 0), (0.065, 0.055, 0.046)),
         ball((0.148, 0.0, 0), (0.026, 0.032, 0.042), blend=0.015),
-        *[
-            ball(place, (0.024, 0.021 - 0.0007 * i, 0.021 - 0.0007 * i), blend=0.004)
-            for i, place in enumerate(segments)
-        ],
+        *(ball(place, (0.024, *[0.021 - 0.0007 * i] * 2), blend=0.004) for i, place in enumerate(segments)),
         *both([ball((0.158, 0.012, 0.030), (0.028, 0.032, 0.026), blend=0.003)]),
-        *both(
-            [
-                limb(
-                    (segments[-1][0], segments[-1][1], 0.006),
-                    (segments[-1][0] - 0.05, segments[-1][1], 0.015),
-                    0.006,
-                    0.003,
-                )
-            ]
-        ),
+        *both([limb((x, y, 0.006), (x - 0.05, y, 0.015), 0.006, 0.003)]),
     ]
     for i in range(3):
         foot = (0.09 - 0.035 * i, -0.03, 0.025)

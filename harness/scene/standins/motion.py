@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ...arrays import F64
+from ..scene import Geometry, Moves
 from .shapes import Mesh, join
 
 
@@ -90,30 +91,20 @@ class Carry:
         points += np.asarray(self.by, dtype=np.float64)
 
 
-class Animated:
-    """Parts joined into one mesh of fixed topology."""
+def animated(parts: Sequence[Part], frame_count: int) -> Geometry:
+    """Parts joined into one mesh of fixed topology, whose motion repeats after its frames."""
+    mesh = join(part.mesh for part in parts)
+    ends = np.cumsum([len(part.mesh.vertices) for part in parts]).tolist()
+    moving = [
+        (end - len(one.mesh.vertices), end, one.motions) for one, end in zip(parts, ends, strict=True) if one.motions
+    ]
 
-    def __init__(self, parts: Sequence[Part], frame_count: int):
-        mesh = join(part.mesh for part in parts)
-        self.faces, self._rest = mesh.faces, mesh.vertices
-        self.frame_count = frame_count
-        self._moving: list[tuple[slice, Sequence[Motion]]] = []
-        start = 0
-        for part in parts:
-            end = start + len(part.mesh.vertices)
-            if part.motions:
-                self._moving.append((slice(start, end), part.motions))
-            start = end
-
-    @property
-    def span(self) -> tuple[int, int]:
-        """First and end of the vertices that move; parts that stand still may lie between."""
-        return (self._moving[0][0].start, self._moving[-1][0].stop) if self._moving else (0, 0)
-
-    def positions(self, k: int) -> F64:
-        """Vertices of frame k, float64 [vertex_count, 3]."""
-        points = self._rest.copy()
-        for place, motions in self._moving:
+    def positions(k: int) -> F64:
+        points = mesh.vertices.copy()
+        for start, end, motions in moving:
             for motion in motions:
-                motion.apply(points[place], k / self.frame_count)
+                motion.apply(points[start:end], k / frame_count)
         return points
+
+    # Parts that stand still may lie between those that move.
+    return Geometry(mesh.faces, positions, frame_count, Moves("deforming", (moving[0][0], moving[-1][1])))

@@ -38,29 +38,20 @@ def flip(mesh: Mesh) -> Mesh:
 def transform(
     mesh: Mesh,
     *,
-    matrix: ArrayLike | None = None,
     scale: float | Sequence[float] | None = None,
     rotate: tuple[Sequence[float], float] | None = None,
     translate: Sequence[float] | None = None,
 ) -> Mesh:
-    """The mesh moved: ``matrix`` (3x3 or 4x4, on column vectors), then ``scale``, ``rotate``, ``translate``.
+    """The mesh moved: ``scale``, then ``rotate``, then ``translate``.
 
     ``rotate`` is (axis, degrees), right-handed. A mirror image gets its faces turned: outside stays outside.
     """
-    linear, shift = np.eye(3), np.zeros(3)
-    if matrix is not None:
-        given = np.asarray(matrix, dtype=np.float64)
-        linear = given[:3, :3]
-        if given.shape == (4, 4):
-            shift = given[:3, 3]
+    linear = np.eye(3)
     if scale is not None:
-        factor = np.diag(np.broadcast_to(np.asarray(scale, dtype=np.float64), 3))
-        linear, shift = factor @ linear, factor @ shift
+        linear = np.diag(np.broadcast_to(np.asarray(scale, dtype=np.float64), 3))
     if rotate is not None:
-        turn = rotation(*rotate)
-        linear, shift = turn @ linear, turn @ shift
-    if translate is not None:
-        shift = shift + np.asarray(translate, dtype=np.float64)
+        linear = rotation(*rotate) @ linear
+    shift = np.asarray((0.0, 0.0, 0.0) if translate is None else translate, dtype=np.float64)
     moved = Mesh(_dot(mesh.vertices, linear) + shift, mesh.faces)
     return flip(moved) if np.linalg.det(linear) < 0 else moved
 
