@@ -36,10 +36,10 @@ def cost(prepared: Prepared, frame: int, settings: dict[str, str]) -> int:
     return 120 * counters[NODES] + 100 * counters[TESTS]
 
 
-@pytest.mark.parametrize("settings", [{}, {"builder": "lbvh", "SHARED_AREA": 0.0}, {"update": "refit"}], ids=str)
+@pytest.mark.parametrize("settings", [{}, {"update": "refit"}], ids=str)
 def test_random_lines_meet_as_many_boxes_as_is_expected(settings):
     """Lines of all directions through the scene's box, from a sphere about it."""
-    session = built(make_scene(*soup(5, 300), [(5.0, 4.0, 3.0)]), settings)
+    session = built(make_scene(*soup(5, 100), [(5.0, 4.0, 3.0)]), settings)
     centres, extents, refs, root = children(session)
     low, high = centres - extents, centres + extents
     boxes = [(low[root].min(axis=0), high[root].max(axis=0), 1, 0)]

@@ -62,16 +62,6 @@ def test_an_offset_of_the_whole_scene_is_none():
     assert assert_exact_in_frames(prepared, [0, 1, 2]).regrown == 0
 
 
-def test_rotations_that_add_up():
-    """A pose that is found by turning the last one again and again, which rounds each time."""
-    turned, poses = np.eye(3, dtype=np.float32), []
-    for _ in range(300):
-        poses.append(turned.astype(np.float64))
-        turned = turned @ turn((1.0, 2.0, 3.0), 0.2).astype(np.float32)
-    pose = lambda body, frame: (poses[frame] if body else np.eye(3), np.zeros(3))  # noqa: E731
-    assert bodies_of(assert_exact_in_frames(moving(TWO_BALLS, pose, frames=len(poses)), [0, 299])) == 3
-
-
 def test_a_thousand_bodies(device):
     """The bits of another exact method, with bodies small and large."""
     vertices, _ = soup(11, 2000, size=0.15, spread=1.5)
