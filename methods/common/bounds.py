@@ -29,25 +29,12 @@ at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its directio
 @wp.func
 def lower_box(box: wp.array(dtype=wp.float32), lane: wp.int32, low: wp.vec3f, high: wp.vec3f):
     """Lower x, y, z, -x, -y, -z to what the threads of a block found: one reduction per block, then six atomics."""
-    x0 = wp.tile_min(wp.tile(low[0]))
-    y0 = wp.tile_min(wp.tile(low[1]))
-    z0 = wp.tile_min(wp.tile(low[2]))
-    x1 = wp.tile_min(wp.tile(-high[0]))
-    y1 = wp.tile_min(wp.tile(-high[1]))
-    z1 = wp.tile_min(wp.tile(-high[2]))
-    vx0 = x0[0]
-    vy0 = y0[0]
-    vz0 = z0[0]
-    vx1 = x1[0]
-    vy1 = y1[0]
-    vz1 = z1[0]
-    if lane == 0:
-        wp.atomic_min(box, 0, vx0)
-        wp.atomic_min(box, 1, vy0)
-        wp.atomic_min(box, 2, vz0)
-        wp.atomic_min(box, 3, vx1)
-        wp.atomic_min(box, 4, vy1)
-        wp.atomic_min(box, 5, vz1)
+    for axis in range(wp.static(3)):
+        least = wp.tile_extract(wp.tile_min(wp.tile(low[axis])), 0)
+        most = wp.tile_extract(wp.tile_min(wp.tile(-high[axis])), 0)
+        if lane == 0:
+            wp.atomic_min(box, axis, least)
+            wp.atomic_min(box, 3 + axis, most)
 
 
 @wp.kernel(enable_backward=False)

@@ -26,7 +26,7 @@ from ..common.parameters import check_choices, refuse_static
 from ..rays.launches import ray_passes
 from ..rays.offset import SHADOW_END, launch_shadow_origins
 from .library import QUALITIES, Device, TriangleScene, address
-from .packets import SIDE, Query, coherent_arguments, intersect_kernel, occluded_kernel
+from .packets import SIDE, Query, ShadowRays, coherent_arguments, intersect_kernel, occluded_kernel
 
 UPDATES = ("rebuild", "refit", "static")
 RAYS = ("single", "packet16")
@@ -224,10 +224,11 @@ class Embree(BaseMethod):
             self._stretches,
         )
         limited = self._effects.has_receivers(light)
-        receivers = frame.masks(bounce)[light] if limited else self._none
-        query, lights = self._query("Occluded"), [light, frame.camera, frame.lights]
-        found = [self._origins, frame.hits(bounce).triangle, receivers, bits]
-        self._each_part(occluded_kernel, [query, limited, SHADOW_END, *lights, *found])
+        of = filled(
+            ShadowRays, limited=limited, end=SHADOW_END, starts=self._origins, triangle=frame.hits(bounce).triangle,
+            receivers=frame.masks(bounce)[light] if limited else self._none, shadowed=bits,
+        )  # fmt: skip
+        self._each_part(occluded_kernel, [self._query("Occluded"), light, frame.lights, frame.camera, of])
 
 
 METHOD = Embree

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...harness.errors import UserError
 
-VERSION, VERSION_MAJOR, PACKETS_OF_16, TASKING = 0, 1, 34, 128
-"""Properties of a device: RTC_DEVICE_PROPERTY_VERSION, ..._MAJOR, ..._NATIVE_RAY16_SUPPORTED, ..._TASKING_SYSTEM."""
+VERSION, VERSION_MAJOR = 0, 1
+"""Properties of a device: RTC_DEVICE_PROPERTY_VERSION, ..._MAJOR."""
 
 TRIANGLES = 0
 INDICES, VERTICES = 0, 1

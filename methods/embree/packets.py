@@ -103,9 +103,10 @@ CLOSEST = (
 ANY = (
     """
     constexpr int32_t WORDS = 12;
+    const float end = of.end;
     auto ray_of = [&](int32_t pixel, int32_t x, int32_t y, wp::vec3f& o, wp::vec3f& d) {
-        if (triangle.data[pixel] < 0 || (limited && !receivers.data[pixel])) return false;
-        o = starts.data[pixel];
+        if (of.triangle.data[pixel] < 0 || (of.limited && !of.receivers.data[pixel])) return false;
+        o = of.starts.data[pixel];
         d = wp::sub(target, o);
         return true;
     };
@@ -113,7 +114,7 @@ ANY = (
     + PACKET
     + """
     for (int32_t lane = 0; lane < 16; ++lane)
-        if (pixel_of[lane] >= 0) shadowed.data[pixel_of[lane]] = valid[lane] && real[128 + lane] < 0.0f;
+        if (pixel_of[lane] >= 0) of.shadowed.data[pixel_of[lane]] = valid[lane] && real[128 + lane] < 0.0f;
 """
 )
 
@@ -132,19 +133,21 @@ class Query:
 def closest_of_block(block: wp.int32, query: Query, bounced: wp.bool, camera: Camera, rays: Rays, hits: Hits): ...
 
 
+@wp.struct
+class ShadowRays:
+    """Shadow rays of one light, arrays [pixels]: of hits ``triangle`` that receive it, if it is ``limited`` to some, from
+    ``starts`` to the share ``end`` of the way to it."""
+
+    limited: wp.bool
+    end: wp.float32
+    starts: wp.array(dtype=wp.vec3f)
+    triangle: wp.array(dtype=wp.int32)
+    receivers: wp.array(dtype=wp.uint8)
+    shadowed: wp.array(dtype=wp.uint8)
+
+
 @wp.func_native(ANY)
-def any_of_block(
-    block: wp.int32,
-    query: Query,
-    limited: wp.bool,
-    end: wp.float32,
-    target: wp.vec3f,
-    camera: Camera,
-    starts: wp.array(dtype=wp.vec3f),
-    triangle: wp.array(dtype=wp.int32),
-    receivers: wp.array(dtype=wp.uint8),
-    shadowed: wp.array(dtype=wp.uint8),
-): ...
+def any_of_block(block: wp.int32, query: Query, target: wp.vec3f, camera: Camera, of: ShadowRays): ...
 
 
 @wp.kernel(enable_backward=False)
@@ -155,18 +158,7 @@ def intersect_kernel(first: wp.int32, query: Query, bounced: wp.bool, camera: Ca
 
 @wp.kernel(enable_backward=False)
 def occluded_kernel(
-    first: wp.int32,
-    query: Query,
-    limited: wp.bool,
-    end: wp.float32,
-    light: wp.int32,
-    camera: Camera,
-    lights: wp.array(dtype=wp.vec3f),
-    starts: wp.array(dtype=wp.vec3f),
-    triangle: wp.array(dtype=wp.int32),
-    receivers: wp.array(dtype=wp.uint8),
-    shadowed: wp.array(dtype=wp.uint8),
+    first: wp.int32, query: Query, light: wp.int32, lights: wp.array(dtype=wp.vec3f), camera: Camera, of: ShadowRays
 ):
-    """Shadow bits of the pixels of block ``first`` + thread, from ``starts`` to ``end`` of the way to the light."""
-    block = first + wp.tid()
-    any_of_block(block, query, limited, end, lights[light], camera, starts, triangle, receivers, shadowed)
+    """Shadow bits of the pixels of block ``first`` + thread."""
+    any_of_block(first + wp.tid(), query, lights[light], camera, of)

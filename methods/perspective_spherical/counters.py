@@ -29,7 +29,7 @@ def work(
         traced = light.traced()
         result.update(_lists(name, light.bins, traced))
         lengths = light.sorted.lengths() * traced
-        chunks = int(light.chunks.numCBlocks.numpy()[0]) * traced
+        chunks = int(light.chunks.of_rays.total.numpy()[0]) * traced
         result[f"{name} rays"] = int(lengths.sum())
         result[f"{name} tiles with rays"] = int((lengths > 0).sum())
         result[f"{name} most rays in a tile"] = int(lengths.max())

@@ -87,20 +87,14 @@ def reduce_extent(low: wp.vec3d, high: wp.vec3d, lane: wp.int32, extent: wp.arra
 
     Every thread of the block must call it.
     """
-    x0 = wp.tile_min(wp.tile(low[0]))
-    y0 = wp.tile_min(wp.tile(low[1]))
-    z0 = wp.tile_min(wp.tile(low[2]))
-    x1 = wp.tile_max(wp.tile(high[0]))
-    y1 = wp.tile_max(wp.tile(high[1]))
-    z1 = wp.tile_max(wp.tile(high[2]))
-    lows = wp.vec3d(wp.tile_extract(x0, 0), wp.tile_extract(y0, 0), wp.tile_extract(z0, 0))
-    highs = wp.vec3d(wp.tile_extract(x1, 0), wp.tile_extract(y1, 0), wp.tile_extract(z1, 0))
-    if lane == 0:
-        for axis in range(3):
-            if lows[axis] < extent[axis]:
-                wp.atomic_min(extent, axis, lows[axis])
-            if highs[axis] > extent[3 + axis]:
-                wp.atomic_max(extent, 3 + axis, highs[axis])
+    for axis in range(wp.static(3)):
+        least = wp.tile_extract(wp.tile_min(wp.tile(low[axis])), 0)
+        most = wp.tile_extract(wp.tile_max(wp.tile(high[axis])), 0)
+        if lane == 0:
+            if least < extent[axis]:
+                wp.atomic_min(extent, axis, least)
+            if most > extent[3 + axis]:
+                wp.atomic_max(extent, 3 + axis, most)
 
 
 @wp.func

@@ -12,7 +12,7 @@ start no chunk.
 
 import warp as wp
 
-from ....harness.frame.geometry import filled
+from ...common.pairs import zeroed
 from ..variants.algorithm1 import Algorithm1
 from .sorting import TileLists
 
@@ -33,35 +33,27 @@ class RayChunks:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def chunk_count_kernel(
-    r: wp.int32, begin: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32), chunks: wp.array(dtype=wp.int32)
-):
+def chunk_count_kernel(r: wp.int32, lists: TileLists, chunks: wp.array(dtype=wp.int32)):
     """ceil(R / r) chunks for a tile of R rays (paper, section 4.3)."""
     tile = wp.tid()
-    chunks[tile] = (end[tile] - begin[tile] + r - 1) // r
+    chunks[tile] = (lists.end[tile] - lists.begin[tile] + r - 1) // r
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def chunk_kernel(
-    r: wp.int32,
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
-    chunks: wp.array(dtype=wp.int32),
-    scan: wp.array(dtype=wp.int32),
-    outArr: wp.array(dtype=wp.int32),
-    numCBlocks: wp.array(dtype=wp.int32),
+    r: wp.int32, lists: TileLists, chunks: wp.array(dtype=wp.int32), scan: wp.array(dtype=wp.int32), out: RayChunks
 ):
     """The first ray of every chunk of a tile; the last occupied tile closes the array."""
     tile = wp.tid()
     total = scan[scan.shape[0] - 1]
     if tile == 0:
-        numCBlocks[0] = total
+        out.total[0] = total
         if total == 0:
-            outArr[0] = 0
+            out.first[0] = 0
     for j in range(chunks[tile]):
-        outArr[scan[tile] - chunks[tile] + j] = begin[tile] + j * r
+        out.first[scan[tile] - chunks[tile] + j] = lists.begin[tile] + j * r
     if chunks[tile] > 0 and scan[tile] == total:
-        outArr[total] = end[tile]
+        out.first[total] = lists.end[tile]
 
 
 def most_chunks(rays: int, tiles: int, r: int) -> int:
@@ -72,32 +64,23 @@ def most_chunks(rays: int, tiles: int, r: int) -> int:
 class Chunks:
     """Chunks of one light's sorted rays. ``lists``: the rays of each tile; keys from ``tiles`` on are no shadow rays.
 
-    outArr      int32 [rays + 1]: first ray of each chunk, then the number of shadow rays
-    numCBlocks  int32 [1]: C_total
-    of_rays     :class:`RayChunks`
-    paper       what ``algorithm-1`` makes them with; else None
+    of_rays  :class:`RayChunks`     paper  what ``algorithm-1`` makes them with; else None
     """
 
     def __init__(self, lists: TileLists, rays: int, tiles: int, r: int, balancing: str, device: str):
-        self.lists, self.rays, self.tiles, self.r, self.device = lists, rays, tiles, r, device
+        self.lists, self.tiles, self.r, self.device = lists, tiles, r, device
         self.capacity = most_chunks(rays, tiles, r)
-        self.paper = Algorithm1(rays, device) if balancing == "algorithm-1" else None
+        self.paper = Algorithm1(rays, lists.keys, device) if balancing == "algorithm-1" else None
         with wp.ScopedDevice(device):
-            self.outArr, self.numCBlocks = wp.zeros(rays + 1, dtype=wp.int32), wp.zeros(1, dtype=wp.int32)
+            self.of_rays = zeroed(RayChunks, tiles=lists.keys, pixels=lists.values, first=rays + 1, total=1)
             if self.paper is None:
                 self.chunks, self.scan = wp.zeros(tiles, dtype=wp.int32), wp.zeros(tiles, dtype=wp.int32)
-        self.of_rays = filled(
-            RayChunks, tiles=lists.keys, pixels=lists.values, first=self.outArr, total=self.numCBlocks
-        )
 
     def launch(self) -> None:
         if self.paper is not None:
-            self.paper.launch(self.lists.keys, self.tiles, self.r, self.outArr, self.numCBlocks)
+            self.paper.launch(self.tiles, self.r, self.of_rays.first, self.of_rays.total)
             return
-        runs = [self.r, self.lists.begin, self.lists.end]
-        self._launch(chunk_count_kernel, runs, [self.chunks])
+        wp.launch(chunk_count_kernel, self.tiles, [self.r, self.lists, self.chunks], device=self.device)
         wp.utils.array_scan(self.chunks, self.scan, inclusive=True)
-        self._launch(chunk_kernel, [*runs, self.chunks, self.scan], [self.outArr, self.numCBlocks])
-
-    def _launch(self, kernel: wp.Kernel, inputs: list, outputs: list) -> None:
-        wp.launch(kernel, dim=self.tiles, inputs=inputs, outputs=outputs, device=self.device)
+        inputs = [self.r, self.lists, self.chunks, self.scan, self.of_rays]
+        wp.launch(chunk_kernel, self.tiles, inputs, device=self.device)

@@ -3,18 +3,10 @@
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
-from helpers.method_trials import TRIALS, assert_exact, lattice, trace
+from helpers.method_trials import lattice, trace
 from shadowbench.harness.frame.registry import make_method
 
 NAME = "accuracy_ladder"
-
-
-@pytest.mark.parametrize("test", ["exact", "float64"])
-@pytest.mark.parametrize("trial", ["rays at vertices", "eye in a box", "broken triangles", "teapot in a stadium"])
-def test_the_ladder_is_exact_at_its_top(trial, test, device):
-    prepared, width, height = TRIALS[trial]
-    assert_exact(NAME, {"test": test}, prepared, width, height, device)
-    assert make_method(NAME, {"test": test}).known_inexact is None
 
 
 @pytest.mark.parametrize("test", ["moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes"])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import TRIALS, assert_exact, assert_same, trace
+from helpers.method_trials import assert_exact, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.prepared import Prepared
@@ -17,12 +17,6 @@ def small_and_large() -> Prepared:
     return make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
 
 
-@pytest.mark.parametrize("side", ["3", "8"])
-@pytest.mark.parametrize("trial", TRIALS)
-def test_equals_brute_force_on_hard_scenes(trial, side):
-    assert_exact(NAME, {"side": side}, *TRIALS[trial])
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_equals_brute_force_with_any_view_and_density(seed):
     """Wide views have packets that are not coherent; eyes lie inside and far outside."""
@@ -33,14 +27,6 @@ def test_equals_brute_force_with_any_view_and_density(seed):
     prepared = make_scene(vertices, faces, [(5.0, 4.0, 3.0)], eye, (0.0, 0.0, 0.0), angle)
     settings = {"side": ["64", "5"][seed % 2], "density": ["5", "300"][seed // 2 % 2]}
     assert_exact(NAME, settings, prepared, 31, 22)
-
-
-@pytest.mark.parametrize("side", ["1", "4", "64"])
-def test_has_the_bits_of_the_uniform_grid(side):
-    prepared = small_and_large()
-    _, _, wanted = trace("uniform_grid", {}, prepared, 61, 43)
-    _, _, got = trace(NAME, {"side": side}, prepared, 61, 43)
-    assert_same(got, wanted)
 
 
 def test_mirrored_rays_have_the_bits_of_the_uniform_grid():
@@ -61,14 +47,6 @@ def test_a_packet_tests_a_triangle_once_and_ends_behind_its_hits():
     session, _, got = trace(NAME, {"side": "4", "density": "300"}, prepared, 16, 16)
     assert (got["triangle"] == 0).all()
     assert session.method.counters()["primary tests"] == 16 * 16
-
-
-def test_queues_grow_and_the_frame_is_repeated():
-    prepared, width, height = TRIALS["rays at vertices"]
-    _, _, roomy = trace(NAME, {}, prepared, width, height)
-    session, _, tight = trace(NAME, {"capacity": "1"}, prepared, width, height)
-    assert session.regrown > 0
-    assert_same(tight, roomy)
 
 
 def test_a_gpu_is_refused_in_one_line():

@@ -8,7 +8,7 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same
 from helpers.paper_knobs import answers_of
-from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case
@@ -105,13 +105,6 @@ def test_bounds_by_vertices_lose_shadows_and_say_so(name, bounds):
     finding = judge_case(Judged(case, case.make()), method, "cpu")
     assert (finding.status == "error") == LOST[name][bounds], finding.classes
     assert set(finding.classes) <= {"ok", "leak", "tie", "near_tie", "edge"}, "a box too small only loses"
-
-
-def test_settings_that_mean_nothing_are_refused():
-    with pytest.raises(UserError, match="needs light_map=azimuth-elevation"):
-        make_method("perspective_spherical", {"light_bounds": "seam", "light_map": "cube"})
-    with pytest.raises(UserError, match="needs aimed=true"):
-        make_method("perspective_spherical", {"precision": "float32-centred", "aimed": "false"})
 
 
 def pairs(prepared, **settings: str) -> tuple[dict[str, int], np.ndarray]:

@@ -43,12 +43,12 @@ def test_algorithm_1_as_figure_8_is_described():
     assert b.tolist() == [0, 0, 0, 1, 1, 3, 4, 4, 4]
     chunks = chunks_of(keys, tiles, r, "algorithm-1")
     assert chunks.paper is not None
-    assert chunks.paper.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
-    assert chunks.paper.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]  # C
-    assert chunks.paper.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]  # D
-    assert chunks.paper.validArr.numpy().tolist() == [1, 0, 1, 1, 0, 1, 1, 0, 1]  # E
-    assert chunks.numCBlocks.numpy()[0] == 6  # C_total = 2 + 1 + 1 + 2
-    first = chunks.outArr.numpy()[:7]
+    assert chunks.paper.arrays.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
+    assert chunks.paper.arrays.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]  # C
+    assert chunks.paper.arrays.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]  # D
+    assert chunks.paper.arrays.validArr.numpy().tolist() == [1, 0, 1, 1, 0, 1, 1, 0, 1]  # E
+    assert chunks.of_rays.total.numpy()[0] == 6  # C_total = 2 + 1 + 1 + 2
+    first = chunks.of_rays.first.numpy()[:7]
     assert first.tolist() == [0, 2, 3, 5, 6, 8, 9]  # G, and the number of rays, which closes it
     assert np.diff(first).tolist() == [2, 1, 2, 1, 2, 1]  # "the difference between the values" of G
     assert a[first[:6]].tolist() == [1, 6, 2, 4, 0, 8]  # "the ray whose index in A is referenced by ... G"
@@ -68,8 +68,8 @@ def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(so
     assert sorted(a.tolist()) == hits.tolist()
     assert (np.diff(b) >= 0).all()
     assert (b < light.sorted.tiles).sum() == len(hits)
-    total = int(light.chunks.numCBlocks.numpy()[0])
-    first = light.chunks.outArr.numpy()[: total + 1]
+    total = int(light.chunks.of_rays.total.numpy()[0])
+    first = light.chunks.of_rays.first.numpy()[: total + 1]
     counts = np.bincount(b[: len(hits)])
     assert total == np.ceil(counts / 2).sum() > (counts > 0).sum(), "some tile has more rays than a block"
     for start, end in itertools.pairwise(first):
@@ -87,8 +87,8 @@ def test_both_balancings_make_the_same_chunks(seed, device):
         made = []
         for balancing in BALANCING:
             chunks = chunks_of(keys, tiles, r, balancing)
-            total = int(chunks.numCBlocks.numpy()[0])
-            made.append(chunks.outArr.numpy()[: total + 1].tolist())
+            total = int(chunks.of_rays.total.numpy()[0])
+            made.append(chunks.of_rays.first.numpy()[: total + 1].tolist())
             assert total <= chunks.capacity
         assert made[0] == made[1]
         counts = np.bincount(ids[ids < tiles], minlength=tiles)

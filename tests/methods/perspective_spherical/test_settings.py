@@ -6,8 +6,6 @@ from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.closed_meshes import grid_of_squares
 from helpers.method_trials import assert_same
 from helpers.paper_knobs import answers_of, drawn
-from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame.registry import make_method
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS
 
 
@@ -68,14 +66,6 @@ def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     _, _, got = answers_of(prepared, 33, 33, {"triangle_test": name})
     assert (got["triangle"] >= 0).all()
     assert (got["shadowed"] == 0).all()
-
-
-@pytest.mark.parametrize(
-    "setting", [("k", "0"), ("light_map", "flat"), ("clamp", "tight"), ("r", "0"), ("cull", "all")]
-)
-def test_what_cannot_be_set_is_named(setting):
-    with pytest.raises(UserError, match=setting[0]):
-        make_method("perspective_spherical", dict([setting]))
 
 
 def test_lights_moved_between_frames_equal_fresh_ones_under_other_knobs():

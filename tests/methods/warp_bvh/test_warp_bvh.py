@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import TRIALS, assert_exact, assert_misses, assert_nearly, random_trial, trace
-from shadowbench.harness.errors import UserError
+from helpers.method_trials import assert_nearly, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -15,41 +14,7 @@ from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 NAME = "warp_bvh"
 EXACT = {"update": "bvh_rebuild"}
-MESHES = [
-    {"update": "rebuild"},
-    {"update": "refit"},
-    {"update": "static"},
-    {"update": "rebuild", "constructor": "sah"},
-    {"update": "rebuild", "constructor": "median", "leaf_size": "1"},
-    {"update": "rebuild", "constructor": "lbvh"},
-    {"update": "refit", "constructor": "cubql"},
-]
 PLAIN = [{"update": "rebuild", "origin": "plain"}, {"update": "refit", "origin": "plain_cut"}]
-INEXACT_TRIALS = (
-    *("rays at vertices", "rays at diagonals", "axis-parallel rays", "eye in a box", "eye on a wall"),
-    *("duplicates", "eye far away", "teapot in a stadium"),
-)
-"""Ties, rays that a Mesh may lose, and a floor on which Warp's own t is wrong by a hundredth of the distance."""
-
-
-@pytest.mark.parametrize("seed", range(16))
-def test_exact_variant_equals_brute_force_on_random_scenes(seed, device):
-    settings = {**EXACT, "leaf_size": str(1 + seed % 5), "constructor": ["default", "median", "lbvh"][seed % 3]}
-    assert_exact(NAME, settings, *random_trial(seed + 100), device)
-
-
-@pytest.mark.parametrize("trial", TRIALS)
-def test_exact_variant_equals_brute_force_on_hard_scenes(trial, device):
-    assert_exact(NAME, EXACT, *TRIALS[trial], device)
-
-
-@pytest.mark.parametrize("settings", MESHES, ids=str)
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_mesh_nearly_equals_brute_force(settings, scale, device):
-    vertices, faces = soup(21, 150, size=0.2)
-    lights = [(2.0 * scale, 3.0 * scale, 4.0 * scale), (0.1 * scale, 0.0, 0.2 * scale), (0.0, 1e5 * scale, 0.0)]
-    prepared = make_scene(vertices * scale, faces, lights, (0.0, 0.5 * scale, 3.0 * scale))
-    assert_nearly(NAME, settings, prepared, 41, 29, device)
 
 
 @pytest.mark.parametrize("settings", PLAIN, ids=str)
@@ -65,64 +30,6 @@ def test_plain_shadow_rays_are_nearly_right_on_a_scene_of_ordinary_size(settings
     small = make_scene(vertices * 1e-6, faces, [(2e-6, 3e-6, 4e-6)], (0.0, 5e-7, 3e-6))
     got, right = (trace(NAME, x, small, 41, 29, device)[2]["shadowed"].sum() for x in (settings, EXACT))
     assert (got < 0.5 * right) == (settings["origin"] == "plain")
-
-
-@pytest.mark.parametrize("update", ["rebuild", "refit", "static"])
-@pytest.mark.parametrize("trial", TRIALS)
-def test_mesh_survives_hard_scenes(trial, update, device):
-    prepared, width, height = TRIALS[trial]
-    if trial in INEXACT_TRIALS:
-        assert_misses(trace(NAME, {"update": update}, prepared, width, height, device)[2])
-    else:
-        assert_nearly(NAME, {"update": update}, prepared, width, height, device, share=0.03)
-
-
-@pytest.mark.parametrize("settings", [*MESHES, *PLAIN, EXACT], ids=str)
-def test_two_runs_agree_bit_for_bit(settings, device):
-    prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
-    session, moment, first = trace(NAME, settings, prepared, 33, 21, device)
-    for again in (session.answers(moment), trace(NAME, settings, prepared, 33, 21, device)[2]):
-        for key, value in first.items():
-            np.testing.assert_array_equal(again[key], value, key)
-
-
-def moving(broken: bool) -> Prepared:
-    """Four frames of a soup; with ``broken``, one triangle is NaN in the second frame and sound again after."""
-    vertices, faces = soup(11, 120, size=0.2)
-    moved = [vertices.copy(), vertices * 1.5, np.roll(vertices, 1, axis=1), vertices * 0.1]
-    if broken:
-        moved[1][:3] = np.nan
-    scene = Scene(
-        "moving",
-        "moving",
-        lambda: Geometry(faces.astype(np.int32), lambda k: moved[k], len(moved)),
-        Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
-        (Light((2.0, 3.0, 4.0)),),
-    )
-    return prepare(scene)
-
-
-@pytest.mark.parametrize("broken", [False, True])
-@pytest.mark.parametrize("update", ["rebuild", "refit", "bvh_rebuild"])
-def test_moving_geometry_replayed_equals_a_fresh_start(update, broken, device):
-    prepared = moving(broken)
-    session = Session(make_method(NAME, {"update": update}), prepared, 24, 16, device)
-    for k in (0, 1, 2, 3, 0):
-        moment = prepared.moment(k, 24, 16)
-        session.load(moment)
-        session.frame.answers.poison()
-        session.run_complete()
-        session.replay()
-        got = session.frame.answers.to_host()
-        fresh = Session(make_method(NAME, EXACT), prepared, 24, 16, device).answers(moment)
-        allowed = 0 if update == "bvh_rebuild" else 2
-        assert (got["triangle"] != fresh["triangle"]).sum() <= allowed, k
-        assert (got["shadowed"] != fresh["shadowed"]).sum() <= allowed, k
-
-
-def test_static_refuses_moving_geometry():
-    with pytest.raises(UserError, match="4 frames"):
-        Session(make_method(NAME, {"update": "static"}), moving(False), 8, 8, "cpu")
 
 
 def test_built_says_what_was_really_built():
@@ -259,21 +166,3 @@ def test_only_the_mesh_made_anew_cannot_be_captured_and_only_the_bvh_is_exact():
         method = make_method(NAME, {"update": update})
         assert method.capturable == capturable
         assert (method.known_inexact is None) == exact
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"update": "often"},
-        {"constructor": "bsp"},
-        {"leaf_size": "-1"},
-        {"update": "bvh_rebuild", "constructor": "cubql"},
-        {"origin": "epsilon"},
-        {"origin": "plain", "update": "bvh_rebuild"},
-    ],
-    ids=str,
-)
-def test_wrong_parameters_are_one_line(settings):
-    with pytest.raises(UserError) as caught:
-        make_method(NAME, settings)
-    assert "\n" not in str(caught.value)
