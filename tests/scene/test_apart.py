@@ -177,6 +177,7 @@ def test_only_numbers_and_known_classes_are_taken_from_a_reader(text):
     one, other = Pipe()
     with one, other:
         one.send_bytes(text)
-        one.send_bytes(bytes(8))
-        with pytest.raises((ValueError, KeyError, TypeError)):
+        os.write(one.fileno(), bytes(8))
+        one.close()
+        with pytest.raises((ValueError, KeyError, TypeError, EOFError)):
             helper.received(other, most=100)

@@ -97,8 +97,9 @@ def send(line: Connection, value: Any) -> None:
 
     line.send_bytes(json.dumps(value, default=described).encode())
     for array in arrays:
-        if array.nbytes:
-            line.send_bytes(array.data.cast("B"))
+        left = array.reshape(-1).view(np.uint8).data
+        while left:
+            left = left[os.write(line.fileno(), left) :]
 
 
 def received(line: Connection, most: int = 0) -> Any:
@@ -124,8 +125,12 @@ def received(line: Connection, most: int = 0) -> Any:
             raise ValueError(f"an array of {dtype} {shape}")
         left -= size
         array = np.empty(shape, dtype)
-        if size and line.recv_bytes_into(array.data.cast("B")) != size:
-            raise ValueError(f"too few bytes for an array of {dtype} {shape}")
+        room = array.reshape(-1).view(np.uint8).data
+        while room:  # straight into the array, which may be large
+            got = os.readv(line.fileno(), [room])
+            if not got:
+                raise EOFError
+            room = room[got:]
         return array
 
     return json.loads(line.recv_bytes(MOST_TEXT), object_hook=made)
