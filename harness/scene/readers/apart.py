@@ -132,6 +132,7 @@ class _Helper:
         with self._lock:
             line, process = self._started()
             clock = threading.Timer(PATIENCE * seconds, process.kill)
+            clock.daemon = True  # this process may end before it does
             end = time.monotonic() + PATIENCE * seconds
             clock.start()
             try:
