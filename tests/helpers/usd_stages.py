@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.checks import Loaded
+from shadowbench.harness.scene.readers.load import load
+
+from .mesh_files import written
 
 needs_usd = pytest.mark.skipif(not usd.available(), reason="usd-core is not installed")
 
@@ -28,6 +31,16 @@ def moved_by(x: float, y: float = 0.0, z: float = 0.0) -> str:
 def mesh(name: str, more: str = "", points: str = POINTS, meta: str = "", kind: str = "def") -> str:
     """A mesh of one triangle, 1 wide and high."""
     return f'{kind} Mesh "{name}" {meta}\n{{{TRIANGLE}{points}{more}}}\n'
+
+
+def read(folder: Path, text: str, head: str = HEAD) -> Loaded:
+    """What a stage of this text is read as."""
+    return load(written(folder, "a.usda", head + text))
+
+
+def lefts(loaded: Loaded) -> list[float]:
+    """The least x of each triangle, in order."""
+    return loaded.frames[0][loaded.faces][..., 0].min(axis=1).tolist()
 
 
 def bounds(loaded: Loaded, frame: int = 0) -> list[list[float]]:

@@ -3,20 +3,9 @@
 import numpy as np
 import pytest
 from helpers.mesh_files import refused, written
-from helpers.usd_stages import HEAD, POINTS, TRIANGLE, mesh, moved_by, needs_usd
-from shadowbench.harness.scene.readers.checks import Wanted
-from shadowbench.harness.scene.readers.load import load
+from helpers.usd_stages import HEAD, POINTS, TRIANGLE, lefts, mesh, moved_by, needs_usd, read
 
 pytestmark = needs_usd
-
-
-def read(tmp_path, text, **wanted):
-    return load(written(tmp_path, "a.usda", HEAD + text), Wanted(**wanted))
-
-
-def lefts(loaded) -> list[float]:
-    """The least x of each triangle, in order."""
-    return loaded.frames[0][loaded.faces][..., 0].min(axis=1).tolist()
 
 
 @pytest.mark.parametrize(
@@ -130,8 +119,7 @@ def DomeLight "Sky" {{
 }}
 """
     )
-    loaded = load(written(tmp_path, "a.usda", text))
-    assert loaded.notes == (
+    assert read(tmp_path, text, "").notes == (
         "lights not offered: 1 (DomeLight)",
         "lights with an area: 1; each shines from its middle unless it is given more targets",
         "tessellated gprims: 1 (32 segments around, 16 from pole to pole)",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.mesh_files import refused, written
-from helpers.usd_stages import HEAD, bounds, bounds_of_library, mesh, moved_by, needs_usd
+from helpers.usd_stages import HEAD, bounds, bounds_of_library, lefts, mesh, moved_by, needs_usd, read
 from shadowbench.harness.scene.readers.load import load
 
 pytestmark = needs_usd
@@ -29,12 +29,6 @@ def with_line(text: str, line: str) -> str:
 ROW = "[(10, 0, 0), (20, 0, 0), (30, 0, 0)]"
 AGAIN = instancer("</B>", "[0]", "[(0, 0, 0)]", name="C")
 FIELD = instancer("</Field/Proto>", "[0, 0, 0]", ROW, inside=mesh("Proto"))
-
-
-def lefts(tmp_path, text) -> list[float]:
-    """The least x of each triangle, in order."""
-    loaded = load(written(tmp_path, "a.usda", HEAD + text))
-    return loaded.frames[0][loaded.faces][..., 0].min(axis=1).tolist()
 
 
 @pytest.mark.parametrize(
@@ -74,13 +68,13 @@ def lefts(tmp_path, text) -> list[float]:
     ],
 )  # fmt: skip
 def test_what_instancers_draw(tmp_path, text, places):
-    assert lefts(tmp_path, text) == places
+    assert lefts(read(tmp_path, text)) == places
 
 
 @pytest.mark.parametrize("prototype", ["</Nothing>", "</P>"])
 def test_prototypes_and_instancers_that_draw_nothing_are_named(tmp_path, prototype):
     text = mesh("P", kind="class") + mesh("M") + instancer(prototype, "[0]", "[(9, 0, 0)]")
-    loaded = load(written(tmp_path, "a.usda", HEAD + text))
+    loaded = read(tmp_path, text)
     assert loaded.notes == ("prototypes of instancers that draw nothing: 1", "in no frame, empty or invisible: /Field")
 
 
@@ -88,7 +82,7 @@ def test_orientations_and_scales(tmp_path):
     more = "    quath[] orientations = [(0.70710678, 0, 0, 0.70710678), (1, 0, 0, 0)]\n"
     more += "    float3[] scales = [(2, 1, 1), (1, 1, 3)]\n"
     text = instancer("</Field/P>", "[0, 0]", "[(10, 0, 0), (0, 0, 5)]", more, mesh("P"))
-    loaded = load(written(tmp_path, "a.usda", HEAD + text))
+    loaded = read(tmp_path, text)
     expected = [[10, 0, 0], [10, 2, 0], [9, 0, 0], [0, 0, 5], [1, 0, 5], [0, 1, 5]]
     assert np.allclose(loaded.frames[0][loaded.faces].reshape(-1, 3), expected, atol=2e-3)  # halves hold 11 bits
 
@@ -96,13 +90,13 @@ def test_orientations_and_scales(tmp_path):
 def test_instancers_within_instancers_and_instances_of_the_scene_graph(tmp_path):
     inner = instancer("</Outer/Inner/P>", "[0, 0]", "[(1, 0, 0), (2, 0, 0)]", inside=mesh("P"), name="Inner")
     outer = instancer("</Outer/Inner>", "[0, 0]", "[(10, 0, 0), (20, 0, 0)]", inside=inner, name="Outer")
-    assert lefts(tmp_path, outer) == [11, 12, 21, 22]
+    assert lefts(read(tmp_path, outer)) == [11, 12, 21, 22]
     shared = f"""class "Kind" {{
 {instancer("</Kind/Field/P>", "[0, 0]", "[(1, 0, 0), (2, 0, 0)]", inside=mesh("P"))}}}
 """
     for x in (10, 20):
         shared += f'def Xform "X{x}" (instanceable = true\n references = </Kind>) {{\n{moved_by(x)}}}\n'
-    assert lefts(tmp_path, shared) == [11, 12, 21, 22]
+    assert lefts(read(tmp_path, shared)) == [11, 12, 21, 22]
 
 
 def test_native_instances_within_a_prototype(tmp_path):
@@ -118,7 +112,7 @@ def test_native_instances_within_a_prototype(tmp_path):
         )
         + "}\n",
     )
-    assert lefts(tmp_path, text) == [11, 12, 21, 22]
+    assert lefts(read(tmp_path, text)) == [11, 12, 21, 22]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,16 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.mesh_files import written
-from helpers.usd_stages import HEAD, mesh, moved_by, needs_usd
-from shadowbench.harness.scene.readers.load import load
+from helpers.usd_stages import HEAD, mesh, moved_by, needs_usd, read
 from shadowbench.harness.scene.targets import targets_of
 
 pytestmark = needs_usd
 
-
-def read(tmp_path, text, head=HEAD):
-    return load(written(tmp_path, "a.usda", head + mesh("M") + text))
+M = mesh("M")
 
 
 def turned(degrees: float, axis: str = "X", more: str = "") -> str:
@@ -27,7 +23,7 @@ def turned(degrees: float, axis: str = "X", more: str = "") -> str:
 
 def test_a_camera_looks_along_its_negative_z_whatever_its_scale(tmp_path):
     lens = "    float focalLength = 20\n    float verticalAperture = 40\n    float focusDistance = 4\n"
-    loaded = read(tmp_path, f'def Camera "Eye" {{\n{turned(-90, more=lens)}}}\n')
+    loaded = read(tmp_path, M + f'def Camera "Eye" {{\n{turned(-90, more=lens)}}}\n')
     camera = loaded.cameras["Eye"]
     assert np.allclose(camera.eye, (1, 2, 3))
     assert np.allclose(camera.target, (1, -2, 3))
@@ -39,20 +35,20 @@ def test_a_camera_looks_along_its_negative_z_whatever_its_scale(tmp_path):
 
 def test_an_orthographic_camera_says_how_much_it_shows(tmp_path):
     lens = '    token projection = "orthographic"\n    float verticalAperture = 40\n'
-    camera = read(tmp_path, f'def Camera "Flat" {{\n{lens}}}\n').cameras["Flat"]
+    camera = read(tmp_path, M + f'def Camera "Flat" {{\n{lens}}}\n').cameras["Flat"]
     assert camera.height == pytest.approx(4)
     assert np.allclose(camera.target, (0, 0, -1))
 
 
 def test_cameras_of_the_same_name_have_their_paths(tmp_path):
     text = "".join(f'def Xform "{x}" {{\ndef Camera "Eye" {{\n}}\n}}\n' for x in "AB") + 'def Camera "Other" {\n}\n'
-    assert list(read(tmp_path, text).cameras) == ["/A/Eye", "/B/Eye", "Other"]
+    assert list(read(tmp_path, M + text).cameras) == ["/A/Eye", "/B/Eye", "Other"]
 
 
 def test_a_camera_that_moves_is_that_of_the_first_frame(tmp_path):
     head = HEAD.replace(")\n", "    startTimeCode = 2\n)\n")
     moves = moved_by(0).replace("= (0, 0.0, 0.0)", ".timeSamples = { 1: (10, 0, 0), 3: (30, 0, 0) }")
-    loaded = read(tmp_path, f'def Camera "Eye" {{\n{moves}}}\n', head)
+    loaded = read(tmp_path, M + f'def Camera "Eye" {{\n{moves}}}\n', head)
     assert np.allclose(loaded.cameras["Eye"].eye, (20, 0, 0))
     assert loaded.notes == ("moving cameras read at the first frame: 1",)
     assert len(loaded.frames) == 1
@@ -62,14 +58,14 @@ def test_a_camera_that_moves_is_that_of_the_first_frame(tmp_path):
     "more", ["    float focalLength = 0\n", "    float verticalAperture = nan\n", moved_by(math.inf)]
 )
 def test_cameras_without_a_meaning_are_not_offered(tmp_path, more):
-    loaded = read(tmp_path, f'def Camera "Eye" {{\n{more}}}\n')
+    loaded = read(tmp_path, M + f'def Camera "Eye" {{\n{more}}}\n')
     assert loaded.cameras == {}
     assert loaded.notes == ("cameras not offered: 1 (Camera)",)
 
 
 def test_a_distant_light_is_a_direction(tmp_path):
     values = "    color3f inputs:color = (1, 0.5, 0)\n    float inputs:intensity = 3\n    float inputs:exposure = 1\n"
-    light = read(tmp_path, f'def DistantLight "Sun" {{\n{turned(-90, more=values)}}}\n').lights["Sun"]
+    light = read(tmp_path, M + f'def DistantLight "Sun" {{\n{turned(-90, more=values)}}}\n').lights["Sun"]
     assert light.directional
     assert np.allclose(light.position, (0, 1, 0))
     assert light.color == (1, 0.5, 0)
@@ -78,7 +74,7 @@ def test_a_distant_light_is_a_direction(tmp_path):
 
 
 def lamp(tmp_path, kind, place, more=""):
-    loaded = read(tmp_path, f'def {kind} "Lamp" {{\n{place}{more}}}\n')
+    loaded = read(tmp_path, M + f'def {kind} "Lamp" {{\n{place}{more}}}\n')
     return loaded.lights["Lamp"], loaded.notes
 
 
@@ -141,7 +137,7 @@ def test_lights_without_a_known_area_are_points(tmp_path, kind, place, more, not
 def test_a_shaped_light_is_a_spot(tmp_path):
     meta = '(prepend apiSchemas = ["ShapingAPI"])'
     cone = "    float inputs:shaping:cone:angle = 30\n    float inputs:shaping:focus = 2\n"
-    spot = read(tmp_path, f'def SphereLight "Spot" {meta} {{\n{turned(-90, more=cone)}}}\n').lights["Spot"].spot
+    spot = read(tmp_path, M + f'def SphereLight "Spot" {meta} {{\n{turned(-90, more=cone)}}}\n').lights["Spot"].spot
     assert np.allclose(spot.direction, (0, -1, 0))
     assert spot.angle == 30
     assert spot.falloff == 2
@@ -149,6 +145,6 @@ def test_a_shaped_light_is_a_spot(tmp_path):
 
 def test_lights_that_are_not_lit_or_have_no_place_are_not_offered(tmp_path):
     text = 'def SphereLight "Off" {\n    token visibility = "invisible"\n}\ndef DomeLight "Sky" {\n}\n'
-    loaded = read(tmp_path, text)
+    loaded = read(tmp_path, M + text)
     assert loaded.lights == {}
     assert loaded.notes == ("lights not offered: 1 (DomeLight)",)
