@@ -56,7 +56,8 @@ class Accessors:
 
     def floats(self, entry: Entry, key: str, width: int) -> Floats:
         """Numbers of an accessor [count, width]: float32 where that is exact, float64 for normalised integers."""
-        layout, values = self.layout(entry, key), self.raw(entry, key)
+        layout = self.layout(entry, key)
+        values = self._values(entry.get(key), layout)
         if layout.width != width or layout.dtype == np.dtype("<u4"):
             kinds = f"{layout.width} of type {layout.dtype}"
             raise entry.error(f": accessor {entry.get(key)} holds {kinds}, not {width} floats")
@@ -67,11 +68,14 @@ class Accessors:
         layout = self.layout(entry, key)
         if layout.dtype.kind != "u" or layout.width != width:
             raise entry.error(f": accessor {entry.get(key)} does not hold unsigned integers")
-        return self.raw(entry, key)
+        return self._values(entry.get(key), layout)
 
     def raw(self, entry: Entry, key: str) -> NDArray:
-        """The numbers of an accessor as stored, [count, width]; each accessor is read once."""
-        layout, index = self.layout(entry, key), entry.get(key)
+        """The numbers of an accessor as stored, [count, width]."""
+        return self._values(entry.get(key), self.layout(entry, key))
+
+    def _values(self, index: int, layout: Layout) -> NDArray:
+        """The numbers of an accessor, which is read once."""
         if index not in self._read:
             self._read[index] = self._array(self.file.entry("accessors", index), layout)
         return self._read[index]
@@ -106,7 +110,7 @@ class Accessors:
         """Elements of a buffer view, in place. They must lie within the view and within the bytes of its buffer."""
         view = self.file.named(entry, entry.get("bufferView"), "bufferViews")
         item = layout.dtype.itemsize * layout.width
-        data, stride = self.view(entry), view.whole("byteStride", item)
+        data, stride = self._bytes(view, entry.get("bufferView")), view.whole("byteStride", item)
         if stride < item:
             raise view.error(f"has a stride of {stride} for items of {item} bytes")
         start = entry.whole("byteOffset", 0)
@@ -118,7 +122,10 @@ class Accessors:
 
     def view(self, entry: Entry) -> memoryview:
         """The bytes of the buffer view that an entry names, decompressed."""
-        view, index = self.file.named(entry, entry.get("bufferView"), "bufferViews"), entry.get("bufferView")
+        index = entry.get("bufferView")
+        return self._bytes(self.file.named(entry, index, "bufferViews"), index)
+
+    def _bytes(self, view: Entry, index: int) -> memoryview:
         view.refuse_unknown()
         packed = next((found for key in MESHOPT if (found := view.extension(key))), None)
         data = self.file.buffer(view)

@@ -48,6 +48,8 @@ class Entry:
     values  as they stand in the file
     """
 
+    __slots__ = ("name", "path", "values")
+
     def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
         self.path, self.name, self.values = path, name, values
 
@@ -105,12 +107,12 @@ class Entry:
 
     def extension(self, name: str) -> Entry | None:
         """What an extension says about it; None where it says nothing."""
-        said = self.object("extensions")
-        return said.object(name) if name in said else None
+        said = self.object("extensions") if "extensions" in self else None
+        return said.object(name) if said and name in said else None
 
     def refuse_unknown(self) -> None:
         """Raise :class:`UserError` if an extension of it may change what is drawn: for what is read."""
-        for name in filter(_unknown, self.object("extensions").values):
+        for name in filter(_unknown, self.object("extensions").values if "extensions" in self else ()):
             problem = f"has the extension {name}, which may change its triangles and cannot be read"
             raise self.error(problem, "export it without")
 
