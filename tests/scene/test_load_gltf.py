@@ -186,20 +186,24 @@ def test_a_missing_buffer_is_named(tmp_path, uri):
     assert len(line) < 600
 
 
-def test_what_a_missing_buffer_holds_is_left_out_where_that_is_allowed(tmp_path):
+@pytest.mark.parametrize("what", ["node", "animation"])
+def test_what_a_missing_buffer_holds_is_left_out_where_that_is_allowed(tmp_path, what):
     made = square()
-    lost = made.mesh()
-    made.node(mesh=lost, translation=[5, 0, 0])
-    index = made.primitive(lost)["attributes"]["POSITION"]
-    made.head["bufferViews"][made.head["accessors"][index]["bufferView"]]["buffer"] = 1
-    path = made.write(tmp_path, "a.gltf")
-    head = json.loads(path.read_text())
+    made.node(mesh=made.mesh(), translation=[5, 0, 0])
+    made.animate(translation=(0, [0, 1], [[0, 0, 0], [5, 0, 0]]))
+    lost = made.primitive(1)["attributes"]["POSITION"] if what == "node" else len(made.head["accessors"]) - 1
+    made.head["bufferViews"][made.head["accessors"][lost]["bufferView"]]["buffer"] = 1
+    head = json.loads(made.text())
     head["buffers"].append({"byteLength": 100, "uri": "absent.bin"})
-    path.write_text(json.dumps(head))
+    path = written(tmp_path, "a.gltf", json.dumps(head))
     refused(path, "absent.bin")
     loaded = load(path, Wanted(allow_missing=True))
-    assert len(loaded.faces) == 2
-    assert loaded.notes == ("1 node left out, whose data are in a missing file",)
+    assert (len(loaded.faces), len(loaded.frames)) == ((2, 25) if what == "node" else (4, 1))
+    assert loaded.notes[0] == (
+        "1 node left out, whose data are in a missing file"
+        if what == "node"
+        else "animation left out, whose data are in a missing file"
+    )
 
 
 def test_what_nothing_needs_refuses_nothing(tmp_path):
