@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import mesh_files as files
 from helpers.gltf_files import Gltf, binary, square
 from helpers.gltf_samples import FACES, POINTS, draco, instanced, moved, packed, skinned
 from helpers.mesh_files import refused, written
@@ -162,8 +161,3 @@ def test_broken_animations(tmp_path, times, values, how, word):
 )
 def test_broken_texts(tmp_path, content, word):
     refused(written(tmp_path, "a.gltf", content), word)
-
-
-def test_truncated_glb(tmp_path):
-    for length in (0, 11, 19, 40, 500, len(files.glb()) - 1):
-        refused(written(tmp_path, "a.glb", files.glb()[:length]))

@@ -153,8 +153,7 @@ def test_a_mesh_whose_points_are_blocked_at_a_time_is_not_there(tmp_path):
     assert [bounds(loaded, k)[1][0] for k in range(2)] == [-1, 1]
 
 
-@pytest.mark.parametrize("frame", [0, 3, 6])
-def test_every_frame_has_the_bounds_of_the_library(tmp_path, frame):
+def test_every_frame_has_the_bounds_of_the_library(tmp_path):
     turn = """    matrix4d xformOp:transform.timeSamples = {
         -1: ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1, 2, 3, 1)),
         5: ((0, 2, 0, 0), (-2, 0, 0, 0), (0, 0, 1, 0), (7, 2, 9, 1)) }
@@ -162,4 +161,5 @@ def test_every_frame_has_the_bounds_of_the_library(tmp_path, frame):
 """
     loaded = read(tmp_path, f'def Xform "X" {{\n{turn}def Cube "C" {{\n{RAMP}}}\n}}\n' + SLIDING)
     assert len(loaded.frames) == 7
-    assert np.allclose(bounds(loaded, frame), bounds_of_library(tmp_path / "a.usda", frame - 1.0))
+    for frame in (0, 3, 6):
+        assert np.allclose(bounds(loaded, frame), bounds_of_library(tmp_path / "a.usda", frame - 1.0))
