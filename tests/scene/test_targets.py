@@ -17,6 +17,7 @@ from shadowbench.harness.hardcases.areas import area
 from shadowbench.harness.hardcases.case import CASES, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.hardcases.shapes import ball, joined, plane
+from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.effects import Effects, Limits
 from shadowbench.harness.scene.facts import light_facts
 from shadowbench.harness.scene.overrides import Lighting
