@@ -27,11 +27,7 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
             views.update(table.tobytes())
     path = scene.light_path
     return {
-        "name": scene.name,
-        "title": scene.title,
-        "stand_in": scene.stand_in,
-        "closed": scene.closed,
-        "notes": scene.notes,
+        **{name: getattr(scene, name) for name in ("name", "title", "stand_in", "closed", "notes")},
         "source": asdict(scene.source),
         "triangles": prepared.triangle_count,
         "invalid_triangles": int(sum((m.valid == 0).sum() for m in list(moments.values())[:1])),

@@ -118,10 +118,6 @@ def ray_tables(camera: Camera, width: int, height: int, centre: F64) -> tuple[F3
     y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangents[1]
     column = (forward if camera.height is None else eye - centre) + x[:, None] * right
     row = y[:, None] * true_up
-    return (
-        (eye - centre).astype(np.float32),
-        np.stack([right, true_up, forward]).astype(np.float32),
-        tangents.astype(np.float32),
-        np.ascontiguousarray(column.astype(np.float32)),
-        np.ascontiguousarray(row.astype(np.float32)),
-    )
+    exact = (eye - centre, np.stack([right, true_up, forward]), tangents, column, row)
+    start, axes, tangents, column, row = (np.ascontiguousarray(table, dtype=np.float32) for table in exact)
+    return start, axes, tangents, column, row

@@ -171,18 +171,13 @@ def prepare(scene: Scene) -> Prepared:
     low, high = finite_bounds(first - centre)
     welds = weld(first - centre)
     faces = in_order_of_duplicates(faces, welds, scene.closed)
-    return Prepared(
-        scene=scene,
-        geometry=geometry,
-        faces=faces,
-        centre=centre,
-        weld=welds,
-        middle=(low + high) / 2,
-        radius=float(np.linalg.norm(high - low) / 2) or 1.0,
-        alpha=alpha_of(scene, geometry, faces),
-        mirror=mirror_of(scene, geometry),
-        points=rounded(geometry, faces, centre),
+    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low) / 2) or 1.0
+    alpha, mirror, points = (
+        alpha_of(scene, geometry, faces),
+        mirror_of(scene, geometry),
+        rounded(geometry, faces, centre),
     )
+    return Prepared(scene, geometry, faces, centre, welds, middle, radius, alpha, mirror, points)
 
 
 def under(prepared: Prepared, scene: Scene) -> Prepared:

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import F32, F64, U8
 from ..errors import UserError
@@ -21,15 +20,9 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     rules that choose triangles (:mod:`.scene.surface_rules`) use it, and must make the same choice in every process.
     Where it has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none.
     """
-    arrays: dict[str, NDArray] = {
-        "faces": prepared.faces,
-        "mirror": prepared.mirror,
-        "weld": prepared.weld,
-        "centre": prepared.centre,
-        "middle": prepared.middle,
-        "numbers": np.array([prepared.radius, prepared.frame_count, prepared.geometry.still]),
-        "first": np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3),
-    }
+    arrays = {name: getattr(prepared, name) for name in ("faces", "mirror", "weld", "centre", "middle")}
+    arrays["numbers"] = np.array([prepared.radius, prepared.frame_count, prepared.geometry.still])
+    arrays["first"] = np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
     arrays |= arrays_of(prepared.alpha)
     motion = prepared.geometry.motion
     if motion is not None and motion.bodies is not None:
@@ -60,17 +53,8 @@ def read_stored(path: Path, scene: Scene) -> Prepared:
     def positions(frame: int) -> F64:
         return first if frame == 0 else points(frame)[0].astype(np.float64) + centre
 
-    radius, frame_count, still = arrays["numbers"]
+    radius, frame_count, still = arrays["numbers"].tolist()
     motion = Moves("rigid", bodies=arrays["bodies"]) if "bodies" in arrays else None
-    return Prepared(
-        scene=scene,
-        geometry=Geometry(arrays["faces"], positions, int(frame_count), motion, bool(still)),
-        faces=arrays["faces"],
-        centre=centre,
-        weld=arrays["weld"],
-        middle=arrays["middle"],
-        radius=float(radius),
-        alpha=from_arrays(arrays),
-        mirror=arrays["mirror"],
-        points=points,
-    )
+    faces, weld, middle, mirror = (arrays[name] for name in ("faces", "weld", "middle", "mirror"))
+    geometry = Geometry(faces, positions, int(frame_count), motion, bool(still))
+    return Prepared(scene, geometry, faces, centre, weld, middle, radius, from_arrays(arrays), mirror, points)

@@ -60,11 +60,7 @@ def targets_of(lights: Sequence[Light], middle: F64, up: Vector) -> tuple[Light,
 
     middle  float64 [3], what areas face by default      up  what the height of a rectangle is measured along
     """
-    places = iter(
-        [light.position for light in lights]
-        if all(light.samples == 1 for light in lights)
-        else [place for seed, light in enumerate(lights) for place in target_places(light, seed, middle, up)]
-    )
+    places = [place for seed, light in enumerate(lights) for place in target_places(light, seed, middle, up)]
     return tuple(one.moved(place) for one, place in zip(per_target(lights), places, strict=True))
 
 

@@ -130,19 +130,12 @@ def test_the_papers_configuration_applies_to_every_scene():
     assert make_method(NAME, PAPER).applies(cube((0.0, 0.0, 7.0), (1.0, 2.0, 7.0)), "cpu") is None
 
 
-def cube(eye, light, closed=True, frames=1, at=None, **fields) -> Scene:
+def cube(eye, light, closed=True, frames=1, at=lambda frame: 0.0, **fields) -> Scene:
     """A cube of side 2; ``at(frame)``: its middle."""
     vertices, faces = grid_of_squares(2)
-    base = vertices if at is None else None
-
-    def positions(frame: int) -> np.ndarray:
-        return base if base is not None else vertices + at(frame)
-
+    geometry = Geometry(faces, lambda frame: vertices + at(frame), frames)
     light = light if isinstance(light, Light) else Light(light)
-    return Scene(
-        "cube", "Cube", lambda: Geometry(faces, positions, frames), Camera(eye, (0.1, 0.2, 0.4)), (light,),
-        closed=closed, **fields,
-    )  # fmt: skip
+    return Scene("cube", "Cube", lambda: geometry, Camera(eye, (0.1, 0.2, 0.4)), (light,), closed=closed, **fields)
 
 
 OUTSIDE, WITHIN = (0.0, 0.0, 7.0), (0.1, 0.2, 0.3)
@@ -155,28 +148,18 @@ def test_culling_is_refused_where_it_would_lose_hits():
     assert "eye outside" in refused(cube(WITHIN, OUTSIDE), "primary")
     assert "light outside" in refused(cube(OUTSIDE, WITHIN), "primary+light")
     assert refused(cube(WITHIN, WITHIN, closed=False), "off") == ""
+    for anywhere in (Light(WITHIN, shadows=False), Light(WITHIN, directional=True)):
+        assert refused(cube(OUTSIDE, anywhere), "primary+light") == ""
 
 
-ON_IT = {
-    "a face": (0.3, 0.2, 1.0),
-    "an edge of two": (0.0, 0.3, 1.0),
-    "an edge": (1.0, 0.3, 1.0),
-    "a corner": (1.0,) * 3,
-}
-
-
-@pytest.mark.parametrize("place", ON_IT)
+@pytest.mark.parametrize("place", [(0.3, 0.2, 1.0), (0.0, 0.3, 1.0), (1.0, 0.3, 1.0), (1.0, 1.0, 1.0)])
 def test_a_place_on_the_surface_is_not_outside(place):
-    at = np.array(ON_IT[place])
+    """On a face, an edge of two squares of one, an edge, a corner."""
+    at = np.array(place)
     assert "eye outside" in refused(cube(tuple(at.tolist()), OUTSIDE), "primary")
     for share in (1.0, 1.0 - 2.0**-26):  # float32 rounds it back
         assert "light outside" in refused(cube(OUTSIDE, tuple((at * share).tolist())), "primary+light")
     assert refused(cube(OUTSIDE, tuple((at * 1.01).tolist())), "primary+light") == ""
-
-
-def test_lights_that_cast_no_shadow_or_stand_nowhere_may_be_anywhere():
-    assert refused(cube(OUTSIDE, Light(WITHIN, shadows=False)), "primary+light") == ""
-    assert refused(cube(OUTSIDE, Light(WITHIN, directional=True)), "primary+light") == ""
 
 
 @pytest.mark.parametrize("frame", [0, 1, 7, 23, 40])

@@ -16,6 +16,7 @@ from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame import session
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.judge import judge_case
+from shadowbench.methods import warp_bvh
 from shadowbench.methods.common import bounds, box_tree
 from shadowbench.methods.exact import hit_point, ray_queries, segment, triangle
 from shadowbench.methods.grids import build as grid_build
@@ -31,7 +32,6 @@ from shadowbench.methods.streams.cube import footprint
 from shadowbench.methods.streams.occlusion import on_cpu as light_on_cpu
 from shadowbench.methods.streams.occlusion import stream as light_stream
 from shadowbench.methods.streams.rays import region as light_region
-from shadowbench.methods.warp_bvh import method as warp_bvh
 
 PACKAGE = "shadowbench.methods."
 

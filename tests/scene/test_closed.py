@@ -10,6 +10,9 @@ from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene
 
 EYE, LIGHT = (0.0, 0.0, 9.0), (7.0, 1.0, 2.0)
+FOUR = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+"""A tetrahedron."""
+TWO_BOXES = joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0)))
 
 
 def scene_of(mesh, *frames, alpha=None):
@@ -33,28 +36,25 @@ def kept(count, *faces):
 
 
 def test_a_part_is_closed_if_every_edge_is_passed_as_often_both_ways():
-    four = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-    assert kept(4, *four) == ([True] * 4, 1)
-    assert kept(4, *four[:3]) == ([False] * 3, 0), "an edge is open"
-    assert kept(4, *four[:3], four[3][::-1]) == ([False] * 4, 0), "one is wound the other way"
-    assert kept(5, *four, (0, 1, 4)) == ([False] * 5, 0), "a fin at an edge"
-    other = tuple(tuple((0, 1, 4, 5)[v] for v in face) for face in four)
-    assert kept(6, *four, *other) == ([True] * 8, 1), "two that share an edge"
-    apart = tuple(tuple(v + 3 for v in face) for face in four)
-    assert kept(7, *four, *apart) == ([True] * 8, 2), "two that share a corner are two parts"
-    assert kept(4, *four, *four) == ([True] * 8, 1)
+    assert kept(4, *FOUR) == ([True] * 4, 1)
+    assert kept(4, *FOUR[:3]) == ([False] * 3, 0), "an edge is open"
+    assert kept(4, *FOUR[:3], FOUR[3][::-1]) == ([False] * 4, 0), "one is wound the other way"
+    assert kept(5, *FOUR, (0, 1, 4)) == ([False] * 5, 0), "a fin at an edge"
+    other = tuple(tuple((0, 1, 4, 5)[v] for v in face) for face in FOUR)
+    assert kept(6, *FOUR, *other) == ([True] * 8, 1), "two that share an edge"
+    apart = tuple(tuple(v + 3 for v in face) for face in FOUR)
+    assert kept(7, *FOUR, *apart) == ([True] * 8, 2), "two that share a corner are two parts"
+    assert kept(4, *FOUR, *FOUR) == ([True] * 8, 1)
 
 
 def test_triangles_wound_both_ways_cancel():
     assert kept(3, (0, 1, 2), (2, 1, 0)) == ([False] * 2, 0)
-    four = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-    assert kept(5, *four, (0, 1, 4), (1, 0, 4)) == ([True] * 4 + [False] * 2, 1), "a fin of two sides opens nothing"
+    assert kept(5, *FOUR, (0, 1, 4), (1, 0, 4)) == ([True] * 4 + [False] * 2, 1), "a fin of two sides opens nothing"
     assert kept(4, (0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2)) == ([True] * 4, 1), "other diagonals: they do not cancel"
 
 
 def test_triangles_with_a_corner_twice_count_with_their_edges():
-    four = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-    assert kept(4, *four, (0, 0, 1), (1, 1, 1)) == ([True] * 5 + [False], 1)
+    assert kept(4, *FOUR, (0, 0, 1), (1, 1, 1)) == ([True] * 5 + [False], 1)
 
 
 def test_split_vertices_are_joined_where_they_lie_together_in_the_frame():
@@ -99,7 +99,7 @@ def test_duplicates_that_are_prepared_in_one_order_keep_their_winding():
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.9, -0.9, 0.9), (1.0, 0.0, 0.0)])
 def test_eye_and_lights_must_lie_outside_the_box(place):
-    prepared = scene_of(joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0))))
+    prepared = scene_of(TWO_BOXES)
     half = len(prepared.faces) // 2
     for given in ({"eye": place}, {"light": place}):
         flags = marked(prepared, **given)
@@ -109,7 +109,7 @@ def test_eye_and_lights_must_lie_outside_the_box(place):
 
 
 def test_holes_and_infinite_vertices_open_a_part():
-    points, faces = joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0)))
+    points, faces = TWO_BOXES
     mask = np.zeros(24, dtype=np.uint8)
     mask[5] = 1
     holes = AlphaMask(mask, np.zeros((24, 3, 2), dtype=np.float32), np.ones((1, 1), dtype=np.uint8))
@@ -129,7 +129,7 @@ def test_a_triangle_without_area_closes_a_part_and_is_not_marked():
 
 
 def test_opened_parts_are_not_marked_and_few_triangles_are_not_enough():
-    prepared = scene_of(joined(box(-1, 1), moved(box(-1, 1), (4, 0, 0))))
+    prepared = scene_of(TWO_BOXES)
     flags = marked(prepared, opened=np.array([True, False]))
     assert flags.tolist() == [1] * 12 + [1 | CLOSED] * 12
     assert enough(flags)

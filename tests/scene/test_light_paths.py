@@ -55,11 +55,8 @@ def test_several_lights_from_one():
     gaps = np.linalg.norm(places - np.roll(places, 1, axis=0), axis=1)
     assert np.allclose(gaps, math.sqrt(10) * math.sqrt(2))
     assert all(not light.shadows and light.color == LIGHT.color for light in lights)
-
-
-def test_several_lights_about_another_vertical():
-    places = np.array([light.position for light in spread(LIGHT, (0.0, 0.0, 0.0), 2, (0.0, 0.0, 1.0))])
-    assert np.allclose(places[1], [-3, -2, 1])
+    about_z = spread(LIGHT, (0.0, 0.0, 0.0), 2, (0.0, 0.0, 1.0))
+    assert np.allclose(about_z[1].position, [-3, -2, 1])
 
 
 @pytest.mark.parametrize(

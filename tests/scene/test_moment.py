@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.light_paths import Orbit
 from shadowbench.harness.scene.moment import ray_tables
-from shadowbench.harness.scene.prepared import prepare, recentre, valid_triangles, weld
+from shadowbench.harness.scene.prepared import prepare, valid_triangles, weld
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 CAMERA = Camera((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
@@ -35,9 +35,7 @@ def test_rays_of_an_orthographic_camera_are_parallel_and_a_pixel_apart():
 
 def test_a_mesh_near_the_origin_stays_as_it_is():
     points = TRIANGLE + [0.4, 0.0, -0.9]
-    assert (recentre(points) == 0).all()
-    prepared = prepare(scene_of(points, [[0, 1, 2]]))
-    assert np.array_equal(prepared.points(0)[0], points.astype(np.float32))
+    assert np.array_equal(prepare(scene_of(points, [[0, 1, 2]])).points(0)[0], points.astype(np.float32))
 
 
 def test_a_far_mesh_keeps_its_detail_with_camera_and_lights():
@@ -47,27 +45,18 @@ def test_a_far_mesh_keeps_its_detail_with_camera_and_lights():
     prepared = prepare(scene_of(points, [[0, 1, 2]], lights=[tuple(far + [0, 4.0, 0])], camera=camera))
     moment = prepared.moment(0, 8, 8)
     assert np.allclose(np.ptp(moment.points, axis=0), [0.001, 0.001, 0], rtol=1e-4)
-    assert moment.valid.tolist() == [1]
+    assert (moment.valid.tolist(), prepared.weld.tolist()) == ([1], [0, 1, 2])
     assert np.allclose(moment.eye, [0, 0, 2], atol=0.002)
     assert np.allclose(moment.lights, [[0, 4, 0]], atol=0.002)
     # Float32 alone would have put all three corners on one point.
     assert not np.ptp(points.astype(np.float32), axis=0).any()
 
 
-def test_weld_sees_the_recentred_positions_not_the_files():
-    points = TRIANGLE * 0.001 + 1.0e8
-    assert prepare(scene_of(points, [[0, 1, 2]])).weld.tolist() == [0, 1, 2]
-
-
 def test_one_centre_serves_every_frame():
     frames = [TRIANGLE + 100.0, TRIANGLE + 300.0]
-    scene = scene_of(TRIANGLE, [[0, 1, 2]])
-    moving = Scene("m", "M", lambda: Geometry(np.array([[0, 1, 2]], np.int32), lambda k: frames[k], 2), *[
-        scene.camera, scene.lights
-    ])  # fmt: skip
-    prepared = prepare(moving)
-    first, last = prepared.points(0)[0].copy(), prepared.points(1)[0].copy()
-    assert np.array_equal(last - first, np.full((3, 3), 200, np.float32))
+    geometry = Geometry(np.array([[0, 1, 2]], np.int32), lambda k: frames[k], 2)
+    prepared = prepare(Scene("m", "M", lambda: geometry, CAMERA, ()))
+    assert np.array_equal(prepared.points(1)[0] - prepared.points(0)[0], np.full((3, 3), 200, np.float32))
 
 
 def test_huge_and_missing_coordinates_neither_move_the_centre_nor_warn():
@@ -80,12 +69,6 @@ def test_huge_and_missing_coordinates_neither_move_the_centre_nor_warn():
     assert prepared.radius == pytest.approx(np.sqrt(2) / 2)
 
 
-def test_weld_takes_the_lowest_index_and_knows_one_zero():
-    points = np.array([[1.0, 2, 3], [-0.0, 0, 5], [1, 2, 3], [0.0, -0.0, 5], [np.nan, 0, 0], [np.nan, 0, 0]])
-    assert weld(points).tolist() == [0, 1, 0, 1, 4, 5]
-    assert weld(np.zeros((0, 3))).tolist() == []
-
-
 @given(st.lists(st.tuples(*[st.sampled_from([-1.0, -0.0, 0.0, 1e-45, 1.0, np.inf])] * 3), min_size=1, max_size=40))
 @settings(derandomize=True, max_examples=100, deadline=None)
 def test_weld_is_brute_force(rows):
@@ -93,6 +76,8 @@ def test_weld_is_brute_force(rows):
     single = points.astype(np.float32)
     expected = [min(j for j in range(len(rows)) if (single[j] == single[i]).all()) for i in range(len(rows))]
     assert weld(points).tolist() == expected
+    assert weld(np.array([[np.nan, 0, 0]] * 2)).tolist() == [0, 1]
+    assert weld(np.zeros((0, 3))).tolist() == []
 
 
 def exactly_valid(corners) -> bool:
@@ -145,33 +130,23 @@ def test_pixel_centres_and_the_top_row():
     eye, axes, tangents, column, row = ray_tables(Camera((0, 0, 0), (0, 0, -1), fov=90.0), 4, 2, np.zeros(3))
     assert tangents.tolist() == [2.0, 1.0]
     assert np.allclose(axes, [[1, 0, 0], [0, 1, 0], [0, 0, -1]])
-    assert np.allclose(column[:, 0], [-1.5, -0.5, 0.5, 1.5])
+    assert np.allclose(column, [(x, 0, -1) for x in (-1.5, -0.5, 0.5, 1.5)])
     assert np.allclose(row[:, 1], [0.5, -0.5])
-    assert np.allclose(column[:, 2], -1)
     assert not eye.any()
+    _, axes, _, column, row = ray_tables(CAMERA, 1, 1, np.zeros(3))
+    assert np.array_equal(column[0] + row[0], axes[2]), "one pixel looks along the view"
 
 
-def test_directions_are_one_float32_addition():
+def test_directions_are_one_float32_addition_and_axes_right_handed():
     camera = Camera((3.0, 1.0, 2.0), (0.1, 0.2, 0.3), (0.1, 1.0, 0.0), 37.0)
     moment = prepare(scene_of(TRIANGLE, [[0, 1, 2]], camera=camera)).moment(0, 7, 5)
     directions = moment.directions(np.arange(35))
-    for y in range(5):
-        for x in range(7):
-            expected = np.float32(moment.column[x] + moment.row[y])
-            assert directions[y * 7 + x].tobytes() == expected.tobytes()
+    assert directions.tobytes() == (moment.column[None] + moment.row[:, None]).tobytes()
     forward = directions.astype(np.float64) @ moment.axes[2].astype(np.float64)
     assert np.abs(forward - 1).max() < 1e-6
-
-
-def test_axes_are_orthonormal_and_right_handed():
-    _, axes, _, _, _ = ray_tables(Camera((1e6, 2, 3), (4, -5e5, 6), (0.3, 1, 0.2)), 3, 3, np.zeros(3))
-    assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-6)
-    assert np.allclose(np.cross(axes[0], axes[1]), -axes[2], atol=1e-6)
-
-
-def test_an_image_of_one_pixel_looks_along_the_view():
-    _, axes, _, column, row = ray_tables(CAMERA, 1, 1, np.zeros(3))
-    assert np.array_equal(column[0] + row[0], axes[2])
+    for axes in (moment.axes, ray_tables(Camera((1e6, 2, 3), (4, -5e5, 6), (0.3, 1, 0.2)), 3, 3, np.zeros(3))[1]):
+        assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-6)
+        assert np.allclose(np.cross(axes[0], axes[1]), -axes[2], atol=1e-6)
 
 
 @pytest.mark.parametrize(

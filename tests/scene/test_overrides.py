@@ -10,7 +10,6 @@ from shadowbench.harness.results.pixel_maps import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import prepare, under
-from shadowbench.harness.scene.scene import Light, Scene
 from shadowbench.harness.scene.spotlight import CONE, RECTANGLE, spot_row
 
 
@@ -77,11 +76,8 @@ def test_a_light_becomes_directional_once(prepared):
 
 def test_a_light_with_an_area_becomes_directional_without_it(prepared):
     lamp = dataclasses.replace(prepared.scene.lights[0], shape="rectangle", size=(2.0, 1.0), samples=4)
-    (light,) = (
-        Lighting("sun", directional=True)
-        .applied(under(prepared, dataclasses.replace(prepared.scene, lights=(lamp,))))
-        .scene.lights
-    )
+    soft = under(prepared, dataclasses.replace(prepared.scene, lights=(lamp,)))
+    (light,) = Lighting("sun", directional=True).applied(soft).scene.lights
     assert (light.directional, light.shape, light.samples) == (True, "", 1)
 
 
@@ -122,9 +118,3 @@ def test_maps_keep_every_count(tmp_path):
     assert (read_map(tmp_path / "maps" / "a.png") == counts).all()
     with pytest.raises(ValueError, match="do not fit"):
         write_map(tmp_path / "b.png", counts + 1)
-
-
-def test_scene_with_no_light_is_left_alone():
-    dark = Scene("dark", "Dark", lambda: None, resolve("cloth").camera, ())
-    assert Lighting("far", distance=2.0).longer(dark).lights == ()
-    assert Light((0.0, 0.0, 0.0)).spot is None

@@ -183,22 +183,12 @@ def test_noise_is_smooth_and_depends_on_its_seed_only() -> None:
     assert np.abs(shapes.noise(points, 3) - shapes.noise(points + 1e-6, 3)).max() < 1e-5
 
 
-def ball(points: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(points, axis=1) - np.float32(0.5)
-
-
-def test_surface_of_a_signed_distance() -> None:
-    mesh = implicit.polygonise(ball, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), 0.02)
-    assert edge_faults(mesh.faces) == 0
-    assert volume_of(mesh) == pytest.approx(4 / 3 * np.pi * 0.5**3, rel=0.01)
-    assert np.abs(ball(mesh.vertices)).max() < 0.2 * 0.02
-
-
 def test_surface_stays_closed_where_sheets_touch() -> None:
     """Noise as fine as the lattice: squares with the surface across all four sides are everywhere."""
 
     def sponge(points: np.ndarray) -> np.ndarray:
-        return np.maximum(ball(points), 0.05 * shapes.noise(points * 40.0, 7)).astype(np.float32)
+        ball = np.linalg.norm(points, axis=1) - np.float32(0.5)
+        return np.maximum(ball, 0.05 * shapes.noise(points * 40.0, 7)).astype(np.float32)
 
     mesh = implicit.polygonise(sponge, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), 0.02, slack=3.0)
     assert len(mesh.faces) > 20_000
@@ -278,8 +268,6 @@ def test_bodies_keep_their_shape(name: str) -> None:
 def test_cloth_runs_the_same_again() -> None:
     again = cloth_solver.simulate(cloth.SETTINGS, 3, cloth.FRAME_TIME)
     assert again.tobytes() == cloth._simulated()[:3].tobytes()
-    other = cloth_solver.simulate(cloth_solver.ClothSettings(seed=2), 2, cloth.FRAME_TIME)
-    assert other.tobytes() != again[:2].tobytes()
 
 
 def test_cloth_falls_folds_and_stays_outside_ball_and_ground() -> None:

@@ -25,6 +25,14 @@ from shadowbench.harness.scene.prepared import prepare, under
 from shadowbench.harness.scene.scene import SHAPES, Light
 from shadowbench.harness.scene.targets import target_places, targets_of, with_area
 
+
+@pytest.fixture
+def mesh(tmp_path):
+    path = tmp_path / "mesh.obj"
+    path.write_text(TETRAHEDRON)
+    return path
+
+
 MIDDLE, UP = np.array([0.0, 0.0, -3.0]), (0.0, 1.0, 0.0)
 
 
@@ -109,10 +117,7 @@ def test_lightings_and_moved_lights_of_experiments():
     [
         ('shape = "cube"', "lights[0]: shape 'cube': it is one of rectangle, disc, sphere"),
         ('shape = "disc"\nsize = -1', "lights[0]: size -1.0: it must be finite and not negative"),
-        (
-            'shape = "disc"\nsize = [1, 2]',
-            "lights[0]: size (1.0, 2.0): give one number, or width and height of a rectangle",
-        ),
+        ('shape = "disc"\nsize = [1, 2]', "lights[0]: size (1.0, 2.0): give one number, or width and height of a"),
         ('shape = "rectangle"\nsize = [1, 2, 3]', "give one number, or width and height"),
         ('shape = "rectangle"\nsize = [1, nan]', "lights[0].size must be finite, not nan"),
         ('shape = "sphere"\nsamples = 0', "lights[0]: samples 0: give 1 to 1024"),
@@ -126,11 +131,11 @@ def test_lightings_and_moved_lights_of_experiments():
         ('shape = "disc"\nsize = 1e39', "lights[0].size (1e+39, 1e+39, 0.0) is outside the range of float32"),
     ],
 )
-def test_a_wrong_area_is_one_line(tmp_path, declared, said):
-    (tmp_path / "mesh.obj").write_text(TETRAHEDRON)
-    (tmp_path / "room.toml").write_text(f'mesh = "mesh.obj"\n[[lights]]\nposition = [0, 1, 0]\n{declared}\n')
+def test_a_wrong_area_is_one_line(mesh, declared, said):
+    room = mesh.with_name("room.toml")
+    room.write_text(f'mesh = "mesh.obj"\n[[lights]]\nposition = [0, 1, 0]\n{declared}\n')
     with pytest.raises(UserError) as error:
-        resolve(tmp_path / "room.toml")
+        resolve(room)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -143,13 +148,13 @@ def test_a_wrong_area_on_the_command_line_is_refused_at_once(given):
         view_of(**{"light_size": 1.0, **given})
 
 
-def test_plan_tells_lights_and_targets_apart(tmp_path):
-    (tmp_path / "mesh.obj").write_text(TETRAHEDRON)
-    (tmp_path / "room.toml").write_text(
+def test_plan_tells_lights_and_targets_apart(mesh):
+    room = mesh.with_name("room.toml")
+    room.write_text(
         'mesh = "mesh.obj"\n[[lights]]\nposition = [0, 1, 0]\nshape = "rectangle"\nsize = [1, 0.5]\nsamples = 3\n'
         "[[lights]]\nposition = [1, 1, 0]\n"
     )
-    found = frame_plan(str(tmp_path / "room.toml"), ["uniform_grid"], "8x8", "cpu")
+    found = frame_plan(str(room), ["uniform_grid"], "8x8", "cpu")
     assert found["declared"]["lights"] == [
         "area, with shadows, fixed, at 0,1,0, rectangle of 1 x 0.5 with 3 targets, passes of light 0 to 2",
         "point, with shadows, fixed, at 1,1,0, passes of light 3",
@@ -169,20 +174,17 @@ def test_methods_take_many_targets(name):
             assert (finding.status, dict(finding.classes)) == ("ok", {}), case.title
 
 
-def test_more_targets_than_fit_are_refused_with_the_number_that_fits(tmp_path):
-    (tmp_path / "mesh.obj").write_text(TETRAHEDRON)
+def test_more_targets_than_fit_are_refused_with_the_number_that_fits(mesh):
     wide = view_of(light_size=1.0, light_samples=1024)
-    (found,) = frame_plan(str(tmp_path / "mesh.obj"), ["uniform_grid"], "4096x4096", "cpu", view=wide)["methods"]
-    assert found["cannot"].startswith(
-        "rejected: the shadow bits of 1,024 targets need 17,179,869,184 bytes; the limit is "
-    )
+    (found,) = frame_plan(str(mesh), ["uniform_grid"], "4096x4096", "cpu", view=wide)["methods"]
+    said = "rejected: the shadow bits of 1,024 targets need 17,179,869,184 bytes; the limit is "
+    assert found["cannot"].startswith(said)
     assert found["cannot"].endswith(", enough for 512; 512 targets of a light fit, of 1,024")
 
 
-def test_targets_beyond_a_small_limit_are_refused_with_the_number_that_fits(tmp_path):
+def test_targets_beyond_a_small_limit_are_refused_with_the_number_that_fits(mesh):
     """64 of them at 4096 squared, with a quarter of a gibibyte."""
-    (tmp_path / "mesh.obj").write_text(TETRAHEDRON)
-    prepared = prepare(view_of(light_size=1.0, light_samples=64).resolved(tmp_path / "mesh.obj"))
+    prepared = prepare(view_of(light_size=1.0, light_samples=64).resolved(mesh))
     limits = Limits(memory=256 << 20)
 
     def planned(fewer):
@@ -196,12 +198,9 @@ def test_targets_beyond_a_small_limit_are_refused_with_the_number_that_fits(tmp_
     assert int(told[1]) in (8, 16)
 
 
-def test_plan_states_the_memory_of_shadow_bits(tmp_path):
-    (tmp_path / "mesh.obj").write_text(TETRAHEDRON)
-    frames = [
-        frame_plan(
-            str(tmp_path / "mesh.obj"), ["uniform_grid"], "64x64", "cpu", view=view_of(light_size=1.0, light_samples=n)
-        )["methods"][0]["memory"]["frame"]
-        for n in (1, 65)
-    ]
-    assert 64 * 64 * 64 <= frames[1] - frames[0] <= 64 * 64 * 64 + 64 * 200
+def test_plan_states_the_memory_of_shadow_bits(mesh):
+    def memory(targets: int) -> int:
+        view = view_of(light_size=1.0, light_samples=targets)
+        return frame_plan(str(mesh), ["uniform_grid"], "64x64", "cpu", view=view)["methods"][0]["memory"]["frame"]
+
+    assert 64 * 64 * 64 <= memory(65) - memory(1) <= 64 * 64 * 64 + 64 * 200

@@ -29,15 +29,9 @@ def waves(folder: Path, count: int = 9) -> Path:
 
 @pytest.mark.parametrize(
     ("text", "frames"),
-    [
-        ("2:8:3", (2, 8, 3)),
-        ("2:8", (2, 8, 1)),
-        ("5:", (5, None, 1)),
-        (":", (0, None, 1)),
-        ("::4", (0, None, 4)),
-        (":3", (0, 3, 1)),
-    ],
-)
+    [("2:8:3", (2, 8, 3)), ("2:8", (2, 8, 1)), ("5:", (5, None, 1)), (":", (0, None, 1)), ("::4", (0, None, 4)),
+     (":3", (0, 3, 1))],
+)  # fmt: skip
 def test_the_frames_of_a_text(text, frames):
     assert frames_of(text) == frames
     assert frames_of(Wanted(frames).text()) == frames

@@ -29,6 +29,7 @@ def test_ordinary_frames_are_not_and_neither_is_an_empty_one() -> None:
     assert not wide(make_scene(*soup(3, 400), [LIGHT]))
     assert not wide(with_triangle(ROOF + (0.1, 0.2, 0.3)))
     assert not wide(make_scene(np.zeros((0, 3)), np.zeros((0, 3)), [LIGHT]))
+    assert not wide(make_scene(*soup(3, 400), [LIGHT], (0.0, 0.0, 0.0), (0.0, 0.0, -1.0))), "for an eye at the origin"
 
 
 @pytest.mark.parametrize(("size", "expected"), [(2.0**8, False), (2.0**14, True), (2.0**40, True)])
@@ -73,10 +74,6 @@ def test_planes_of_two_axes_that_hold_the_eye_are_not_wide_however_many_they_are
     points, faces = sheet(x, x, 1.0)
     assert len(faces) > 2 * MANY
     assert not wide(make_scene(points, faces, [(0.1, 0.2, -3.0)], (0.3, 0.2, -1.0), (0.3, 0.2, -2.0)))
-
-
-def test_an_eye_at_the_origin_is_not_wide_for_that() -> None:
-    assert not wide(make_scene(*soup(3, 400), [LIGHT], (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
 
 
 def test_a_sun_lies_beside_all_planes_along_it_and_makes_no_frame_wide() -> None:

@@ -6,6 +6,7 @@ its surface is meshed by :mod:`.scene.standins.implicit`, projected onto the zer
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from .shapes import Mesh, rotation
 
 Point = Sequence[float] | F64
 
+Turn = tuple[Sequence[float], float]
+"""Axis and degrees."""
+
 CHUNK = 2048
 """Number of points evaluated at a time: blobs far from all of them are left out."""
 
@@ -25,7 +29,7 @@ class Blob:
     """One piece of a body: a round cone from ``start`` to ``end``, or (``axes`` given) an ellipsoid at ``start``.
 
     radii  of the round cone at start and end; unused for an ellipsoid
-    axes   radii of the ellipsoid along its own x, y, z; ``turn`` is (axis, degrees) of those from the world's
+    axes   radii of the ellipsoid along its own x, y, z; ``turn``: of those from the world's
     blend  width of the smooth union with the previous blobs, 0 for a sharp union
     cut    True: subtracted instead of added
     group  a name for :meth:`Body.shares`
@@ -35,7 +39,7 @@ class Blob:
     end: tuple[float, ...]
     radii: tuple[float, float] = (0.0, 0.0)
     axes: tuple[float, ...] | None = None
-    turn: tuple[Sequence[float], float] | None = None
+    turn: Turn | None = None
     blend: float = 0.0
     cut: bool = False
     group: str = ""
@@ -59,14 +63,14 @@ class Blob:
         along = end - start
         arm = [points[i] - start[i] for i in range(3)]
         length = max(float(along[0] ** 2 + along[1] ** 2 + along[2] ** 2), 1e-12)
-        share = (arm[0] * along[0] + arm[1] * along[1] + arm[2] * along[2]) / np.float32(length)
+        share = _dot(arm, along) / np.float32(length)
         np.minimum(np.maximum(share, 0, out=share), 1, out=share)
         off = [arm[i] - share * along[i] for i in range(3)]
         first, second = np.float32(self.radii[0]), np.float32(self.radii[1])
         return np.sqrt(_dot(off, off)) - (first + share * (second - first))
 
 
-def _dot(a: list[F32], b: list[F32]) -> F32:
+def _dot(a: Sequence[F32] | F32, b: Sequence[F32] | F32) -> F32:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -75,17 +79,10 @@ def limb(start: Point, end: Point, first: float, second: float, blend: float = 0
     return Blob(tuple(start), tuple(end), (first, second), blend=blend, group=group)
 
 
-def ball(
-    middle: Point,
-    axes: Point | float,
-    turn: tuple[Sequence[float], float] | None = None,
-    blend: float = 0.03,
-    cut: bool = False,
-    group: str = "",
-) -> Blob:
-    """An ellipsoid, or a sphere where ``axes`` is one number."""
+def ball(middle: Point, axes: Point | float, turn: Turn | None = None, blend: float = 0.03, **given: Any) -> Blob:
+    """An ellipsoid, or a sphere where ``axes`` is one number. ``given``: ``cut`` and ``group`` of :class:`Blob`."""
     radii = (axes,) * 3 if isinstance(axes, (int, float)) else tuple(axes)
-    return Blob(tuple(middle), tuple(middle), axes=radii, turn=turn, blend=blend, cut=cut, group=group)
+    return Blob(tuple(middle), tuple(middle), axes=radii, turn=turn, blend=blend, **given)
 
 
 def chain(points: Iterable[Point], radii: Sequence[float], blend: float = 0.01, group: str = "") -> list[Blob]:

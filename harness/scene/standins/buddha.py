@@ -12,8 +12,8 @@ from ...arrays import Floats
 from ..scene import Geometry
 from .implicit import polygonise
 
-"""Arrays [n] in float32, unless a caller wants more."""
 Part = Callable[[Floats, Floats, Floats], Floats]
+"""Arrays [n] in float32, unless a caller wants more."""
 
 SPACING = 0.00414
 """Lattice spacing in metres; sets the triangle count (Stanford's mesh has 1,087,716)."""
@@ -23,8 +23,7 @@ BLOCK = 8192
 
 def geometry() -> Geometry:
     """The statue's mesh, stands on y = 0 and faces +z."""
-    mesh = polygonise(distance, (-0.78, -0.03, -0.52), (0.78, 2.1, 0.56), SPACING, slack=2.0)
-    return Geometry.static(mesh.vertices, mesh.faces)
+    return Geometry.static(*polygonise(distance, (-0.78, -0.03, -0.52), (0.78, 2.1, 0.56), SPACING, slack=2.0))
 
 
 def distance(points: Floats) -> Floats:
@@ -154,9 +153,8 @@ def _hands_and_bowl(x: Floats, y: Floats, z: Floats) -> Floats:
     palm = _ball(side, y, z, (0.16, 1.86, 0.03), (0.035, 0.06, 0.06))
     finger = np.abs(np.abs(z - 0.03) - 0.028) - 0.014
     grip = _bone(side, y, 0.03 + finger, (0.165, 1.9, 0.03), (0.12, 1.965, 0.03), 0.013, 0.01)
-    bowl = _carve(
-        _ball(x, y, z, (0.0, 1.93, 0.03), (0.15, 0.1, 0.13)), _disc(x, y, z - 0.03, 1.965, 2.2, 0.118, 0.02), 0.02
-    )
+    hollow = _disc(x, y, z - 0.03, 1.965, 2.2, 0.118, 0.02)
+    bowl = _carve(_ball(x, y, z, (0.0, 1.93, 0.03), (0.15, 0.1, 0.13)), hollow, 0.02)
     rim = np.hypot(np.sqrt(x * x + (1.12 * (z - 0.03)) ** 2) - 0.135, y - 1.965) - 0.013
     return _blend(_blend(_blend(bowl, rim, 0.01), palm, 0.015), grip, 0.006)
 

@@ -113,11 +113,8 @@ def _head_sides() -> list[Blob]:
         tip = (foot[0] + 0.20 * np.cos(angle), foot[1] + 0.17 * np.sin(angle) - 0.02, 0.19 - 0.012 * i)
         blobs.append(limb(foot, tip, 0.030, 0.004, blend=0.012))
     for i in range(6):  # teeth above and below
-        x = -0.83 + 0.055 * i
-        size = 0.055 if i == 0 else 0.032
-        blobs.append(
-            limb((x, 1.09, 0.045 + 0.004 * i), (x, 1.085 - size, 0.045 + 0.004 * i), 0.012, 0.003, blend=0.004)
-        )
+        x, z, size = -0.83 + 0.055 * i, 0.045 + 0.004 * i, 0.055 if i == 0 else 0.032
+        blobs.append(limb((x, 1.09, z), (x, 1.085 - size, z), 0.012, 0.003, blend=0.004))
         blobs.append(limb((x + 0.03, 0.965, 0.032), (x + 0.03, 0.99 + 0.5 * size, 0.032), 0.010, 0.003, blend=0.004))
     return blobs
 

@@ -4,6 +4,8 @@ Furniture of all sizes: walls, floor and ceiling of two triangles each, long thi
 chairs, lamps and cups that hold most of the triangles. x runs along the table, y is up, metres.
 """
 
+import itertools
+
 import numpy as np
 
 from ..scene import Geometry
@@ -22,8 +24,7 @@ def geometry() -> Geometry:
     """The room and all that stands in it."""
     parts = (_shell, _panelling, _ceiling, _windows, _doors_and_boards, _table, _chairs, _table_things)
     shrub = place(furniture.shrub(SEED + 3), 5.4, 0.0, -3.2)
-    mesh = join([*(part() for part in parts), _sideboard(), shrub, _cables()])
-    return Geometry.static(mesh.vertices, mesh.faces)
+    return Geometry.static(*join([*(part() for part in parts), _sideboard(), shrub, _cables()]))
 
 
 def _shell() -> Mesh:
@@ -90,14 +91,9 @@ def _doors_and_boards() -> Mesh:
     roller = transform(cylinder(0.06, 2.7, 20), rotate=(Z_AXIS, -90.0), translate=(-1.35, 2.62, 0.08))
     screen = [box((-1.3, 0.95, 0.0), (1.3, 2.55, 0.015)), roller]
     clock = lathe(pairs(0, 0, 0.17, 0, 0.17, 0.03, 0.15, 0.045, 0.14, 0.03, 0, 0.03), 36)
-    return join(
-        [
-            place(join(door), X, 0.0, 1.6, -90.0),
-            place(join(board), X - 0.03, 0.0, -1.6, -90.0),
-            place(join(screen), -X + 0.05, 0.0, 0.0, 90.0),
-            place(transform(clock, rotate=(X_AXIS, 90.0)), X - 0.03, 2.55, 0.2, -90.0),
-        ]
-    )
+    hung = [place(join(door), X, 0.0, 1.6, -90.0), place(join(board), X - 0.03, 0.0, -1.6, -90.0)]
+    hung += [place(join(screen), -X + 0.05, 0.0, 0.0, 90.0)]
+    return join([*hung, place(transform(clock, rotate=(X_AXIS, 90.0)), X - 0.03, 2.55, 0.2, -90.0)])
 
 
 def _table() -> Mesh:
@@ -109,9 +105,8 @@ def _table() -> Mesh:
     # Rings from the underside over the round edge to the top: distance from the outline, height.
     round_edge = [(-0.03 + 0.03 * np.cos(a), -0.025 + 0.025 * np.sin(a)) for a in edge]
     rings = [(-0.6, -0.05), *round_edge, (-0.2, 0.0)]
-    net = [
-        np.stack([along * (TABLE_X + d), np.full(96, TABLE_Y + y), across * (TABLE_Z + d)], axis=-1) for d, y in rings
-    ]
+    level = np.ones(96)
+    net = [np.stack([along * (TABLE_X + d), (TABLE_Y + y) * level, across * (TABLE_Z + d)], axis=-1) for d, y in rings]
     rim = patch(np.stack(net, axis=1), wrap_u=True)
     # The top inside the rim is a fan of triangles as long as half the table.
     around = np.arange(96)
@@ -134,12 +129,8 @@ def _chairs() -> Mesh:
     places += [(x, -3.3, 0.0) for x in (-4.9, -1.9, -1.15, 1.15, 1.9, 4.9)]
     places += [(-5.45, z, 90.0) for z in (-2.4, 2.2)] + [(-2.0, 3.3, 180.0), (-1.2, 3.3, 180.0)]
     jitter = random.uniform(-1.0, 1.0, (len(places), 3)) * (0.05, 0.06, 14.0)
-    return join(
-        [
-            place(chair, x + dx, 0.0, z + dz, turn + dt)
-            for (x, z, turn), (dx, dz, dt) in zip(places, jitter, strict=True)
-        ]
-    )
+    moved = np.array(places) + jitter
+    return join(place(chair, x, 0.0, z, turn) for x, z, turn in moved)
 
 
 def _table_things() -> Mesh:
@@ -182,11 +173,10 @@ def _cables() -> Mesh:
     """Cables of the microphones over the table to its middle, and three that hang down to the floor."""
     s = np.linspace(0.0, 1.0, 40)
     parts = []
-    for x in np.linspace(-3.0, 3.0, 5):
-        for side in (-1.0, 1.0):
-            wave = 0.02 * np.sin(9.0 * s + x)
-            path = np.stack([x * (1 - 0.6 * s) + wave, 0 * s + TABLE_Y + 0.004, side * 0.4 * (1 - s) + wave], axis=-1)
-            parts.append(tube(path, 0.003, 6))
+    for x, side in itertools.product(np.linspace(-3.0, 3.0, 5), (-1.0, 1.0)):
+        wave = 0.02 * np.sin(9.0 * s + x)
+        path = np.stack([x * (1 - 0.6 * s) + wave, 0 * s + TABLE_Y + 0.004, side * 0.4 * (1 - s) + wave], axis=-1)
+        parts.append(tube(path, 0.003, 6))
     for x, z in ((-2.4, 0.5), (0.2, -0.4), (2.6, 0.45)):
         sag = np.stack([x + 0.25 * np.sin(5.0 * s) * s, 0.006 + 0.69 * (1 - s) ** 2.5, z + 0.4 * s**2], axis=-1)
         parts.append(tube(sag, 0.005, 8))

@@ -51,26 +51,14 @@ def _tree(x: float, z: float, radius: float, height: float, lean_x: float, lean_
     wide = radius * (1.0 - 0.55 * level / height) * (1.0 + root * (0.7 + 0.55 * np.cos(5 * angle + turn)))
     where = np.stack(np.broadcast_arrays(np.cos(angle) * 3.5, level * 1.2, np.sin(angle) * 3.5), axis=-1)
     wide = wide * (1.0 + 0.11 * noise(where + rng.random() * 20, 7, 2) + 0.035 * np.cos(13 * angle + 2 * level))
-    net = np.stack(
-        [
-            x + wide * np.cos(angle) + lean_x * level,
-            level + 0 * angle - 0.05,
-            z - wide * np.sin(angle) + lean_z * level,
-        ],
-        axis=-1,
-    )
-    parts = [patch(net, wrap_u=True)]
+    across, back = x + wide * np.cos(angle) + lean_x * level, z - wide * np.sin(angle) + lean_z * level
+    parts = [patch(np.stack([across, level + 0 * angle - 0.05, back], axis=-1), wrap_u=True)]
     for _ in range(4):
         begin, heading = height * rng.uniform(0.25, 0.8), rng.uniform(0, 6.28)
         reach = np.linspace(0.0, rng.uniform(1.2, 2.4), 9)
-        line = np.stack(
-            [
-                x + lean_x * begin + reach * np.cos(heading) + 0.05 * np.sin(4 * reach),
-                begin + 0.45 * reach + 0.10 * reach**2,
-                z + lean_z * begin + reach * np.sin(heading),
-            ],
-            axis=-1,
-        )
+        along = x + lean_x * begin + reach * np.cos(heading) + 0.05 * np.sin(4 * reach)
+        aside = z + lean_z * begin + reach * np.sin(heading)
+        line = np.stack([along, begin + 0.45 * reach + 0.10 * reach**2, aside], axis=-1)
         parts.append(tube(line, 0.30 * radius * np.linspace(1.0, 0.15, 9), 9))
     return parts
 
@@ -119,25 +107,18 @@ def grass(count: int) -> Part:
         points[:, i, ::2] += foot
     faces = np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4], [4, 5, 6]])
     mesh = _many(points, faces)
-    reach = np.zeros_like(mesh.vertices)
-    reach[:, 0] = 0.9 * mesh.vertices[:, 1] ** 2
-    reach[:, 2] = 0.4 * mesh.vertices[:, 1] ** 2
+    reach = mesh.vertices[:, 1:2] ** 2 * (0.9, 0.0, 0.4)
     return Part(mesh, [Sway(reach, _wind(np.repeat(foot, 7, axis=0)))])
 
 
 def leaves(count: int) -> Part:
     """``count`` leaves of 4 triangles: fronds of ferns, litter on the ground, crowns of the trees, a few falling."""
     rng = np.random.default_rng(24)
-    ferns, litter = int(0.48 * count), int(0.17 * count)
-    crowns = int(0.34 * count)
-    groups = [
-        _fern_leaves(rng, ferns),
-        _litter(rng, litter),
-        _crown_leaves(rng, crowns),
-        _falling_leaves(rng, count - ferns - litter - crowns),
-    ]
-    points = np.concatenate([group[0] for group in groups])
-    swing = np.repeat(np.concatenate([group[1] for group in groups]), 5)
+    ferns, litter, crowns = (int(share * count) for share in (0.48, 0.17, 0.34))
+    groups = [_fern_leaves(rng, ferns), _litter(rng, litter), _crown_leaves(rng, crowns)]
+    groups.append(_falling_leaves(rng, count - ferns - litter - crowns))
+    points, swings = (np.concatenate(parts) for parts in zip(*groups, strict=True))
+    swing = np.repeat(swings, 5)
     faces = np.array([[0, 2, 3], [0, 3, 1], [3, 2, 4], [3, 4, 1]])
     mesh = _many(points, faces)
     reach = swing[:, None] * np.array([1.0, 0.5, 0.6])

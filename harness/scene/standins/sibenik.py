@@ -25,8 +25,7 @@ BAYS = tuple((x, x + 4.0) for x in (-20.0, -16.0, -12.0, -8.0, -4.0, 0.0, 12.0, 
 def geometry() -> Geometry:
     """All parts of the building."""
     parts = (_shell, _columns, _arcades, _nave_vault, _aisle_vaults, _crossing, _apse, _furniture)
-    mesh = join(part() for part in parts)
-    return Geometry.static(mesh.vertices, mesh.faces)
+    return Geometry.static(*join(part() for part in parts))
 
 
 def _shell() -> Mesh:
@@ -42,12 +41,9 @@ def _shell() -> Mesh:
         pilasters = [place(cylinder(0.24, 5.3, 16, caps=False), x, 0.0, -SIDE + 0.1) for x in (*COLUMNS, *CROSSING)]
         windows = [place(window(0.65, 2.4), (a + b) / 2, 2.2, -SIDE) for a, b in BAYS]
         transept = place(rose(1.9), 8.0, 9.0, -SIDE)
-        parts.append(
-            transform(join([wall, *trim, flip(east), *windows, *pilasters, transept]), scale=(1.0, 1.0, -sign))
-        )
-    parts.append(place(rose(2.3), WEST, 9.6, 0.0, 90.0))
-    parts.append(place(window(1.3, 3.4), WEST, 0.0, 0.0, 90.0))
-    return join(parts)
+        side = join([wall, *trim, flip(east), *windows, *pilasters, transept])
+        parts.append(transform(side, scale=(1.0, 1.0, -sign)))
+    return join([*parts, place(rose(2.3), WEST, 9.6, 0.0, 90.0), place(window(1.3, 3.4), WEST, 0.0, 0.0, 90.0)])
 
 
 def _columns() -> Mesh:
@@ -55,13 +51,8 @@ def _columns() -> Mesh:
     column = turned_column()
     shaft = cylinder(0.16, SPRING - ARCADE_SPRING, 12, caps=False)
     corbel = sphere(0.26, 12, 8)
-    parts = []
-    for x in COLUMNS:
-        for sign in (-1.0, 1.0):
-            parts.append(place(column, x, 0.0, sign * HALF))
-            parts.append(place(shaft, x, ARCADE_SPRING, sign * (HALF - 0.42)))
-            parts.append(place(corbel, x, SPRING, sign * (HALF - 0.4)))
-    return join(parts)
+    inwards = ((column, 0.0, HALF), (shaft, ARCADE_SPRING, HALF - 0.42), (corbel, SPRING, HALF - 0.4))
+    return join(place(part, x, y, sign * z) for x in COLUMNS for sign in (-1.0, 1.0) for part, y, z in inwards)
 
 
 def _arcades() -> Mesh:
@@ -76,12 +67,9 @@ def _arcades() -> Mesh:
     face = patch(np.stack([low, low * (1, 0, 1) + (0.0, SPRING - ARCADE_SPRING, 0.0)], axis=1))
     front = join([flip(face), transform(face, scale=(1.0, 1.0, -1.0))])
     string = box((-2.0, 2.3, -0.52), (2.0, 2.5, 0.52))
-    parts = []
-    for a, b in BAYS:
-        for sign in (-1.0, 1.0):
-            bay = [moulding, front, string, place(window(0.5, 1.1), 0.0, 3.0, 0.4)]
-            parts.append(place(join(bay), (a + b) / 2, ARCADE_SPRING, sign * HALF, 0.0 if sign < 0 else 180.0))
-    return join(parts)
+    bay = join([moulding, front, string, place(window(0.5, 1.1), 0.0, 3.0, 0.4)])
+    sides = ((-HALF, 0.0), (HALF, 180.0))
+    return join(place(bay, (a + b) / 2, ARCADE_SPRING, z, turn) for a, b in BAYS for z, turn in sides)
 
 
 def _nave_vault() -> Mesh:
@@ -193,8 +181,6 @@ def _furniture() -> Mesh:
     shade = [(0.0, 0.0), (0.14, 0.04), (0.22, 0.16), (0.24, 0.3), (0.12, 0.4), (0.05, 0.55), (0.0, 0.56)]
     lamp = join([lathe(shade, 20), place(cylinder(0.012, 5.4, 5), 0.0, 0.5, 0.0)])
     parts += [place(lamp, x, 8.6, 0.0) for x in (-14.0, -6.0, 8.0)]
-    for x in np.arange(WEST + 1.0, 12.0, 1.0):
-        parts.append(box((float(x), 0.0, -HALF + 0.7), (float(x) + 0.12, 0.01, HALF - 0.7)))
-    for z in (-HALF + 0.7, 0.0, HALF - 0.7):
-        parts.append(box((WEST, 0.0, z - 0.12), (12.4, 0.015, z + 0.12)))
-    return join(parts)
+    inner = HALF - 0.7
+    parts += [box((x, 0.0, -inner), (x + 0.12, 0.01, inner)) for x in np.arange(WEST + 1.0, 12.0, 1.0)]
+    return join(parts + [box((WEST, 0.0, z - 0.12), (12.4, 0.015, z + 0.12)) for z in (-inner, 0.0, inner)])
