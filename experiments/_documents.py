@@ -1,23 +1,22 @@
 """What the documents of the project say in numbers, drawn from the kept results: ``shadowbench report results --docs .``"""
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
 from ..harness.report import claims as verdict
-from ..harness.report import compare, document, numbers, ranking, sentences, style, two_runs
+from ..harness.report import compare, document, numbers, ranking, style, two_runs
 from ..harness.report import paper_table1 as paper
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.report.documents import Results
 from ..harness.report.page.gather import PARTS as PARTS_OF_A_FRAME
 from ..harness.report.page.gather import machine_of, written
 from ..harness.results.folder import read_environment
 from ..harness.results.newest import newest
 from . import _rivals, effects, soft_shadows
-from .accuracy.hard_cases import read_hard
+from .accuracy.untimed import read_hard
 from .claims import CLAIMS
 
 KINDS = ("grids of rays", "trees", "rasterised buffers", "the paper's grids")
@@ -27,9 +26,9 @@ EXACT = "BVH2 rebuilt"
 PAPER, FAITHFUL, WARP = "the paper's grids", "paper-faithful", "LBVH rebuilt in a graph"
 
 
-def marked(table: document.DataFrame) -> list[str]:
+def marked(table: DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> list[str]:
     """A table in Markdown, and what the marks of its numbers say."""
-    lines = document.markdown(table)
+    lines = document.markdown(pd.DataFrame(table))
     return [*lines, *(line for meaning in numbers.meanings(lines) for line in ("", meaning))]
 
 
@@ -48,8 +47,6 @@ def headline(results: Results, folder: str) -> list[str]:
 
 def kinds(results: Results, folder: str) -> list[str]:
     """The fastest exact method of each kind on each scene, ms; one with wrong answers where it is faster than that."""
-    import pandas as pd
-
     table = results.ranked(folder)
     best = ranking.best(results.frames(folder), table)
     table = table[["title", "scene", "exact", "total_ms", "ms", "true_errors"]].assign(
@@ -60,10 +57,10 @@ def kinds(results: Results, folder: str) -> list[str]:
         cells = {kind: fastest(own[own["kind"] == kind]) for kind in KINDS}
         printed = paper.ROWS[own["scene"].iloc[0]].cells[-1].removesuffix(" ms")
         rows.append({"scene": str(title), **cells, f"*paper, {paper.GPU}*": f"*{printed}*"})
-    return marked(pd.DataFrame(rows))
+    return marked(rows)
 
 
-def fastest(own: document.DataFrame) -> str:
+def fastest(own: DataFrame) -> str:
     """A cell of :func:`kinds`."""
     right = own[own["exact"]].sort_values("total_ms").head(1)
     wrong = own[~own["exact"] & (own["total_ms"] < right["total_ms"].min())].head(1)
@@ -72,7 +69,7 @@ def fastest(own: document.DataFrame) -> str:
     return "; ".join(texts) or "-"
 
 
-def ratio(results: Results, folder: str, label: str, base: str) -> document.DataFrame:
+def ratio(results: Results, folder: str, label: str, base: str) -> DataFrame:
     """Frame time of one label over that of another, with its spread, by scene."""
     frames, points = results.frames(folder), results.points(folder)
     found = compare.ratios(frames, frames["label"] == base).rename(columns={"spread": "ratio_spread"})
@@ -83,7 +80,7 @@ def beside(results: Results, folder: str) -> list[str]:
     """How the rivals stand to each other, in sentences; means are geometric, over the scenes."""
 
     def over(label: str, base: str) -> str:
-        return sentences.mean(ratio(results, folder, label, base), "ratio")
+        return numbers.mean(ratio(results, folder, label, base), "ratio")
 
     points = results.points(folder)
     wrong = points.loc[points["label"] == FLOAT32, "true_errors"]
@@ -100,28 +97,25 @@ def beside(results: Results, folder: str) -> list[str]:
 
 def exactness(results: Results, folder: str) -> list[str]:
     """Scene by scene what exact answers cost a rebuilt tree, and how many answers are wrong without."""
-    import pandas as pd
-
-    both, points = ratio(results, folder, EXACT, FLOAT32), results.points(folder)
-    loose = points[points["label"] == FLOAT32].set_index("title")
-    rows = [{"scene": row["title"], "float32, ms": loose.loc[row["title"], "ms"], "wrong answers":
-             numbers.count(loose.loc[row["title"], "true_errors"]), "exact, ms": row["ms"], "exact over float32":
-             numbers.carried(row["ratio"], row["ratio_spread"])} for row in both.to_dict("records")]  # fmt: skip
-    return marked(pd.DataFrame(rows))
+    points = results.points(folder)
+    loose = points[points["label"] == FLOAT32].set_index("title")[["ms", "true_errors"]]
+    both = ratio(results, folder, EXACT, FLOAT32).join(loose, on="title", rsuffix="_float32")
+    return marked({
+        "scene": both["title"], "float32, ms": both["ms_float32"],
+        "wrong answers": both["true_errors_float32"].map(numbers.count), "exact, ms": both["ms"],
+        "exact over float32": numbers.texts(both, "ratio"),
+    })  # fmt: skip
 
 
 def frames(results: Results, folder: str, *methods: str) -> list[str]:
     """The whole frame of every setting of these methods on each scene, ms; in brackets how many answers are wrong."""
     table = of_methods(results, folder, methods)
-    wrong = table["true_errors"].map(lambda n: f" ({n:,} wrong)" if n else "")
-    table = table.assign(text=table["ms"] + wrong)
-    return marked(document.cross_table(table, {"label": "ms"}, "title", "text"))
+    text = table["ms"] + table["true_errors"].map(lambda n: f" ({n:,} wrong)" if n else "")
+    return marked(document.cross_table(table.assign(text=text), {"label": "ms"}, "title", "text"))
 
 
 def parts(results: Results, folder: str, *methods: str) -> list[str]:
     """The parts of these frames, ms: what each adds to the frame."""
-    import pandas as pd
-
     table = document.with_passes(of_methods(results, folder, methods), results.folder / folder, PARTS_OF_A_FRAME)
     rows = [
         table.assign(part=said, text=table[f"{name}_text"], known=table[f"{name}_ms"])
@@ -132,7 +126,7 @@ def parts(results: Results, folder: str, *methods: str) -> list[str]:
     return marked(document.cross_table(table, {"label": "method", "part": "ms"}, "title", "text"))
 
 
-def of_methods(results: Results, folder: str, methods: Sequence[str]) -> document.DataFrame:
+def of_methods(results: Results, folder: str, methods: Sequence[str]) -> DataFrame:
     """The measured points of these methods, the first method first, with the titles of stand-ins cut."""
     points = document.measured(results.points(folder))
     table = document.arranged(points[points["method"].isin(methods)], "method", methods)
@@ -141,29 +135,23 @@ def of_methods(results: Results, folder: str, methods: Sequence[str]) -> documen
 
 def hard_cases(results: Results, folder: str) -> list[str]:
     """Wrong answers of the points of ``accuracy`` on the hard cases; and the points that have none."""
-    import pandas as pd
-
     table = read_hard(results.folder / folder)
     bad = table[table["true_errors"] > 0]
     rows = {"setting": bad["label"], "hard cases": bad["cases"], "with a wrong answer": bad["cases_wrong"],
             "wrong answers": bad["true_errors"].map(numbers.count)}  # fmt: skip
     none = table.loc[table["true_errors"] == 0, "label"]
-    return [*document.markdown(pd.DataFrame(rows)), "", f"Without a wrong answer: {'; '.join(none)}."]
+    return [*marked(rows), "", f"Without a wrong answer: {'; '.join(none)}."]
 
 
 def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
     """What each effect costs grids of rays, a tree and the paper's grids, and a frame by what alone moved: over the frame of
     one light, everything rebuilt."""
-    import pandas as pd
-
     table = document.measured(effects.read(results.folder / folder))
     table = document.arranged(table[table["scene"].isin(scenes)], "scene", scenes)
-    table = table[table["light_label"] != effects.BASE]
+    table = table[(table["light_label"] != effects.BASE) & table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
     effect = table["light_label"].where(table["moved"] == "", "only moved: " + table["moved"])
-    table = table.assign(text=numbers.carry(table["ratio"], table["ratio_spread"]), effect=effect)
-    table = table[table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
-    rows = {"title": "scene", "effect": "effect"}
-    return marked(pd.DataFrame(document.cross_table(table, rows, "label", "text")))
+    table = table.assign(text=numbers.texts(table, "ratio"), effect=effect)
+    return marked(document.cross_table(table, {"title": "scene", "effect": "effect"}, "label", "text"))
 
 
 def findings(results: Results, prefix: str, *folders: str) -> list[str]:
@@ -181,11 +169,11 @@ def machine(results: Results, folder: str) -> str:
     """What measured a folder."""
     names = results.points(folder)["environment"].unique()
     facts = [read_environment(results.folder / folder, name) or {} for name in names]
-    return sentences.listed(list(dict.fromkeys(map(machine_of, facts))))
+    return numbers.listed(list(dict.fromkeys(map(machine_of, facts))))
 
 
 @cache
-def judged(results: Results, machine: str) -> document.DataFrame:
+def judged(results: Results, machine: str) -> DataFrame:
     """The paper's claims as the records of a machine decide them (:func:`.report.claims.judge_all`)."""
     return verdict.judge_all(CLAIMS, results.data(machine))
 
@@ -193,14 +181,11 @@ def judged(results: Results, machine: str) -> document.DataFrame:
 def claims(results: Results, *machines: str) -> list[str]:
     """The paper's claims, each with its verdict on every machine; -: no record of it decides."""
     first = judged(results, machines[0])
-    told = {name: judged(results, name) for name in machines}
-    verdicts = {
-        f"on {name}": ("**" + of["verdict"] + "**").where(of["judged_from"] != "", "-") for name, of in told.items()
-    }
-    made = first[["number", "claim", "section"]].assign(**verdicts, judged=first["judged_from"])
-    return document.markdown(
-        made.rename(columns={"number": "", "section": "in the paper", "judged": f"judged from, on {machines[0]}"})
-    )
+    rows = {"": first["number"], "claim": first["claim"], "in the paper": first["section"]}
+    for name in machines:
+        own = judged(results, name)
+        rows[f"on {name}"] = ("**" + own["verdict"] + "**").where(own["judged_from"] != "", "-")
+    return marked({**rows, f"judged from, on {machines[0]}": first["judged_from"]})
 
 
 def verdicts(results: Results, machine: str) -> list[str]:
@@ -218,13 +203,9 @@ def verdicts(results: Results, machine: str) -> list[str]:
 def soft(results: Results, folder: str) -> list[str]:
     """A soft shadow by the number of targets, on each scene: the error of its picture, what the fastest exact grid and tree
     take, and what a filtered map takes, with its error."""
-    import pandas as pd
-
     table = document.measured(soft_shadows.read(results.folder / folder))
     rows = []
-    for (title, targets), own in table.groupby(["title", "targets"], sort=False):
-        if targets not in SHOWN_TARGETS:
-            continue
+    for (title, targets), own in table[table["targets"].isin(SHOWN_TARGETS)].groupby(["title", "targets"], sort=False):
         best = own[own["exact"]].sort_values("total_ms")
         error = best["rmse"].dropna().map(percent).head(1)
         row = {"scene": str(title), "targets": int(targets), "error of the light": next(iter(error), "-")}
@@ -234,7 +215,7 @@ def soft(results: Results, folder: str) -> list[str]:
             (one,) = mapped.to_dict("records")
             row[f"{label}, ms (error)"] = f"{one['ms']} ({percent(one['rmse'])})"
         rows.append(row)
-    return marked(pd.DataFrame(rows).sort_values(["scene", "targets"], kind="stable"))
+    return marked(sorted(rows, key=lambda row: (row["scene"], row["targets"])))
 
 
 SHOWN_TARGETS = (1, 4, 16, 64)
@@ -261,17 +242,15 @@ def repeated(results: Results, folder: str, again: str) -> list[str]:
 
 def folders(results: Results, name: str) -> list[str]:
     """The folders of a machine: what was measured, when, and with which version of the first of its methods."""
-    import pandas as pd
-
     rows = []
     for folder in results.names(name):
         points = results.points(folder)
         title, _ = written(results.folder / folder, [points["experiment"].iloc[0]])
         rows.append({"folder": f"`{folder.removeprefix(f'{name}/')}`", "experiment": title, **measured(points)})
-    return marked(pd.DataFrame(rows))
+    return marked(rows)
 
 
-def measured(points: document.DataFrame) -> dict[str, Any]:
+def measured(points: DataFrame) -> dict[str, Any]:
     """Number of points, when they were measured, and the version of ``ray_grids``, or of the first method, by its hash."""
     days = points["started"].dropna()
     day = [datetime.fromtimestamp(s, tz=UTC).strftime("%Y-%m-%d") for s in (days.min(), days.max())]
@@ -283,23 +262,7 @@ def measured(points: document.DataFrame) -> dict[str, Any]:
             "version": f"{name} {' and '.join(hashes) or 'not known'}"}  # fmt: skip
 
 
-PARTS = {
-    part.__name__: part
-    for part in (
-        headline,
-        finding,
-        kinds,
-        beside,
-        exactness,
-        frames,
-        parts,
-        hard_cases,
-        effects_of,
-        findings,
-        claims,
-        verdicts,
-        folders,
-        repeated,
-        soft,
-    )
-}
+PARTS = {part.__name__: part for part in (
+    headline, finding, kinds, beside, exactness, frames, parts, hard_cases, effects_of, findings, claims, verdicts, folders,
+    repeated, soft,
+)}  # fmt: skip

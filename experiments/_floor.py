@@ -6,17 +6,14 @@ written once, whatever a cache or a gather adds; each ray is tested once, though
 one costs a test as well.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
+from ..harness.report.dataframe import DataFrame, Series, pd
 
 
 @dataclass(frozen=True)
@@ -64,8 +61,6 @@ def least_ms(work: Any, machine: Machine) -> Any:
 
 def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
     """Means over frames of time, floor, work, by scene, size and stage, on known devices. Passes of a stage run together."""
-    import pandas as pd
-
     counted = ["shadow_rays", "vertices", *(c for c in frames if c.startswith("counter."))]
     known = frames[frames["device_name"].isin(list(MACHINES))].fillna(dict.fromkeys(counted, 0))
     rows, stage = [], [*SCENE, "stage", "part"]

@@ -90,21 +90,16 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
 
     found  receives pictures to show side by side, with captions
     """
-    pictures = Pictures(prepare(options.described(name)), options)
+    pictures, lightings = Pictures(prepare(options.described(name)), options), options.preset.lightings
     reference = pictures.exact(targets(REFERENCE)[0])
     right, counted = share_of_light(reference[0]), pictures.facing(reference[0]["triangle"])
-    counts = [lighting.samples for lighting in options.preset.lightings]
-    shown = {counts[0], counts[len(counts) // 2], counts[-1]}
-    inexact = [
-        entry
-        for entry in options.preset.methods
-        if getattr(make_method(entry.method, dict(entry.settings)), "known_inexact", None)
-    ]
+    shown = {lightings[0], lightings[len(lightings) // 2], lightings[-1]}
     ways: dict[str, Callable[[Lighting], Made | None]] = {EXACT: pictures.exact}
-    ways |= {entry.label: partial(pictures.made, entry) for entry in inexact}
-    for (label, make), lighting in itertools.product(ways.items(), options.preset.lightings):
-        made = make(lighting)
-        if made is None:
+    for entry in options.preset.methods:
+        if getattr(make_method(entry.method, dict(entry.settings)), "known_inexact", None):
+            ways[entry.label] = partial(pictures.made, entry)
+    for (label, make), lighting in itertools.product(ways.items(), lightings):
+        if (made := make(lighting)) is None:
             continue
         off = np.abs(share_of_light(made[0]) - right)[counted]
         yield {
@@ -112,7 +107,7 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
             "rmse": float(np.sqrt(np.mean(off**2))) if len(off) else 0.0, "largest": float(off.max(initial=0.0)),
             "flip_error": flip(reference[1], made[1])["flip"],
         }  # fmt: skip
-        if lighting.samples in shown and (label == EXACT or lighting.samples == max(shown)):
+        if lighting in shown and (label == EXACT or lighting == lightings[-1]):
             found.append((f"{label}, {lighting.label}", made[1]))
     found.append((f"reference, {REFERENCE} targets", reference[1]))
 

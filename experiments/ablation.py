@@ -4,16 +4,14 @@ Warp's tree, rebuilt every frame, is measured in the same run, and both configur
 the exact triangle test and a scene that is declared closed; elsewhere it is listed as skipped, with the reason.
 """
 
-from __future__ import annotations
-
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, numbers, panels, sentences
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
+from ..harness.report import compare, document, numbers, panels
+from ..harness.report.dataframe import DataFrame
+from ..harness.runner.planning.experiment import Entry, Experiment
+from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful, large, small
 
 BASE = "paper-faithful"
 BEST = "all of ours"
@@ -87,43 +85,30 @@ APART = [TREE, *(entry.label for entry in LEFT_OUT)]
 BASES = {"ratio": BASE, "ratio_to_best": BEST, "ratio_to_tree": TREE}
 
 
-def read(folder: Path) -> document.DataFrame:
-    """The points with their time over that of each of :data:`BASES` in the same run, and their work."""
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """The relative time of each change, one mark per scene: a drawing and a table per configuration; CSV."""
     frames = document.frames(folder)
     table = document.named(frames)
     for name, label in BASES.items():
-        found = compare.ratios(frames, frames["label"] == label)
-        table[[name, f"{name}_spread"]] = found[["ratio", "spread"]]
+        table[[name, f"{name}_spread"]] = compare.ratios(frames, frames["label"] == label)[["ratio", "spread"]]
     pairs = table.filter(regex=r"^counter\..* pairs$").sum(axis=1)
     table["pairs"] = pairs.where(pairs > 0)
     for rays in ("primary", "shadow"):
         table[f"{rays}_tests_per_ray"] = table.get(f"counter.{rays} tests a hundred rays", np.nan) / 100
-    return table
-
-
-def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The relative time of each change, one mark per scene: a drawing and a table per configuration; CSV."""
-    table = read(folder)
     done = document.measured(table)
     apart, tables, pictures = done["label"].isin(APART), {}, []
-    ends = (("ablation", done[~apart], "ratio"), ("ablation-ours", done[apart], "ratio_to_best"))
-    for name, own, ratio in ends:
+    for name, own, ratio in (("ablation", done[~apart], "ratio"), ("ablation-ours", done[apart], "ratio_to_best")):
         own = own[own[ratio].notna() & (own["label"] != BASE)]
         below = f"frame time over that of {BASES[ratio]}"
         tables[below.capitalize()] = ratios(own[own["label"] != TREE], ratio)
-        if len(own):
-            draw_dots = partial(panels.dots, order=ORDER, whisker=f"{ratio}_spread", below=below)
-            pictures.append(draw_dots(folder / f"{name}.svg", own, "label", ratio, "title"))
+        pictures.append(panels.dots(
+            folder / f"{name}.svg", own, "label", ratio, "title", order=ORDER, whisker=f"{ratio}_spread", below=below
+        ))  # fmt: skip
     both = done[done["label"].isin([BASE, BEST])]
-    finding = sentences.ends(
-        both,
-        "ratio_to_tree",
-        "label",
-        f"Over {TREE}, {{}} takes {{}} times as long",
-        " and {} {}",
+    finding = numbers.ends(
+        both, "ratio_to_tree", "label", f"Over {TREE}, {{}} takes {{}} times as long", " and {} {}",
         f"{TREE} was not measured",
-    )
-    finding += f"{sentences.over(both)}. " + sentences.ends(
+    ) + f"{numbers.over(both)}. " + numbers.ends(
         done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label",
         f"Of single changes to {BASE}, {{}} takes the least: {{}} times as long", "; {} takes the most: {}",
         f"No change to {BASE} was measured",
@@ -131,27 +116,21 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
-def ratios(own: document.DataFrame, column: str) -> document.DataFrame:
+def ratios(own: DataFrame, column: str) -> DataFrame:
     """Scenes across, points down, the least geometric mean first; numbers have the digits that their spread carries."""
-    own = own.assign(text=numbers.carry(own[column], own[f"{column}_spread"]))
-    wide = document.cross_table(own, {"label": "configuration"}, "title", "text")
+    wide = document.cross_table(
+        own.assign(text=numbers.texts(own, column)), {"label": "configuration"}, "title", "text"
+    )
     points, names = own.groupby("label"), wide["configuration"]
-    wide.insert(1, "geometric mean", [sentences.mean(points.get_group(name), column) for name in names])
+    wide.insert(1, "geometric mean", [numbers.mean(points.get_group(name), column) for name in names])
     return wide.loc[names.map(points[column].agg(compare.geometric)).sort_values(kind="stable").index]
 
 
 EXPERIMENT = Experiment(
-    name="ablation",
-    title="Ablation: one change at a time from the paper's configuration, and from ours",
-    presets={
-        "quick": Preset(
-            128, 128, ("cloth", "buddha"), METHODS, frames=1, samples=1, most=1, stage_samples=1, rounds=1,
-            budget_s=4.0,
-        ),
-        "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=1, samples=5, most=20, deviation=0.01, stage_samples=2, rounds=9,
-            budget_s=9.0, timeout_s=300.0,
-        ),
+    "ablation", "Ablation: one change at a time from the paper's configuration, and from ours",
+    {
+        "quick": small(128, ("cloth", "buddha"), METHODS, 4.0, samples=1),
+        "paper": large(SCENES, METHODS, deviation=0.01, timeout_s=300.0),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -13,15 +13,15 @@ from typing import Any
 from ..harness.report import claims, compare, numbers
 from ..harness.report.claims import Claim, Evidence, Finding, Lacking, Measure, each, judged
 from ..harness.report.compare import geometric
+from ..harness.report.dataframe import pd
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Experiment
 from . import _rivals, figure10
 from ._paper import UNBALANCED
-from ._sorting import SORT
 from .ablation import BASE, CULLED, EXACT
 from .figure2 import DIRECT, INDIRECT
 from .figure11 import RECTANGLES, balanced
-from .key_bits import HERE
+from .key_bits import HERE, SORT
 from .reflection import KINDS, MIRRORED
 
 FAITHFUL = {"label": BASE}
@@ -57,9 +57,7 @@ def columns(*names: str) -> Measure:
     return lambda t: t.reindex(columns=names).astype(float).sum(axis=1, skipna=False)
 
 
-TOTAL, PRIMARY, LIT = (
-    columns("total_ms"), columns("build_ms", "trace_ms"), columns("light_build_ms", "shadow_ms"),
-)  # fmt: skip
+TOTAL, PRIMARY, LIT = columns("total_ms"), columns("build_ms", "trace_ms"), columns("light_build_ms", "shadow_ms")
 """Milliseconds of the frame; of build and trace of primary rays; of light grid and shadow rays."""
 
 
@@ -280,8 +278,6 @@ def key_bits(evidence: Evidence) -> Finding:
 @claim("Where the SIMD width is large, a tree does no better than a grid on reflected rays", "6", "reflection")
 def reflected(evidence: Evidence) -> Finding:
     """Times of the passes that trace mirrored rays: on each scene the fastest grid over the fastest tree."""
-    import pandas as pd
-
     traced, one = partial(stage_ms, part="trace", pattern=MIRRORED), {"light_label": "4 bounces"}
     grids, trees = ([label for label, kind in KINDS.items() if kind == own] for own in ("grid", "tree"))
     tables = {grid: evidence.over_rivals({**one, "label": grid}, trees, traced) for grid in grids}

@@ -5,28 +5,24 @@ animation's step before it, in which the light, the camera and the mesh were els
 sequence, for which no occluder is known.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.errors import UserError
 from ..harness.frame.registry import make_method
-from ..harness.report import compare, document, numbers, panels, sentences
+from ..harness.report import compare, document, numbers, panels
 from ..harness.results.record import Record
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
-from ._sequence import measure
-
-if TYPE_CHECKING:
-    import pandas as pd
+from ._paper import large, small
+from ._played import measure
 
 LAST = {"occluders": "last"}
 NONE = Entry("ray_grids", {}, "no occluder kept")
 NEXT = Entry("ray_grids", LAST, "last occluders first")
 FIRST = Entry("ray_grids", LAST, "the same, first frame")
 METHODS = (NONE, NEXT, FIRST)
+SCENES = ("fairy", "cloth", "bunny_dragon")
 
 STEPS = {"at rest": 0.0, "1/64 step": 1 / 64, "1/16 step": 1 / 16, "1/4 step": 1 / 4, "1 step": 1.0}
 """Shares of the animation's step that light, camera and mesh have moved since the frame before."""
@@ -42,10 +38,11 @@ COLUMNS = [name for name in document.COMMON if name not in PARTS]
 COLUMNS += "step ratio ratio_spread settled memory_bytes".split()
 
 
-def checked(options: Options) -> None:
-    """Raise UserError for other methods and for scenes that cannot be traced.
+def measured(options: Options, report: Silent) -> list[Record]:
+    """The points of a run (:func:`._played.measure`).
 
-    The answers are compared with those of the same method, so that no score would tell of a scene that it cannot trace.
+    Raises UserError for other methods and for scenes that cannot be traced: the answers are compared with those of the same
+    method, so that no score would tell of a scene that it cannot trace.
     """
     for entry in options.preset.methods:
         if entry.method != NONE.method:
@@ -54,72 +51,57 @@ def checked(options: Options) -> None:
             reason = make_method(entry.method, dict(entry.settings)).applies(options.described(name), options.device)
             if reason is not None:
                 raise UserError(f"--scene {name}: {entry.method} cannot trace it: {reason}")
-
-
-def measured(options: Options, report: Silent) -> list[Record]:
-    """The points of a run (:func:`._sequence.measure`). Raises UserError as :func:`checked` does."""
-    checked(options)
     return measure(options, report, STEPS, FIRST.label)
 
 
-def read(folder: Path) -> pd.DataFrame:
-    """The points, with the frame time over that of :data:`NONE` after the same step, and the share of the shadowed rays
-    that their last occluder settled."""
-    frames = document.frames(folder)
-    table = document.named(frames)
-    found = compare.ratios(frames, frames["label"] == NONE.label)
-    table["ratio"], table["ratio_spread"] = found["ratio"], found["spread"]
-    table["step"] = table["light_label"].map(STEPS)
-    names = [name for name in table if name.startswith("counter.light") and "settled" in name]
-    shadowed = table["counter.shadowed rays"].where(table["counter.shadowed rays"] > 0)
-    table["settled"] = table[names].sum(axis=1, min_count=1) / shadowed
-    return document.arranged(
-        document.arranged(table, "light_label", list(STEPS)), "label", [entry.label for entry in METHODS]
-    )
-
-
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Frame time by how much has moved, CSV, and a table of each scene."""
-    table = read(folder)
+    """Frame time by how much has moved, over that of :data:`NONE` after the same step, and the share of the shadowed rays
+    that their last occluder settled: a drawing, CSV, and a table of each scene."""
+    frames = document.frames(folder)
+    table, found = document.named(frames), compare.ratios(frames, frames["label"] == NONE.label)
+    shadowed = table["counter.shadowed rays"].where(table["counter.shadowed rays"] > 0)
+    counted = table.filter(regex=r"^counter\.light.*settled").sum(axis=1, min_count=1)
+    table = table.assign(
+        ratio=found["ratio"],
+        ratio_spread=found["spread"],
+        step=table["light_label"].map(STEPS),
+        settled=counted / shadowed,
+    )
+    table = document.arranged(table, "light_label", list(STEPS))
+    table = document.arranged(table, "label", [entry.label for entry in METHODS])
     done = document.measured(table)
     kept = done[(done["label"] != NONE.label) & done["ratio"].notna()]
     kept = kept.assign(place=kept["light_label"].map(list(STEPS).index))
     short = [label.removesuffix(" step") for label in STEPS]
-    pictures = [panels.lines(
+    picture = panels.lines(
         folder / "coherence.svg", kept, "place", "ratio", facet="title", across=kept["title"].nunique(),
         whisker="ratio_spread", ticks=short.__getitem__, log_y=False, sharey=True, wide=2,
         below="moved since the frame before, steps of the animation", left="frame time over that without occluders",
-    )] if len(kept) else []  # fmt: skip
-    shown = numbers.carry(kept["ratio"], kept["ratio_spread"])
+    )  # fmt: skip
     known = (kept["label"] == NEXT.label) & kept["settled"].notna()
     settled = (100 * kept["settled"]).map(" ({:.0f} %)".format).where(known, "")
+    kept = kept.assign(text=numbers.texts(kept, "ratio") + settled)
+    after = kept[kept["label"] == NEXT.label]
     cells = document.cross_table(
-        document.arranged(kept.assign(text=shown + settled), "title", table["title"].unique()),
-        {"title": "scene", "label": "setting"}, "light_label", "text",
-    )  # fmt: skip
-    after = kept[(kept["label"] == NEXT.label)]
+        document.arranged(kept, "title", table["title"].unique()),
+        {"title": "scene", "label": "setting"},
+        "light_label",
+        "text",
+    )
     steps = {step: own for step in STEPS if len(own := after[after["light_label"] == step])}
-    told = [f"{sentences.mean(own, 'ratio')} times as long ({step})" for step, own in steps.items()]
+    told = [f"{numbers.mean(own, 'ratio')} times as long ({step})" for step, own in steps.items()]
     told = told if len(told) < 2 else [told[0], told[-1]]  # from rest to the longest step
-    finding = f"With the last frame's occluders a frame takes {sentences.listed(told)}{sentences.over(after)}."
+    finding = f"With the last frame's occluders a frame takes {numbers.listed(told)}{numbers.over(after)}."
     finding = finding if told else "The last frame's occluders were not measured."
     tables = {"Frame time over that without occluders": cells}
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, [ABOUT])
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, [ABOUT])
 
 
 EXPERIMENT = Experiment(
-    name="coherence",
-    title="Coherence: what the last frame's occluders save",
-    presets={
-        "quick": Preset(
-            128, 128, ("fairy", "cloth", "bunny_dragon"), METHODS, frames=1, samples=3, most=3, stage_samples=1, rounds=2,
-            budget_s=3.0,
-        ),
-        "paper": Preset(
-            1024, 1024, ("fairy", "cloth", "bunny_dragon"), METHODS, frames=3, samples=5, most=10, stage_samples=1,
-            rounds=9, budget_s=9.0,
-        ),
+    "coherence", "Coherence: what the last frame's occluders save",
+    {
+        "quick": small(128, SCENES, METHODS, 3.0, rounds=2),
+        "paper": large(SCENES, METHODS, frames=3, most=10, deviation=None, stage_samples=1, timeout_s=300.0),
     },
-    draw=draw,
-    measure=measured,
+    draw, measure=measured,
 )  # fmt: skip

@@ -4,15 +4,14 @@ Energy and frames in flight are measured in replays apart from the timed ones, a
 (:mod:`.harness.runner.measuring.costs`); the other costs are counted.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
-from ..harness.report import document, numbers, panels, sentences
+from ..harness.report import document, numbers, panels
+from ..harness.report.dataframe import DataFrame
 from ..harness.results.costs import LATENCIES, MISSING, NUMBERS
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment
 from . import _rivals
-from ._paper import SCENES
+from ._paper import SCENES, large, small
 
 METHODS = (
     *_rivals.FEW,
@@ -41,7 +40,7 @@ NOT_IDLE = "something else used the card while it should have been idle"
 LACKING = {"energy_missing": "No energy", "flight_missing": "No second frame in flight"}
 
 
-def read(folder: Path) -> document.DataFrame:
+def read(folder: Path) -> DataFrame:
     """The points, with power while frames are replayed, frames a second, and what a second one in flight adds.
 
     Energy above that of a card that was not idle says nothing: there is none.
@@ -58,14 +57,12 @@ def read(folder: Path) -> document.DataFrame:
     )  # fmt: skip
 
 
-def lacking(table: document.DataFrame) -> list[str]:
+def lacking(table: DataFrame) -> list[str]:
     """One line per cost and reason that it is missing, with the methods; and those of which tests are not counted."""
+    said = [f"{what} of {'; '.join(own['label'].unique())}: {reason}." for column, what in LACKING.items()
+            for reason, own in table[table[column] != ""].groupby(column, sort=False)]  # fmt: skip
     kinds = {kind: table[table[f"{kind}_tests"].isna()]["label"].unique() for kind in ("primary", "shadow")}
-    said = [f"No triangle tests of {kind} rays counted: {'; '.join(own)}." for kind, own in kinds.items() if len(own)]
-    groups = [(what, table[table[column] != ""].groupby(column, sort=False)) for column, what in LACKING.items()]
-    return [
-        f"{what} of {'; '.join(own['label'].unique())}: {reason}." for what, found in groups for reason, own in found
-    ] + said
+    return said + [f"No triangle tests of {k} rays counted: {'; '.join(own)}." for k, own in kinds.items() if len(own)]
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -73,42 +70,31 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = read(folder)
     done = document.measured(table)
     texts = {c: numbers.carry(done[c], done[c] * 0.0) for c in SHOWN if done[c].dtype.kind == "f"}
-    counts = {c: done[c].map("{:,.0f}".format, na_action="ignore") for c in ("fps", "fps_pair", "bytes_per_ray")}
-    shown = done.assign(**(texts | counts))[[*SHOWN]].rename(columns=SHOWN)
+    texts |= {c: done[c].map("{:,.0f}".format, na_action="ignore") for c in ("fps", "fps_pair", "bytes_per_ray")}
+    tables = {"What a frame costs": done.assign(**texts)[[*SHOWN]].rename(columns=SHOWN)}
     known = done[done["energy_mj"].notna()]
-    finding = sentences.ends(
+    finding = numbers.ends(
         known, "energy_mj", "label", "A frame of {} takes the least energy, {} mJ above idle",
         ", and one of {} the most, {} mJ", "No energy was measured",
-    ) + f"{sentences.over(known)}."  # fmt: skip
-    finding += sentences.ends(
+    ) + f"{numbers.over(known)}." + numbers.ends(
         done, "in_flight_gain", "label", " A second frame in flight helps {} the least: {} times as many frames a second",
         "; and {} the most: {} times", "",
     ) + "." * int(done["in_flight_gain"].notna().any())  # fmt: skip
-    watts = sentences.listed(
-        [f"{own.median():.0f} W on {name}" for name, own in known.groupby("device_name")["idle_w"]]
-    )
+    watts = [f"{own.median():.0f} W on {name}" for name, own in known.groupby("device_name")["idle_w"]]
     least = known.groupby("title", sort=False)["energy_mj"].transform("min")
-    pictures = [panels.dots(
+    picture = panels.dots(
         folder / "costs.svg", known.assign(times=known["energy_mj"] / least), "label", "times", "title",
         below="energy of a frame over that of the method that takes the least on the scene",
-    )] if len(known) else []  # fmt: skip
-    notes = [ABOUT.format(watts or "which was not measured"), *lacking(done)]
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, finding, {"What a frame costs": shown}, pictures, quiet, notes
-    )
+    )  # fmt: skip
+    notes = [ABOUT.format(numbers.listed(watts) or "which was not measured"), *lacking(done)]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes)
 
 
 EXPERIMENT = Experiment(
-    name="costs",
-    title="What a frame costs besides its time",
-    presets={
-        "quick": Preset(
-            64, 64, ("cloth",), METHODS, frames=1, samples=1, most=1, stage_samples=1, rounds=1, budget_s=5.0, costs_s=0.5,
-        ),
-        "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.005, stage_samples=1, rounds=3,
-            budget_s=30.0, timeout_s=300.0, costs_s=1.0,
-        ),
+    "costs", "What a frame costs besides its time",
+    {
+        "quick": small(64, ("cloth",), METHODS, 5.0, samples=1, costs_s=0.5),
+        "paper": large(SCENES, METHODS, 30.0, samples=10, stage_samples=1, rounds=3, timeout_s=300.0, costs_s=1.0),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

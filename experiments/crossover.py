@@ -6,8 +6,6 @@ of them moving. The sweeps cross in one setting; two maps take two quantities at
 where many triangles lie behind one another on the way to a light.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -15,10 +13,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..harness.report import document, numbers, panels, ranking, style
+import numpy as np
+
+from ..harness.report import compare, document, numbers, panels, ranking, style
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.runner.planning.experiment import Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
+from ._paper import large, small
 from ._rivals import FEW, STRONGEST, lights
 from .scaling import short
 
@@ -67,7 +69,7 @@ def sweeps(
     return replace(parts[0], also=tuple(parts[1:]))
 
 
-def read(folder: Path) -> document.DataFrame:
+def read(folder: Path) -> DataFrame:
     """The points, with what is swept as columns of its own, and the label of the fastest of each setting.
 
     ``triangles`` is the number in the scene's name; of a room, whose title is in ``room``, that of its mesh. ``exact``: the
@@ -75,21 +77,20 @@ def read(folder: Path) -> document.DataFrame:
     """
     table = document.read(folder)
     names = [balls.read_name(name) for name in table["scene"]]
-    table["room"] = table["title"].where([name is None for name in names], "")
-    counts = table["triangles"].tolist()
-    table["triangles"] = [name.count if name else count for name, count in zip(names, counts, strict=True)]
-    for column in ("seen", "moving"):
-        shares = [getattr(name, column) if name else None for name in names]
-        table[column] = [NATURAL if share is None else round(100 * share) for share in shares]
-    table["lights"] = table["lights"].where(table["light_label"] != "no shadows", 0)
-    table["exact"] = ranking.exact(table)
+    shares = {column: [getattr(name, column, None) for name in names] for column in ("seen", "moving")}
+    table = table.assign(
+        room=table["title"].where([name is None for name in names], ""), exact=ranking.exact(table),
+        triangles=[name.count if name else count for name, count in zip(names, table["triangles"].tolist(), strict=True)],
+        lights=table["lights"].where(table["light_label"] != "no shadows", 0),
+        **{column: [NATURAL if x is None else round(100 * x) for x in own] for column, own in shares.items()},
+    )  # fmt: skip
     for column, own in (("fastest", table), ("fastest_exact", table[table["exact"]])):
         first = winners(own).set_index([*AXES])["label"]
         table[column] = [first.get(key, "") for key in table[[*AXES]].itertuples(index=False, name=None)]
     return table
 
 
-def winners(table: document.DataFrame) -> document.DataFrame:
+def winners(table: DataFrame) -> DataFrame:
     """The fastest point of each setting: with ``next``, the label of the second, ``times``, how many times slower that is,
     and ``told``, whether the gap is more than the spreads of the two."""
     axes = [*AXES]
@@ -98,14 +99,13 @@ def winners(table: document.DataFrame) -> document.DataFrame:
     first = ranked[place == 0].set_index(axes, drop=False)
     second = ranked[place == 1].set_index(axes).reindex(first.index)[["label", "total_ms", "spread"]]
     # A spread that is not known (one sample) tells nothing: NaN compares false.
-    told = second["total_ms"] - first["total_ms"] > (first["spread"] ** 2 + second["spread"] ** 2) ** 0.5
-    times = second["total_ms"] / first["total_ms"]
-    shares = (first["spread"] / first["total_ms"]) ** 2 + (second["spread"] / second["total_ms"]) ** 2
-    more = {"next": second["label"].fillna(""), "times": times, "times_spread": times * shares**0.5}
+    told = second["total_ms"] - first["total_ms"] > np.hypot(first["spread"], second["spread"])
+    times, around = compare.over(second["total_ms"], second["spread"], first["total_ms"], first["spread"])
+    more = {"next": second["label"].fillna(""), "times": times, "times_spread": around}
     return first.assign(**more, told=told | second["label"].isna()).reset_index(drop=True)
 
 
-def along(table: document.DataFrame, *axes: str) -> document.DataFrame:
+def along(table: DataFrame, *axes: str) -> DataFrame:
     """The points that differ in nothing but ``axes``: of all such groups the one with most settings.
 
     Of several such groups the one whose other values are the most common: where the sweeps cross.
@@ -125,42 +125,34 @@ def along(table: document.DataFrame, *axes: str) -> document.DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Lines over each quantity, two maps of the winners, a table of every setting, CSV."""
     table = read(folder)
-    files = []
     every = document.measured(table)
     done, inside = every[every["room"] == ""], every[every["room"] != ""].sort_values("lights", kind="stable")
     rooms = {str(room): line for room, line in inside.groupby("room", sort=False)}
-    lines = {axis: along(done, axis) for axis in AXES}
-    lines = {axis: line for axis, line in lines.items() if line[axis].nunique() > 1}
-    if lines:
-        files.append(line_picture(lines, done, folder / "crossover.svg"))
-    if rooms:
-        files.append(panels.lines(
+    lines = {axis: line for axis in AXES if (line := along(done, axis))[axis].nunique() > 1}
+    maps = [pair for pair in MAPS if all(along(done, *pair)[axis].nunique() > 1 for axis in pair)]
+    files = [
+        line_picture(lines, done, folder / "crossover.svg") if lines else None,
+        panels.lines(
             folder / "crossover-rooms.svg", inside, "lights", "total_ms", facet="room", across=2, whisker="spread", log_x=2,
             ticks=str, below="lights", left="ms per frame", wide=2, high=2.0, legend=3,
-        ))  # fmt: skip
-    maps = [pair for pair in MAPS if all(along(done, *pair)[axis].nunique() > 1 for axis in pair)]
-    if maps:
-        files.append(map_picture(maps, done, folder / "crossover-maps.svg"))
+        ),
+        map_picture(maps, done, folder / "crossover-maps.svg") if maps else None,
+    ]  # fmt: skip
     tables = {
         f"Fastest over {AXES[axis]} ({crossing(line, axis)})": winner_table(line, axis) for axis, line in lines.items()
     }
     tables |= {f"Fastest over lights in {room}": winner_table(line, "lights") for room, line in rooms.items()}
+    told = over_lights("In", ((room, line[line["exact"]]) for room, line in rooms.items()))
+    told = [*([of_balls(done)] if len(done) or not told else []), *told]
     notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
-    if len(every):
-        notes.append(ABOUT)
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done, rooms), tables, files, quiet, notes)
+    notes += [ABOUT] * bool(len(every))
+    return document.write(folder, EXPERIMENT, table, COLUMNS, " ".join(told), tables, files, quiet, notes)
 
 
 ABOUT = "A tie: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
 
 
-def finding(done: document.DataFrame, rooms: dict[str, document.DataFrame]) -> str:
-    """In how many settings each structure is the fastest, of the exact ones and of all; in each room by number of lights."""
-    told = over_lights("In", ((room, line[line["exact"]]) for room, line in rooms.items()))
-    return " ".join([*([of_balls(done)] if len(done) or not told else []), *told])
-
-
-def over_lights(preposition: str, groups: Iterable[tuple[Any, document.DataFrame]]) -> list[str]:
+def over_lights(preposition: str, groups: Iterable[tuple[Any, DataFrame]]) -> list[str]:
     """Which exact method is the fastest by number of lights, a sentence for each group that has several numbers.
 
     groups  names, which follow the preposition, and points of exact methods
@@ -169,7 +161,7 @@ def over_lights(preposition: str, groups: Iterable[tuple[Any, document.DataFrame
     return [f"{preposition} {name} {text}." for name, text in told.items() if text]
 
 
-def over(line: document.DataFrame, axis: str, name: str) -> str:
+def over(line: DataFrame, axis: str, name: str) -> str:
     """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value.
 
     A winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence.
@@ -189,7 +181,7 @@ def over(line: document.DataFrame, axis: str, name: str) -> str:
     return f"{span} the fastest exact method is first {turns[0][1]}, {later}"
 
 
-def of_balls(done: document.DataFrame) -> str:
+def of_balls(done: DataFrame) -> str:
     """In how many settings of the balls each structure is the fastest."""
     if done.empty:
         return "Nothing was measured."
@@ -205,10 +197,8 @@ def of_balls(done: document.DataFrame) -> str:
     return f"{told} {'; '.join(beaten)}." if beaten else told
 
 
-def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
+def winner_table(line: DataFrame, axis: str) -> DataFrame:
     """One row per value of ``axis``: the fastest of the exact and of all, its time, and the next with its factor."""
-    import pandas as pd
-
     rows: dict[Any, dict[str, str]] = {}
     for kind, own in ((EXACT, line[line["exact"]]), (EVERY, line)):
         for row in winners(own).itertuples():
@@ -224,10 +214,8 @@ def beside(row: Any) -> str:
     return "" if not row.next else numbers.carried(row.times, row.times_spread) + "x" if row.told else "a tie"
 
 
-def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame, path: Path) -> Path:
+def line_picture(lines: dict[str, DataFrame], done: DataFrame, path: Path) -> Path:
     """One panel per quantity: time against it, one line per method."""
-    import pandas as pd
-
     looks = panels.looks(done)
     every = pd.concat(line.assign(axis=axis, x=line[axis]).sort_values("x") for axis, line in lines.items())
     with panels.facets(path, every, "axis", 3, 2.1, 2.0, legend=3, left="ms per frame", sharey=True) as shown:
@@ -235,8 +223,7 @@ def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame,
             for label, own in line.groupby("label", sort=False):
                 panels.line(axes, own, "x", "total_ms", "spread", label, looks[label])
             values = sorted(line["x"].unique())
-            if values[0] > 0:
-                axes.set_xscale("log")
+            axes.set_xscale("log" if values[0] > 0 else "linear")
             axes.set_xticks(values, [counted(axis, value) for value in values])
             axes.tick_params(axis="x", which="minor", length=0, labelbottom=False)
             axes.set_xlabel(AXES[axis])
@@ -244,7 +231,7 @@ def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame,
     return path
 
 
-def crossing(line: document.DataFrame, axis: str) -> str:
+def crossing(line: DataFrame, axis: str) -> str:
     """The values of the quantities that are not swept: "pixels: 128², lights: 1"."""
     others = [other for other in AXES if other != axis and line[other].iloc[0] != NATURAL]
     return ", ".join(f"{AXES[other]}: {counted(other, line[other].iloc[0])}" for other in others)
@@ -255,7 +242,7 @@ def counted(axis: str, value: float) -> str:
     return f"{round(value**0.5)}²" if axis == "pixels" else short(value)
 
 
-def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Path) -> Path:
+def map_picture(maps: list[tuple[str, str]], done: DataFrame, path: Path) -> Path:
     """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the next
     is.
 
@@ -263,36 +250,38 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
     """
     from matplotlib.patches import Polygon, Rectangle
 
-    looks = panels.looks(done)
     # Labels of one method have one colour: the later ones are lighter.
     place = done.drop_duplicates("label").set_index("label").groupby("method").cumcount()
-    tint = {label: style.lightened(look["color"], min(0.8, 0.2 + 0.3 * place[label])) for label, look in looks.items()}
+    tint = {
+        label: style.lightened(look["color"], min(0.8, 0.2 + 0.3 * place[label]))
+        for label, look in panels.looks(done).items()
+    }
     kinds = {EXACT: done[done["exact"]], EVERY: done}
     size = (2 * style.COLUMN_WIDTH, 2.5 * len(maps) + 0.7)
     with panels.sheet(path, size, len(maps), 2, legend=3, grid="") as (figure, grid):
-        for row, pair in zip(grid, maps, strict=True):
-            for axes, (kind, table) in zip(row, kinds.items(), strict=True):
-                field = along(table, *pair)
-                columns, rows = (sorted(field[axis].unique()) for axis in pair)
-                for cell in winners(field).itertuples():
-                    x, y = columns.index(getattr(cell, pair[0])), rows.index(getattr(cell, pair[1]))
-                    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=tint[cell.label], ec="white"))
-                    if not cell.told:
-                        corners = [(x - 0.48, y - 0.48), (x + 0.48, y - 0.48), (x + 0.48, y + 0.48)]
-                        axes.add_patch(Polygon(corners, fc=tint[cell.next], ec="none"))
-                    text = f"{numbers.carried(cell.total_ms, cell.spread, numbers.TIME)} ms\n{beside(cell)}"
-                    axes.text(x, y, text, ha="center", va="center", size=5.5)
-                found = winners(field)
-                for label in dict.fromkeys([*found["label"], *found["next"][~found["told"].astype(bool)]]):
-                    axes.fill_between([], [], label=label, color=tint[label])
-                axes.set_xticks(range(len(columns)), [counted(pair[0], value) for value in columns])
-                axes.set_yticks(range(len(rows)), [counted(pair[1], value) for value in rows])
-                axes.set_xlim(-0.5, len(columns) - 0.5)
-                axes.set_ylim(-0.5, len(rows) - 0.5)
-                axes.tick_params(length=0)
-                axes.set_title(f"fastest, {kind}", loc="left")
-                axes.set_xlabel(AXES[pair[0]])
-                axes.set_ylabel(AXES[pair[1]])
+        for axes, (pair, (kind, table)) in zip(grid.flat, itertools.product(maps, kinds.items()), strict=True):
+            field = along(table, *pair)
+            found, (columns, rows) = winners(field), (sorted(field[axis].unique()) for axis in pair)
+            for cell in found.itertuples():
+                x, y = columns.index(getattr(cell, pair[0])), rows.index(getattr(cell, pair[1]))
+                axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=tint[cell.label], ec="white"))
+                if not cell.told:
+                    corners = [(x - 0.48, y - 0.48), (x + 0.48, y - 0.48), (x + 0.48, y + 0.48)]
+                    axes.add_patch(Polygon(corners, fc=tint[cell.next], ec="none"))
+                text = f"{numbers.carried(cell.total_ms, cell.spread, numbers.TIME)} ms\n{beside(cell)}"
+                axes.text(x, y, text, ha="center", va="center", size=5.5)
+            for label in dict.fromkeys([*found["label"], *found["next"][~found["told"].astype(bool)]]):
+                axes.fill_between([], [], label=label, color=tint[label])
+            axes.set_xticks(range(len(columns)), [counted(pair[0], value) for value in columns])
+            axes.set_yticks(range(len(rows)), [counted(pair[1], value) for value in rows])
+            axes.set(
+                xlim=(-0.5, len(columns) - 0.5),
+                ylim=(-0.5, len(rows) - 0.5),
+                xlabel=AXES[pair[0]],
+                ylabel=AXES[pair[1]],
+            )
+            axes.tick_params(length=0)
+            axes.set_title(f"fastest, {kind}", loc="left")
         about = (
             "in a square: its time, and how many times longer the next one takes; two colours: a tie within the spread"
         )
@@ -301,35 +290,27 @@ def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Pat
 
 
 EXPERIMENT = Experiment(
-    name="crossover",
-    title="Crossover: which structure is the fastest where",
-    presets={
+    "crossover", "Crossover: which structure is the fastest where",
+    {
         "quick": sweeps(
-            Preset(
-                128, 128, ("balls-10k",), STRONGEST, frames=1, samples=3, most=5, stage_samples=1, rounds=2, budget_s=1.0,
-            ),
-            ("1k", "10k", "100k"), "10k", (64, 128, 256), (0, 1, 4), (10, 100), ("1k", "10k", "100k"), (0, 60),
+            small(128, ("balls-10k",), STRONGEST, 1.0, most=5, rounds=2), ("1k", "10k", "100k"), "10k", (64, 128, 256),
+            (0, 1, 4), (10, 100), ("1k", "10k", "100k"), (0, 60),
         ),
         "short": sweeps(
-            Preset(
-                1024, 1024, ("balls-100k",), FEW, frames=1, samples=5, most=10, deviation=0.02, stage_samples=1,
-                rounds=9, budget_s=4.5, timeout_s=120.0,
-            ),
+            large(("balls-100k",), FEW, 4.5, most=10, deviation=0.02, stage_samples=1, timeout_s=120.0),
             ("1k", "10k", "100k", "1m"), "100k", (256, 1024, 2048), (0, 4, 16), (10, 100), ("1k", "100k", "1m"), (0, 60),
             ROOMS,
         ),
         "paper": sweeps(
-            Preset(
-                1024, 1024, ("balls-100k",), STRONGEST, frames=1, samples=5, most=20, deviation=0.01, stage_samples=1,
-                rounds=9, budget_s=4.5, timeout_s=300.0, memory=24 << 30,
+            large(
+                ("balls-100k",), STRONGEST, 4.5, deviation=0.01, stage_samples=1, timeout_s=300.0, memory=24 << 30
             ),
             ("1k", "10k", "100k", "1m", "10m"), "100k", (256, 512, 1024, 2048, 4096), (0, 1, 2, 4, 8, 16, 32, 64),
             (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100), ROOMS,
         ),
-        "rooms": Preset(
-            1024, 1024, ROOMS, FEW, frames=1, samples=3, most=20, deviation=0.01, stage_samples=0, rounds=9, budget_s=9.0,
-            timeout_s=300.0, lightings=lights(1, 2, 4, 8, 16, 32, 64),
+        "rooms": large(
+            ROOMS, FEW, samples=3, deviation=0.01, stage_samples=0, timeout_s=300.0, lightings=lights(1, 2, 4, 8, 16, 32, 64)
         ),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

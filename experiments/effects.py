@@ -1,15 +1,14 @@
 """The cost of each effect, alone and together, and of a frame by what has moved."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, numbers, panels, sentences
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.report import compare, document, numbers, panels
+from ..harness.report.dataframe import DataFrame
+from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.scene.overrides import MOVED, Lighting
-from ._paper import METHOD
+from ._paper import METHOD, large, small
 
 METHODS = (
     Entry(METHOD, {}, "the paper's grids"),
@@ -61,7 +60,7 @@ ABOUT = (
 )
 
 
-def read(folder: Path) -> document.DataFrame:
+def read(folder: Path) -> DataFrame:
     """The points, effects in their order, with what each adds to the frame :data:`BASE` of the same method and scene.
 
     ratio_spread  half the spread of the two, or how far the base frame was from its own repetition, over the base frame
@@ -84,31 +83,30 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = read(folder)
     done = document.arranged(document.measured(table), "title", table["title"].unique())
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
-    alone = effects[effects["light_label"] != BASE]
-    pictures = [panels.dots(
-        folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="ratio_spread",
-        legend=3, below=f"frame time over that of {BASE} (bars: noise)",
-    )] if len(effects) else []  # fmt: skip
-    if len(moved):
-        seen, kinds = moved[moved["pass_count"] > 0], list(MOVED)
-        idle = "" if "nothing" in set(seen["moved"]) else " (nothing moved: no kernel is launched)"
-        pictures.append(panels.lines(
+    alone, seen, kinds = effects[effects["light_label"] != BASE], moved[moved["pass_count"] > 0], list(MOVED)
+    idle = "" if "nothing" in set(seen["moved"]) else " (nothing moved: no kernel is launched)"
+    pictures = [
+        panels.dots(
+            folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="ratio_spread",
+            legend=3, below=f"frame time over that of {BASE} (bars: noise)",
+        ),
+        panels.lines(
             folder / "effects-moved.svg", seen.assign(place=seen["moved"].map(kinds.index)), "place", "total_ms",
             facet="title", across=moved["title"].nunique(), whisker="spread", drawn=panels.looks(moved), wide=1.2,
             sharey=True, ticks=kinds.__getitem__, below="what moved since the last frame" + idle, left="ms per frame",
-        ))  # fmt: skip
-    shown = numbers.carry(effects["ratio"], effects["ratio_spread"])
-    effects = effects.assign(text=shown.where(effects["light_label"] != BASE, effects["ms"] + " ms"))
-    text = moved["ms"] + " (" + moved["build_count"].astype(str) + ")"
-    moved = moved.assign(text=text.where(moved["pass_count"] > 0, "no launch"))
-    heading = f"Frame time over that of {BASE}, everything rebuilt"
-    rows = {"title": "scene", "light_label": "effect", "label": "method"}
+        ),
+    ]  # fmt: skip
+    text = numbers.texts(effects, "ratio").where(effects["light_label"] != BASE, effects["ms"] + " ms")
+    text_moved = (moved["ms"] + " (" + moved["build_count"].astype(str) + ")").where(
+        moved["pass_count"] > 0, "no launch"
+    )
+    rows = {"title": "scene", "light_label": "effect"}, {"title": "scene", "label": "method"}
     tables = {
-        heading: document.cross_table(effects, ["title", "light_label"], "label", "text"),
-        "A frame by what alone moved, ms": document.cross_table(moved, ["title", "label"], "moved", "text"),
-    }
-    tables = {name: table.rename(columns=rows) for name, table in tables.items()}
-    finding = sentences.ends(
+        f"Frame time over that of {BASE}, everything rebuilt":
+            document.cross_table(effects.assign(text=text), rows[0], "label", "text"),
+        "A frame by what alone moved, ms": document.cross_table(moved.assign(text=text_moved), rows[1], "moved", "text"),
+    }  # fmt: skip
+    finding = numbers.ends(
         alone, "ratio", "light_label", f"Over a frame of {BASE}, one with {{}} takes the least, {{}} times as long",
         ", and one with {} the most, {} (geometric means over methods and scenes)", f"No effect was measured beside {BASE}",
     ) + "."  # fmt: skip
@@ -117,17 +115,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 
 EXPERIMENT = Experiment(
-    name="effects",
-    title="Effects: what each costs, and a frame by what moved",
-    presets={
-        "quick": Preset(
-            128, 128, ("cloth",), METHODS, frames=1, samples=3, most=3, stage_samples=1, rounds=1, budget_s=3.0,
-            lightings=LIGHTINGS,
-        ),
-        "paper": Preset(
-            1024, 1024, ("fairy", "conference"), METHODS, frames=1, samples=5, most=20, deviation=0.005,
-            stage_samples=2, rounds=9, budget_s=4.5, timeout_s=600.0, lightings=LIGHTINGS,
-        ),
+    "effects", "Effects: what each costs, and a frame by what moved",
+    {
+        "quick": small(128, ("cloth",), METHODS, 3.0, lightings=LIGHTINGS),
+        "paper": large(("fairy", "conference"), METHODS, 4.5, lightings=LIGHTINGS),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

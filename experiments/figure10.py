@@ -5,15 +5,14 @@ traversal; here primary and shadow rays are separate. The paper says that rearra
 on the model: so every scene is measured at half the width and height too, in the same run.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 from ..harness.report import compare, document, numbers, panels, style
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Experiment, Preset
-from ._paper import SCENES, faithful
+from ._paper import SCENES, faithful, large, small
 
 PRIMARY, SHADOW = "#0072B2", "#D55E00"
 STAGES = {
@@ -40,7 +39,7 @@ TIMES, PARTS = [f"{name}_ms" for name in STAGES], ["build_ms", "trace_ms", "ligh
 COLUMNS = [*document.COMMON, *TIMES, "other_ms", "shadow_rays"]
 
 
-def read(frames: document.DataFrame, folder: Path) -> document.DataFrame:
+def read(frames: DataFrame, folder: Path) -> DataFrame:
     """The points of frames with the stages' times in ms, what no stage holds, and the rays mapped."""
     table = document.with_passes(document.named(frames), folder, PASSES)
     # Sums of the same numbers in another order: what differs by a rounding is nothing, and never minus zero.
@@ -49,10 +48,8 @@ def read(frames: document.DataFrame, folder: Path) -> document.DataFrame:
     return table.assign(other_ms=other, shadow_rays=rays.where(rays > 0))
 
 
-def growth(frames: document.DataFrame) -> document.DataFrame:
+def growth(frames: DataFrame) -> DataFrame:
     """Every stage's time at the largest size over that at the smallest, a row per scene, over the frames that both have."""
-    import pandas as pd
-
     smallest, largest = frames["pixels"].min(), frames["pixels"].max()
     high, low = compare.pairs(frames, frames["pixels"] == smallest, (*compare.SCENE, *compare.LIGHTS))
     high = high[(high["pixels"] == largest) & (smallest < largest)]
@@ -65,20 +62,19 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Stacked bars of the largest size, CSV, and whether rearrangement depends on the model and on the resolution."""
     frames = document.frames(folder)
     table, grown = read(frames, folder), growth(frames)
-    widest = document.measured(read(frames[frames["pixels"] == frames["pixels"].max()], folder))
-    if widest.empty:
+    rows = document.measured(read(frames[frames["pixels"] == frames["pixels"].max()], folder))
+    if rows.empty:
         return document.write(folder, EXPERIMENT, table, COLUMNS, "Nothing was measured.", {}, [], quiet)
-    variation = widest[TIMES].std(ddof=0) / widest[TIMES].mean()
-    rows = widest.assign(name=widest["title"], text=widest["ms"])
-    if rows["label"].nunique() > 1:
-        rows["name"] += ", " + rows["label"]
+    name = rows["title"] + (", " + rows["label"]) * (rows["label"].nunique() > 1)
+    rows = rows.assign(name=name, text=rows["ms"])
     parts = {title: (f"{name}_ms", colour) for name, (title, _, colour) in STAGES.items()}
     picture = panels.bars(folder / "figure10.svg", rows, name="name", parts=parts, room=1.2, legend=2)
+    variation = rows[TIMES].std(ddof=0) / rows[TIMES].mean()
     made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T
     made.insert(0, "stage", list(parts))
     made["variation"] = variation.map("{:.0%}".format).array
     finding = (
-        f"Rearrangement takes {numbers.carried(widest['rearrangement_ms'].mean())} ms, the mean over {len(widest)} scenes; "
+        f"Rearrangement takes {numbers.carried(rows['rearrangement_ms'].mean())} ms, the mean over {len(rows)} scenes; "
         f"its coefficient of variation is {variation['rearrangement_ms']:.0%} (the paper: the same for all models)."
     )
     if len(grown):
@@ -90,16 +86,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 
 EXPERIMENT = Experiment(
-    name="figure10",
-    title="Figure 10: time of each stage of a frame",
-    presets={
-        "quick": with_half(Preset(
-            256, 256, SCENES, METHODS, frames=3, samples=2, most=2, stage_samples=3, rounds=1, budget_s=8.0
-        )),
-        "paper": with_half(Preset(
-            1024, 1024, SCENES, METHODS, frames=3, samples=5, most=30, deviation=0.005, stage_samples=5, rounds=9,
-            budget_s=20.0, timeout_s=600.0,
-        )),
+    "figure10", "Figure 10: time of each stage of a frame",
+    {
+        "quick": with_half(small(256, SCENES, METHODS, 8.0, samples=2, frames=3, stage_samples=3)),
+        "paper": with_half(large(SCENES, METHODS, 20.0, frames=3, most=30, stage_samples=5)),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

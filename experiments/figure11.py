@@ -6,17 +6,18 @@ and (aimed) float32 relative to the middle of the hit points: number format. In 
 what is lit has the same tiles at every large distance.
 """
 
-from __future__ import annotations
-
+import itertools
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from ..harness.errors import UserError
-from ..harness.report import compare, document, panels, sentences, style
+from ..harness.report import compare, document, numbers, panels, style
+from ..harness.report.dataframe import DataFrame, Series
 from ..harness.results.table import stage_ms
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.scene.overrides import Lighting
-from ._paper import UNBALANCED, faithful
+from ._paper import UNBALANCED, faithful, large, small
 
 CLAMPS = ("none", "hits")
 VALUES = ("32", "64", "128")
@@ -27,20 +28,20 @@ FORMAT_R = "64"
 """The r at which number formats are compared."""
 
 TRAVERSAL = ("shadow", "shadow rays")
+PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
+"""Number formats: the exact one; the others, of which the second is relative to the middle of the hit points."""
 
 
 def entries(light_tiles: int, values: tuple[str, ...]) -> tuple[Entry, ...]:
     """Every r, and none, in float64 and one r in each other number format, for each rectangle and axes."""
     made = []
-    for clamp in CLAMPS:
-        for aimed in ("false", "true"):
-            formats = ["float32", "float32-centred"] if aimed == "true" else ["float32"]
-            runs = [(r, "float64") for r in values] + [(FORMAT_R, precision) for precision in formats]
-            for r, precision in runs:
-                label = f"{clamp}, {'aimed' if aimed == 'true' else 'world'}, {precision}, r={r}"
-                # The exact test, so that the light's distance costs no answer; the other map is the subject of ablation.
-                changes = {"triangle_test": "exact", "light_map": "azimuth-elevation", "light_tiles": str(light_tiles)}
-                made.append(faithful(label, clamp=clamp, aimed=aimed, precision=precision, r=r, **changes))
+    # The exact test, so that the light's distance costs no answer; the other map is the subject of ablation.
+    same = {"triangle_test": "exact", "light_map": "azimuth-elevation", "light_tiles": str(light_tiles)}
+    for clamp, (aimed, axes) in itertools.product(CLAMPS, {"false": "world", "true": "aimed"}.items()):
+        others = (COARSE, CENTRED) if axes == "aimed" else (COARSE,)
+        for r, precision in [*((r, PRECISE) for r in values), *((FORMAT_R, other) for other in others)]:
+            label = f"{clamp}, {axes}, {precision}, r={r}"
+            made.append(faithful(label, clamp=clamp, aimed=aimed, precision=precision, r=r, **same))
     return tuple(made)
 
 
@@ -51,9 +52,6 @@ def distances(*radii: float) -> tuple[Lighting, ...]:
 
 RECTANGLES = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
 AXES = {False: "world axes", True: "aimed"}
-PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
-"""Number formats: the exact one; the others, of which the second is relative to the middle of the hit points."""
-
 TILES, RAYS, LANES = "counter.light 0 tiles with rays", "counter.light 0 rays", "counter.light 0 lanes"
 COUNTED = [
     "counter.light 0 pairs", TILES, "counter.light 0 chunks", "counter.light 0 most rays in a tile", LANES, RAYS,
@@ -65,7 +63,12 @@ PANEL = ["title", "rectangle", "axes"]
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
 
 
-def read(folder: Path) -> document.DataFrame:
+def aimed(table: DataFrame) -> Series:
+    """Which points have their light's axes aimed at the scene."""
+    return table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
+
+
+def read(folder: Path) -> DataFrame:
     """The points, nearest light first, with their panel, the traversal alone, and ``line``: r, with an inexact format.
 
     Those of other methods are left out, which have no such settings.
@@ -76,14 +79,14 @@ def read(folder: Path) -> document.DataFrame:
         raise UserError(
             f"{folder}: no point of perspective_spherical, which figure11 is about; it draws no other method"
         )
-    aimed = table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
-    table["axes"], table["rectangle"] = aimed.map(AXES), table["set.clamp"].map(RECTANGLES)
-    table["precision"], table["distance"] = table["set.precision"], table["light_distance"].map(style.radii)
-    table["r"] = table["set.r"].astype(int)
     table = table.reindex(columns=[*table, *(name for name in COUNTED if name not in table)])
-    table["lane_fill"] = table[RAYS] / table[LANES]
-    r = ("r = " + table["r"].astype(str)).replace(f"r = {UNBALANCED}", f"r = {UNBALANCED} (no balancing)")
-    table["line"] = r.where(table["precision"] == PRECISE, table["precision"] + ", " + r)
+    precision, r = table["set.precision"], "r = " + table["set.r"].astype(int).astype(str)
+    r = r.replace(f"r = {UNBALANCED}", f"r = {UNBALANCED} (no balancing)")
+    table = table.assign(
+        axes=aimed(table).map(AXES), rectangle=table["set.clamp"].map(RECTANGLES), precision=precision,
+        distance=table["light_distance"].map(style.radii), r=table["set.r"].astype(int),
+        lane_fill=table[RAYS] / table[LANES], line=r.where(precision == PRECISE, precision + ", " + r),
+    )  # fmt: skip
     table = document.arranged(table.sort_values("r", kind="stable"), "axes", [*AXES.values()])
     table = document.arranged(table, "rectangle", [*RECTANGLES.values()])
     return table.sort_values("light_distance", kind="stable")
@@ -93,30 +96,29 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against distance, and tiles that hold rays; CSV with blocks and lane fill, and what is work and what format."""
     table = read(folder)
     exact = document.measured(table[table["precision"] == PRECISE])
-    tables, pictures, finding = {}, [], "Nothing was measured."
+    tables, pictures, finding = {}, list[Path | None](), "Nothing was measured."
     if len(exact):
         pictures = [*drawings(table, folder), by_r(table, exact, folder)]
         text = table["traversal_text"].where(table["status"] == "ok", table["status"])
-        cells = document.cross_table(table.assign(text=text), [*PANEL, "line"], "distance", "text")
-        tables = {"Shadow traversal, ms, by the light's distance in radii": cells}
+        tables["Shadow traversal, ms, by the light's distance in radii"] = document.cross_table(
+            table.assign(text=text), [*PANEL, "line"], "distance", "text"
+        )
         far = exact[(exact["light_distance"] >= 1.0) & (exact["r"] == exact["r"].min())]
         ends = far.dropna(subset="traversal_ms").groupby(PANEL, sort=False)["traversal_ms"]
         grown = (ends.last() / ends.first())[ends.count() > 1].rename("ratio").reset_index()
         grown = grown.assign(what=grown["title"] + ", " + grown["rectangle"])
-        told = [f"{ratio} times as long ({what})" for what, ratio in sentences.means(grown, "ratio", "what")]
+        told = [f"{ratio} times as long ({what})" for what, ratio in numbers.means(grown, "ratio", "what")]
         finding = (
-            f"From the farthest light, shadow traversal takes {sentences.listed(told)} as from one radius ({PRECISE})."
+            f"From the farthest light, shadow traversal takes {numbers.listed(told)} as from one radius ({PRECISE})."
         )
         finding = finding if told else "Shadow traversal was not measured at two distances."
-    apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
-    notes = finding, tables, pictures, quiet, [PAPER_SAYS]
-    return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)
+    apart, notes = [lighting.label for lighting in FORMATS_PRESET.lightings], [PAPER_SAYS]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes, apart=apart)
 
 
-def balanced(frames: document.DataFrame) -> document.DataFrame:
+def balanced(frames: DataFrame) -> DataFrame:
     """Traversal, ms, of aimed axes in float64 by scene, rectangle and distance: ``without`` balancing, ``best`` with it."""
-    aimed = frames["set.aimed"].astype(str).str.lower().isin(["true", "1"])
-    own = frames[aimed & (frames["set.precision"] == PRECISE)]
+    own = frames[aimed(frames) & (frames["set.precision"] == PRECISE)]
     one, plain = compare.pairs(own, own["set.r"].astype(int) == int(UNBALANCED), (*compare.SAME, "set.clamp"))
     words = [f"{style.radii(x)} {'radius' if x == 1 else 'radii'}" for x in one["light_distance"]]
     one = one.assign(best=stage_ms(one, *TRAVERSAL), without=stage_ms(plain, *TRAVERSAL), distance=words)
@@ -124,7 +126,7 @@ def balanced(frames: document.DataFrame) -> document.DataFrame:
     return one.loc[one.groupby(["scene", "scene_title", "set.clamp", "light_distance"])["best"].idxmin()]
 
 
-def drawings(table: document.DataFrame, folder: Path) -> list[Path]:
+def drawings(table: DataFrame, folder: Path) -> list[Path | None]:
     """Time against distance, one line per r or number format; and the tiles that hold rays, the same for every r."""
     titles = table["title"].unique()
     table["where"] = table["rectangle"] if len(titles) == 1 else table["title"] + ", " + table["rectangle"]
@@ -148,7 +150,7 @@ def drawings(table: document.DataFrame, folder: Path) -> list[Path]:
     ]  # fmt: skip
 
 
-def by_r(table: document.DataFrame, exact: document.DataFrame, folder: Path) -> Path:
+def by_r(table: DataFrame, exact: DataFrame, folder: Path) -> Path | None:
     """Time, blocks and lane fill against r, one line per distance, of the two extremes of the panels."""
     several = exact.groupby("light_distance")["r"].transform("nunique") > 1
     own = table.loc[several[several | ~several.any()].index].sort_values(["light_distance", "r"])
@@ -164,26 +166,24 @@ def by_r(table: document.DataFrame, exact: document.DataFrame, folder: Path) -> 
 
 # Between 1e3 and 1e7 radii only number formats differ: at 1e5 each is measured at one r. One round of few samples: an
 # unclamped grid of a far light takes seconds per frame.
-FORMATS_PRESET = Preset(
-    1024, 1024, ("cloth",), entries(128, (FORMAT_R,)), frames=1, samples=3, most=10, deviation=0.01, stage_samples=1,
-    rounds=9, budget_s=4.5, timeout_s=120.0, lightings=distances(1e5), memory=16 << 30,
+FORMATS_PRESET = large(
+    ("cloth",), entries(128, (FORMAT_R,)), 4.5, samples=3, most=10, deviation=0.01, stage_samples=1, timeout_s=120.0,
+    lightings=distances(1e5), memory=16 << 30,
 )  # fmt: skip
 
 EXPERIMENT = Experiment(
-    name="figure11",
-    title="Figure 11: time against the distance of the light",
-    presets={
+    "figure11", "Figure 11: time against the distance of the light",
+    {
         # Few rays, since each is tested against half of all triangles where the rectangle is unclamped and the light far:
         # there they share one tile, so that r has something to do.
-        "quick": Preset(
-            16, 16, ("cloth",), entries(4, (*VALUES, UNBALANCED)), frames=3, samples=1, most=1, stage_samples=1, rounds=1,
-            budget_s=0.8, timeout_s=180.0, lightings=distances(0.1, 1, 10, 1e3, 1e7), memory=256 << 20,
+        "quick": small(
+            16, ("cloth",), entries(4, (*VALUES, UNBALANCED)), 0.8, samples=1, frames=3, timeout_s=180.0,
+            lightings=distances(0.1, 1, 10, 1e3, 1e7), memory=256 << 20,
         ),
-        "paper": Preset(
-            1024, 1024, ("cloth",), entries(128, (*LARGE, UNBALANCED)), frames=1, samples=3, most=10, deviation=0.01,
-            stage_samples=1, rounds=9, budget_s=4.5, timeout_s=120.0, lightings=distances(0.1, 1, 10, 1e3, 1e7),
-            memory=16 << 30, also=(FORMATS_PRESET,),
+        "paper": replace(
+            FORMATS_PRESET, methods=entries(128, (*LARGE, UNBALANCED)), lightings=distances(0.1, 1, 10, 1e3, 1e7),
+            also=(FORMATS_PRESET,),
         ),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

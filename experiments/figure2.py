@@ -5,17 +5,16 @@ Direct mapping can be read in two ways: tiles as large as those blocks, or tiles
 are blocks then. The paper: 30-50 % faster on Buddha, the maximum more than halved.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
 from ..harness.errors import UserError
 from ..harness.report import compare, document, numbers, panels
+from ..harness.report.dataframe import DataFrame
 from ..harness.results.pixel_maps import Counts, map_path, read_map
-from ..harness.runner.planning.experiment import Experiment, Preset
-from ._paper import faithful
+from ..harness.runner.planning.experiment import Experiment
+from ._paper import faithful, large, small
 
 DIRECT, INDIRECT = "direct, 16x16 tiles", "indirect, 2x2 of 8x8"
 DIRECT_SMALL = "direct, 8x8 tiles"
@@ -52,10 +51,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table[STATISTICS] = [statistics(maps.get(key)) for key in table.index]
     for ending, label in BASES.items():
         own, base = compare.pairs(frames, frames["label"] == label)
-        ratio = base["trace_ms"] / own["trace_ms"]
-        shares = [(x["trace_iqr_ms"] / x["trace_ms"] / 2).where(x["samples"] > 1) for x in (own, base)]
-        table[f"speed_up{ending}"] = ratio - 1
-        table[f"told{ending}"] = numbers.carry(ratio, ratio * np.hypot(*shares))
+        half = [(x["trace_iqr_ms"] / 2).where(x["samples"] > 1) for x in (own, base)]
+        ratio, around = compare.over(base["trace_ms"], half[1], own["trace_ms"], half[0])
+        table[f"speed_up{ending}"], table[f"told{ending}"] = ratio - 1, numbers.carry(ratio, around)
         table[f"most_share{ending}"] = own.get(MOST, np.nan) / base.get(MOST, np.nan)
     done = table.loc[done.index]
     pictures = [
@@ -65,9 +63,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     ]
     known = done[done["label"] == INDIRECT].dropna(subset="speed_up").head(1).to_dict("records")
     told = [TOLD.format(BLOCKS[x], r[f"most_share{n}"], r[f"told{n}"]) for n, x in BASES.items() for r in known]
-    text = "; ".join(told) or "not measured"
-    finding = f"Indirect mapping (2x2 tiles of 8x8 pixels in a block of 16x16), {text}. "
-    finding += "The paper: less than half as many, 1.3 to 1.5 times as fast."
+    finding = (
+        f"Indirect mapping (2x2 tiles of 8x8 pixels in a block of 16x16), {'; '.join(told) or 'not measured'}. "
+        "The paper: less than half as many, 1.3 to 1.5 times as fast."
+    )
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 
@@ -79,7 +78,7 @@ def statistics(counts: Counts | None) -> list[float]:
     return [float(x) for x in (counts.mean(), np.median(seen), np.percentile(seen, 99), counts.max())]
 
 
-def picture(own: document.DataFrame, maps: dict[str, Counts], path: Path) -> Path:
+def picture(own: DataFrame, maps: dict[str, Counts], path: Path) -> Path:
     """The maps side by side, cut to where any ray was checked; one scale for all, 0 to the most of any."""
     import matplotlib
     from matplotlib.colors import PowerNorm
@@ -87,9 +86,10 @@ def picture(own: document.DataFrame, maps: dict[str, Counts], path: Path) -> Pat
     rows = own.loc[[label for label in SHOWN if label in own.index]]
     counted = np.any([maps[key] for key in rows["key"]], axis=0)
     part = np.ix_(counted.any(axis=1), counted.any(axis=0)) if counted.any() else ...
-    captions = [f"{r.Index}\nmost {r.tests_most:,.0f}, mean {r.tests_mean:.0f}" for r in rows.itertuples()]
-    counts = [np.ma.masked_equal(maps[key][part], 0) for key in rows["key"]]
-    shown = list(zip(captions, counts, strict=True))
+    shown = [
+        (f"{r.Index}\nmost {r.tests_most:,.0f}, mean {r.tests_mean:.0f}", np.ma.masked_equal(maps[r.key][part], 0))
+        for r in rows.itertuples()
+    ]
     # Colours follow the square root: the most is several times what is usual.
     norm = PowerNorm(0.5, 0, max(2.0, rows["tests_most"].max()))
     colours = matplotlib.colormaps["viridis"].with_extremes(bad="#d9d9d9")
@@ -98,16 +98,10 @@ def picture(own: document.DataFrame, maps: dict[str, Counts], path: Path) -> Pat
 
 
 EXPERIMENT = Experiment(
-    name="figure2",
-    title="Figure 2: triangles checked per pixel, direct and indirect mapping",
-    presets={
-        "quick": Preset(
-            256, 256, ("buddha",), METHODS, frames=1, samples=3, most=3, rounds=2, budget_s=15.0, maps=True
-        ),
-        "paper": Preset(
-            1024, 1024, ("buddha",), METHODS, frames=1, samples=5, most=30, deviation=0.005, stage_samples=5,
-            rounds=9, budget_s=20.0, timeout_s=600.0, maps=True,
-        ),
+    "figure2", "Figure 2: triangles checked per pixel, direct and indirect mapping",
+    {
+        "quick": small(256, ("buddha",), METHODS, 15.0, stage_samples=2, rounds=2, maps=True),
+        "paper": large(("buddha",), METHODS, 20.0, most=30, stage_samples=5, maps=True),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -3,18 +3,17 @@
 A cone, the paper's rectangle of azimuth and elevation, and a wider cone whose light falls off towards its edge.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
-from ..harness.report import compare, document, panels, sentences
+from ..harness.report import compare, document, numbers, panels
+from ..harness.report.dataframe import DataFrame
 from ..harness.report.picture import opened, stand_in_text
 from ..harness.results.folder import image_name
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.scene.overrides import Lighting
-from ._paper import METHOD
+from ._paper import METHOD, large, small
 
 FAIRY = (0.05, 1.25, 0.0)
 """Where the fairy of the stand-in hovers."""
@@ -34,8 +33,9 @@ SPOT = ["light.angle", "light.rise", "light.falloff"]
 COLUMNS = [*document.COMMON, "light", "spot", *SPOT, "hit_pixels", "shadow_rays", "shadow_ray_share"]
 
 
-def read(folder: Path) -> document.DataFrame:
-    """The points, the light everywhere first; ``over_plain``: light grid and shadow rays over those of that light."""
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """The scene without and with each spot, CSV, and the time that the spot saves: light grid and shadow rays over those of
+    the light that shines everywhere, which comes first."""
     frames = document.frames(folder)
     table = document.named(frames)
     is_spot = table.reindex(columns=["light.target"])["light.target"].notna()
@@ -44,30 +44,22 @@ def read(folder: Path) -> document.DataFrame:
     table["light"] = list(map(spot_text, table["spot"], *(table[name] for name in SPOT)))
     table = table.sort_values(["file", "light.falloff", "spot"], na_position="first")
     own, plain = compare.pairs(frames, frames["light_label"] == "", (*compare.SCENE, *compare.SIZE, "label"))
-    rays = r"^counter\.light .* rays$"  # of all lights, as the method counted them
-    table["shadow_rays"] = table.filter(regex=rays).sum(axis=1, min_count=1)
-    table["hit_pixels"] = plain.filter(regex=rays).sum(axis=1, min_count=1)
+    for name, side in (("shadow_rays", table), ("hit_pixels", plain)):  # of all lights, as the method counted them
+        table[name] = side.filter(regex=r"^counter\.light .* rays$").sum(axis=1, min_count=1)
     table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
     times = [side["light_build_ms"] + side["shadow_ms"] for side in (own, plain)]
-    return table.assign(over_plain=times[0] / times[1])
-
-
-def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The scene without and with each spot, CSV, and the time that the spot saves."""
-    table = read(folder)
-    done = document.measured(table)
-    drawn = [picture(own, folder, name) for name, own in table.groupby("file", sort=False)]
+    done = document.measured(table.assign(over_plain=times[0] / times[1]))
+    pictures = [picture(own, folder, name) for name, own in table.groupby("file", sort=False)]
     spots = done[(done["spot"] != "") & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
         shares = spots.groupby("light")["shadow_ray_share"].mean().map("{:.0%}".format)
-        found = sentences.means(spots, "over_plain", "light")
+        found = numbers.means(spots, "over_plain", "light")
         told = [f"a {light} leaves {shares[light]} of the hit points a shadow ray and takes {ratio} of the time"
                 for light, ratio in dict([found[0], found[-1]]).items()]  # fmt: skip
         finding = (
-            f"For light grid and shadow rays, {sentences.listed(told)} of a light everywhere (the paper has no times)."
+            f"For light grid and shadow rays, {numbers.listed(told)} of a light everywhere (the paper has no times)."
         )
-    pictures = [path for path in drawn if path]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 
@@ -80,7 +72,7 @@ def spot_text(spot: str, angle: float, rise: float, falloff: float) -> str:
     return f"{spot} of {2 * angle:g}{high} degrees{falls}"
 
 
-def picture(own: document.DataFrame, folder: Path, name: str) -> Path | None:
+def picture(own: DataFrame, folder: Path, name: str) -> Path | None:
     """The pictures of a scene under each light, two per row; the light is named above each, the scene below all."""
     shown = []
     for r in own.drop_duplicates("light_label").itertuples():
@@ -97,16 +89,10 @@ def picture(own: document.DataFrame, folder: Path, name: str) -> Path | None:
 
 
 EXPERIMENT = Experiment(
-    name="figure6",
-    title="Figure 6: spotlights",
-    presets={
-        "quick": Preset(
-            384, 384, ("fairy",), METHODS, frames=1, samples=3, most=3, rounds=2, budget_s=10.0, lightings=LIGHTINGS
-        ),
-        "paper": Preset(
-            1024, 1024, ("fairy",), METHODS, frames=1, samples=5, most=30, deviation=0.005, stage_samples=5,
-            rounds=9, budget_s=20.0, timeout_s=600.0, lightings=LIGHTINGS,
-        ),
+    "figure6", "Figure 6: spotlights",
+    {
+        "quick": small(384, ("fairy",), METHODS, 10.0, stage_samples=2, rounds=2, lightings=LIGHTINGS),
+        "paper": large(("fairy",), METHODS, 20.0, most=30, stage_samples=5, lightings=LIGHTINGS),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -1,7 +1,5 @@
 """Figure 9 of the paper: its test scenes, traced with shadows by its own method; of an animation its middle frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -9,17 +7,18 @@ import numpy as np
 from ..harness.errors import warn
 from ..harness.report import document, panels
 from ..harness.report import paper_table1 as paper
+from ..harness.report.dataframe import DataFrame
 from ..harness.report.picture import opened
 from ..harness.results.folder import image_name
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ._paper import METHOD, SCENES
+from ..harness.runner.planning.experiment import Entry, Experiment
+from ._paper import METHOD, SCENES, large, small
 
 METHODS = (Entry(METHOD),)
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
 
 
-def gallery(folder: Path, points: document.DataFrame, title: str = "") -> list[Path]:
+def gallery(folder: Path, points: DataFrame, title: str = "") -> list[Path]:
     """The pictures of the scenes of ``points``, in order, a sheet for each size; damaged ones are left out and named."""
     sheets, sizes = [], list(points.groupby(["width", "height"], sort=False))
     for (width, height), own in sizes:
@@ -44,28 +43,23 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["paper_triangles"] = table["scene"].map(printed)
     table["triangles_to_paper"] = table["triangles"] / table["paper_triangles"]
     scenes = table.drop_duplicates("scene")
-    title = (
-        f"Figure 9: the test scenes with shadows, traced by {table['method_title'].iloc[0]}, {document.where(table)}"
-    )
     known = scenes["triangles_to_paper"].dropna()
     most = f"{(known - 1).abs().max():.1%}" if len(known) else "-"
-    finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes, each with its number of triangles within {most}; "
-    finding += f"of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
+    finding = (
+        f"{len(known)} of the paper's {len(paper.ROWS)} scenes, each with its number of triangles within {most}; "
+        f"of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
+    )
+    method = table["method_title"].iloc[0]
+    title = f"Figure 9: the test scenes with shadows, traced by {method}, {document.where(table)}"
     pictures = gallery(folder, scenes, title)
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 
 EXPERIMENT = Experiment(
-    name="figure9",
-    title="Figure 9: the test scenes",
-    presets={
-        "quick": Preset(
-            384, 384, SCENES, METHODS, frames=1, samples=1, most=1, stage_samples=1, rounds=1, budget_s=10.0
-        ),
-        "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=1, samples=5, most=5, stage_samples=2, rounds=1, budget_s=20.0,
-            timeout_s=600.0,
-        ),
+    "figure9", "Figure 9: the test scenes",
+    {
+        "quick": small(384, SCENES, METHODS, 10.0, samples=1),
+        "paper": large(SCENES, METHODS, 20.0, most=5, deviation=None, rounds=1),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -4,15 +4,14 @@ All are interleaved in one run. Some make their structure anew in each frame, as
 those of the first frame, whose boxes alone are refitted, which is less work than the others do.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 from ..harness.report import document, numbers, panels, ranking
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.report.dataframe import DataFrame, pd
+from ..harness.runner.planning.experiment import Entry, Experiment
 from . import _floor, _rivals
-from ._paper import SCENES, faithful
+from ._paper import SCENES, faithful, large, small
 
 REBUILD = (Entry("warp_bvh", {}, "mesh rebuilt"), *_rivals.REBUILT)
 METHODS = (
@@ -39,22 +38,19 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Every scene's methods sorted by time, as tables and as bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
     done = ranking.ranked(frames)
-    own = frames[frames["label"] == _rivals.OURS.label]
-    stages, files = _floor.stages(own, _floor.ray_grids), []
-    if len(stages):
-        files.append(document.write_csv(stages, folder / "frame_time-stages.csv", _floor.COLUMNS))
-    if len(done):
-        rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
-        across = 1 if done["title"].nunique() <= 3 else 2
-        below = [panels.WHOLE, "2.0x: twice the time of the fastest exact method"]
-        if (done["true_errors"] > 0).any():
-            below.append(f"{numbers.WRONG} n: n wrong pixels and shadow bits")
-        files.append(panels.bars(
-            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=2.1, legend=3 * across,
-            below="\n".join(below),
-        ))  # fmt: skip
+    stages = _floor.stages(frames[frames["label"] == _rivals.OURS.label], _floor.ray_grids)
+    stages_csv = folder / "frame_time-stages.csv"
+    across = 1 if done["title"].nunique() <= 3 else 2
+    below = [panels.WHOLE, "2.0x: twice the time of the fastest exact method"]
+    below += [f"{numbers.WRONG} n: n wrong pixels and shadow bits"] * int((done["true_errors"] > 0).any())
+    files = [
+        document.write_csv(stages, stages_csv, _floor.COLUMNS) if len(stages) else None,
+        panels.bars(
+            folder / "frame_time.svg", done.assign(text=[beside(row) for row in done.to_dict("records")]), facet="title",
+            across=across, cut=CUT, room=2.1, legend=3 * across, below="\n".join(below),
+        ),
+    ]  # fmt: skip
     floor = over_floor(done, stages)
-    notes = [ranking.ABOUT, *([FLOOR] if len(floor) else [])]
     tables = {
         f"Time of {_rivals.OURS.label} over its floor": floor,
         "Frames that are no graph: the host launches them, ms": launched(done),
@@ -62,29 +58,28 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     }
     table = document.named(frames).join(done[["times", "low", "high"]].set_axis(RATIO, axis=1))
     table["in_each_frame"] = table["label"].map(_rivals.REBUILDS)
+    notes = [ranking.ABOUT, *([FLOOR] if len(floor) else [])]
     return document.write(folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), tables, files, quiet, notes)
 
 
-def launched(done: document.DataFrame) -> document.DataFrame:
+def launched(done: DataFrame) -> DataFrame:
     """One row per point whose passes the host launches: a frame from an idle device, one of several in a row, and the host's
     time for it."""
     own = done[done["row_ms"].notna()]
-    texts = {name: own[name].map("{:.2f}".format) for name in ("row_ms", "submitted_ms")}
-    names = ["scene", "method", "one frame", "one of 20 in a row", "submitted in"]
-    return own[["setting", "label", "ms"]].assign(**texts).set_axis(names, axis=1)
+    rows = {"scene": own["setting"], "method": own["label"], "one frame": own["ms"],
+            "one of 20 in a row": own["row_ms"].map("{:.2f}".format),
+            "submitted in": own["submitted_ms"].map("{:.2f}".format)}  # fmt: skip
+    return pd.DataFrame(rows)
 
 
-def over_floor(done: document.DataFrame, stages: document.DataFrame) -> document.DataFrame:
+def over_floor(done: DataFrame, stages: DataFrame) -> DataFrame:
     """One row per scene whose device has known rates: the time, the floor of its stages and how many times that it is."""
     own = done[done["label"] == _rivals.OURS.label].join(_floor.of_frames(stages), on=_floor.SCENE)
     own = own[own["frame_floor_ms"].notna()]
-    floor = own["frame_floor_ms"].map("{:.3f}".format)
-    times = (own["total_ms"] / own["frame_floor_ms"]).map("{:.1f}".format)
-    return (
-        own[["setting", "ms"]]
-        .assign(floor=floor, times=times)
-        .set_axis(["scene", "ms", "floor, ms", "times the floor"], axis=1)
-    )
+    floor = own["frame_floor_ms"]
+    rows = {"scene": own["setting"], "ms": own["ms"], "floor, ms": floor.map("{:.3f}".format),
+            "times the floor": (own["total_ms"] / floor).map("{:.1f}".format)}  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def beside(row: dict[str, Any]) -> str:
@@ -97,16 +92,10 @@ def beside(row: dict[str, Any]) -> str:
 
 
 EXPERIMENT = Experiment(
-    name="frame_time",
-    title="Frame time of the strongest methods of every kind",
-    presets={
-        "quick": Preset(
-            256, 256, ("sibenik", "cloth"), METHODS, frames=1, samples=3, most=3, stage_samples=1, rounds=2, budget_s=6.0,
-        ),
-        "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=3, samples=5, most=30, deviation=0.005, stage_samples=2, rounds=9,
-            budget_s=12.0, timeout_s=300.0,
-        ),
+    "frame_time", "Frame time of the strongest methods of every kind",
+    {
+        "quick": small(256, ("sibenik", "cloth"), METHODS, 6.0, rounds=2),
+        "paper": large(SCENES, METHODS, 12.0, frames=3, most=30, timeout_s=300.0),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -7,18 +7,16 @@ made by the surface area heuristic on the host, which no time includes. Where on
 tree is kept without refitting.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from ..harness.report import compare, document, numbers, panels
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.texts import numbered
 from . import _rivals
+from ._paper import large, small
 
 EVERY = 5
 """Frames from one kept tree to the next."""
@@ -46,11 +44,9 @@ COLUMNS = [*document.COMMON, "moved", "frame", "tree_frame", "age", "total_ms", 
 ABOUT = "A kept tree is made on the host, by the surface area heuristic, before its frame: no time includes that."
 
 
-def read(folder: Path) -> tuple[document.DataFrame, document.DataFrame]:
+def read(folder: Path) -> tuple[DataFrame, DataFrame]:
     """The points; and a row per frame: with the frame that its tree was made of, its ``age``, and ``ratio`` and
     ``sah_ratio``, time and SAH cost over those of the rebuilt tree in the same frame of the same run."""
-    import pandas as pd
-
     frames = document.frames(folder)
     table = document.named(frames)
     rows = frames.assign(title=frames["key"].map(table["title"]), light_count=frames["lights"], between_ms=0.0)
@@ -67,10 +63,8 @@ def read(folder: Path) -> tuple[document.DataFrame, document.DataFrame]:
     )
 
 
-def policies(rows: document.DataFrame) -> document.DataFrame:
+def policies(rows: DataFrame) -> DataFrame:
     """A row per frame and way to have a tree there, ``policy``; ``rows`` of scenes that move."""
-    import pandas as pd
-
     kept = rows[rows["tree_frame"].notna()]
     old = kept[kept["age"] >= 0].sort_values("tree_frame")
     found = [rows[rows["label"] == REBUILT.label].assign(policy="rebuilt each frame")]
@@ -85,24 +79,23 @@ def policies(rows: document.DataFrame) -> document.DataFrame:
     return pd.concat([*found, rows[rows["label"] == _rivals.OURS.label].assign(policy=_rivals.OURS.label)])
 
 
-def summary(ways: document.DataFrame) -> document.DataFrame:
+def summary(ways: DataFrame) -> DataFrame:
     """What each way takes over an animation: a row of texts per scene and policy."""
     groups = ways.groupby(["title", "policy"], sort=False)
     found = groups[["total_ms", "total_ms_base", "spread", "spread_base", "sah_cost"]].mean()
-    ratio = found["total_ms"] / found["total_ms_base"]
-    around = ratio * np.hypot(found["spread"] / found["total_ms"], found["spread_base"] / found["total_ms_base"])
+    ratio, around = compare.over(found["total_ms"], found["spread"], found["total_ms_base"], found["spread_base"])
     most = groups[["total_ms", "sah_cost"]].max()
-    quality = {"SAH cost": found["sah_cost"], "the most": most["sah_cost"]}
-    texts = {name: numbers.carry(values, values * 0.0) for name, values in quality.items()}
-    return document.arranged(found.assign(
-        **{"ms a frame": numbers.carry(found["total_ms"], found["spread"], numbers.TIME),
-           "over rebuilt": numbers.carry(ratio, around),
-           "slowest frame, ms": numbers.carry(most["total_ms"], found["spread"], numbers.TIME), **texts},
-    ).drop(columns=[*found]).reset_index().rename(columns={"title": "scene", "policy": "tree"}), "scene",
-        list(ways["title"].unique()))  # fmt: skip
+    texts = {
+        "ms a frame": numbers.carry(found["total_ms"], found["spread"], numbers.TIME),
+        "over rebuilt": numbers.carry(ratio, around),
+        "slowest frame, ms": numbers.carry(most["total_ms"], found["spread"], numbers.TIME),
+        "SAH cost": numbers.carry(found["sah_cost"], ratio * 0.0), "the most": numbers.carry(most["sah_cost"], ratio * 0.0),
+    }  # fmt: skip
+    rows = pd.DataFrame(texts).rename_axis(["scene", "tree"]).reset_index()
+    return document.arranged(rows, "scene", list(ways["title"].unique()))
 
 
-def by_age(rows: document.DataFrame) -> document.DataFrame:
+def by_age(rows: DataFrame) -> DataFrame:
     """A row per scene, age and quantity: its geometric mean over the trees, as a ratio to the rebuilt tree's."""
     kept = rows[rows["age"] >= 0].rename(columns={"ratio": TIME, "sah_ratio": QUALITY})
     found = kept.melt(["title", "age", "status"], [TIME, QUALITY], "what", "times").dropna(subset="times")
@@ -110,7 +103,7 @@ def by_age(rows: document.DataFrame) -> document.DataFrame:
     return groups.agg(compare.geometric).reset_index().sort_values("age").assign(status="ok")
 
 
-def pays(curve: document.DataFrame) -> str:
+def pays(curve: DataFrame) -> str:
     """Up to which age a kept tree takes less time than a rebuilt one, scene by scene, as a sentence."""
     told = []
     for title, own in curve[curve["what"] == TIME].groupby("title", sort=False):
@@ -129,28 +122,26 @@ def pays(curve: document.DataFrame) -> str:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time and quality by the age of a tree, the ways to have one, a tree that does not move; CSV."""
     table, rows = read(folder)
-    done = rows[rows["total_ms"].notna()]
+    done, lightings = rows[rows["total_ms"].notna()], [lighting.label for lighting in LIGHTINGS]
     moving = done[(done["frame_count"] > 1) & (done["light_label"] == "")]
     still = document.measured(table[table["frame_count"].fillna(1) == 1])
-    curve, pictures = by_age(moving), []
-    if len(curve):
-        pictures.append(panels.lines(
-            folder / "kept_trees.svg", curve, "age", "times", hue="what", facet="title", across=2, sharex=True,
-            below="frames since the kept tree was made (at 1: as much as the tree that is rebuilt in that frame)",
-            left="over the rebuilt tree",
-        ))  # fmt: skip
-    tables = {"Ways to have a tree": summary(policies(moving))} if len(moving) else {}
-    lightings = [lighting.label for lighting in LIGHTINGS]
-    if len(still):
-        still = document.arranged(still, "light_label", lightings)
-        made = still["moved"].where(still["moved"] != "", "everything")
-        shown = document.cross_table(still.assign(what=made), {"title": "scene", "label": "method"}, "what", "ms")
-        tables["Geometry that does not move, ms by what has moved"] = shown
+    still = document.arranged(still, "light_label", lightings)
+    still = still.assign(what=still["moved"].where(still["moved"] != "", "everything"))
+    curve = by_age(moving)
+    picture = panels.lines(
+        folder / "kept_trees.svg", curve, "age", "times", hue="what", facet="title", across=2, sharex=True,
+        below="frames since the kept tree was made (at 1: as much as the tree that is rebuilt in that frame)",
+        left="over the rebuilt tree",
+    )  # fmt: skip
+    tables = {
+        "Ways to have a tree": summary(policies(moving)) if len(moving) else moving,
+        "Geometry that does not move, ms by what has moved":
+            document.cross_table(still, {"title": "scene", "label": "method"}, "what", "ms"),
+    }  # fmt: skip
     notes = [ABOUT] + ["A static tree, and one that reads no input that moved, is not made anew."] * bool(len(still))
     return document.write(
-        folder, EXPERIMENT, table, COLUMNS, pays(curve), tables, pictures, quiet,
-        notes, rows=rows, apart=lightings,
-    )  # fmt: skip
+        folder, EXPERIMENT, table, COLUMNS, pays(curve), tables, [picture], quiet, notes, rows=rows, apart=lightings
+    )
 
 
 def static(base: Preset, scene: str) -> Preset:
@@ -163,20 +154,17 @@ def with_static(base: Preset, scene: str) -> Preset:
     return replace(base, also=(static(base, scene),))
 
 
-PAPER = Preset(
-    1024, 1024, ("cloth", "bunny_dragon", "fairy", "balls-100k-swirl10", "balls-100k-swirl50"), METHODS, frames=25,
-    samples=5, most=5, stage_samples=1, rounds=9, budget_s=40.0, timeout_s=600.0,
+PAPER = large(
+    ("cloth", "bunny_dragon", "fairy", "balls-100k-swirl10", "balls-100k-swirl50"), METHODS, 40.0, frames=25, most=5,
+    deviation=None, stage_samples=1,
 )  # fmt: skip
 
 EXPERIMENT = Experiment(
-    name="kept_trees",
-    title="Trees that keep: time and quality by the age of a tree",
-    presets={
-        "quick": with_static(Preset(
-            64, 64, ("balls-3k-swirl50",), METHODS, frames=21, samples=1, most=1, stage_samples=1, rounds=1, budget_s=10.0,
-        ), "balls-3k"),
+    "kept_trees", "Trees that keep: time and quality by the age of a tree",
+    {
+        "quick": with_static(small(64, ("balls-3k-swirl50",), METHODS, 10.0, samples=1, frames=21), "balls-3k"),
         "paper": with_static(PAPER, "conference"),
         "static": static(PAPER, "conference"),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -3,18 +3,15 @@
 The animated scenes come first, so that a run that is stopped has them.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
-import numpy as np
-
-from ..harness.report import document, numbers, panels, sentences
+from ..harness.report import compare, document, numbers, panels
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.results.table import PART_COLUMNS
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.scene.overrides import Lighting
 from . import _rivals
-from ._paper import METHOD, SCENES
+from ._paper import METHOD, SCENES, large, small
 
 METHODS = (
     Entry(METHOD, {}, "the paper's grids"),
@@ -45,60 +42,56 @@ TAILS = {"p95_ms": "95", "p99_ms": "99"}
 PAPER_SAYS = "The paper moves its lights too, and rebuilds everything each frame; it shows no path."
 
 
-def read(folder: Path) -> tuple[document.DataFrame, document.DataFrame]:
+def read(folder: Path) -> tuple[DataFrame, DataFrame]:
     """The points, animated scenes first; and a row per frame of each (or one without a time) with the light's place."""
     frames = document.frames(folder)
     table = document.arranged(document.complete(document.named(frames)), "scene", (*ANIMATED, *STATIC))
     path = table.drop(columns=FRAME, errors="ignore")
     path = path.merge(frames.reindex(columns=["key", *FRAME]), on="key", how="left").copy()
     last = (path["frame_count"].fillna(1) - 1).clip(lower=1)
-    turn = (path["frame"] / last * path["light_turns"].fillna(0.0)).astype(float)
+    turn = (path["frame"].astype("Int64") / last * path["light_turns"].fillna(0.0)).astype(float)
     return table, path.assign(turn=turn, whisker=path["iqr_ms"] / 2, wrong=path["true_errors"].fillna(0) > 0)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time of each frame along the path, and CSV with the work of each."""
-    import pandas as pd
-
     table, path = read(folder)
     paths = path.groupby(["title", "label"], sort=False)
     made, around = paths["total_ms"].agg(["count", "min", "median", "max"]), paths["whisker"].max()
-    made["ratio"] = made["max"] / made["min"]
-    made["ratio_spread"] = made["ratio"] * np.hypot(around / made["min"], around / made["max"])
-    pictures = [panels.lines(
+    made["ratio"], made["ratio_spread"] = compare.over(made["max"], around, made["min"], around)
+    picture = panels.lines(
         folder / "moving.svg", path, "turn", "total_ms", facet="title", across=2,
         whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
         left="ms per frame, everything rebuilt", sharex=True,
-    )] if made["count"].any() else []  # fmt: skip
-    finding = sentences.ends(
-        made.reset_index(), "ratio", "label",
-        "Where the light stands matters the least for {}, whose slowest place takes {} times as long as its fastest",
-        ", and the most for {}: {}", "No place of the light was measured",
-    ) + f"{sentences.over(made.reset_index())}."  # fmt: skip
+    )  # fmt: skip
     count, left_out = made["count"].astype(str), paths["frames_left_out"].first()
     places = count.where(left_out == 0, count + " of " + (made["count"] + left_out).astype(str))
-    shown = {"places": places.where(made["count"] > 0, paths["status"].first())}
-    shown |= {name: numbers.carry(made[x], around) for name, x in TIMES.items()}
-    shown |= {f"{name} % within": numbers.carry(paths[x].first(), around) for x, name in TAILS.items()}
-    shown["slowest over fastest"] = numbers.carry(made["ratio"], made["ratio_spread"])
-    shown["frames with wrong answers"] = paths["wrong"].sum().where(made["count"] > 0)
-    body = pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()
-    about = finding, {"Milliseconds along the path": body}, pictures, quiet, [PAPER_SAYS]
-    return document.write(folder, EXPERIMENT, table, COLUMNS, *about, rows=path)
+    shown = {
+        "places": places.where(made["count"] > 0, paths["status"].first()),
+        **{name: numbers.carry(made[x], around) for name, x in TIMES.items()},
+        **{f"{name} % within": numbers.carry(paths[x].first(), around) for x, name in TAILS.items()},
+        "slowest over fastest": numbers.texts(made, "ratio"),
+        "frames with wrong answers": paths["wrong"].sum().where(made["count"] > 0),
+    }
+    tables = {"Milliseconds along the path": pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()}
+    made = made.reset_index()
+    finding = numbers.ends(
+        made, "ratio", "label",
+        "Where the light stands matters the least for {}, whose slowest place takes {} times as long as its fastest",
+        ", and the most for {}: {}", "No place of the light was measured",
+    ) + f"{numbers.over(made)}."  # fmt: skip
+    return document.write(
+        folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, [PAPER_SAYS], rows=path
+    )
 
 
 EXPERIMENT = Experiment(
-    name="moving",
-    title="A moving light: time of each frame along its path",
-    presets={
-        "quick": Preset(
-            128, 128, (*ANIMATED, "conference"), METHODS, frames=8, samples=3, most=3, stage_samples=1, rounds=1,
-            budget_s=10.0, lightings=turn(8),
-        ),
-        "paper": Preset(
-            1024, 1024, (*ANIMATED, *STATIC), METHODS, frames=12, samples=5, most=10, stage_samples=1, rounds=9,
-            budget_s=20.0, timeout_s=600.0, lightings=turn(12),
+    "moving", "A moving light: time of each frame along its path",
+    {
+        "quick": small(128, (*ANIMATED, "conference"), METHODS, 10.0, frames=8, lightings=turn(8)),
+        "paper": large(
+            (*ANIMATED, *STATIC), METHODS, 20.0, frames=12, most=10, deviation=None, stage_samples=1, lightings=turn(12)
         ),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -4,8 +4,6 @@ The scene holds the same surfaces at every triangle count (:mod:`.scene.standins
 things. One sweep follows the other, each from one common point: 300,000 triangles, 1024x1024, one light.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ..harness.report import document, panels
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ._paper import METHOD
+from ._paper import METHOD, large, small
 from ._rivals import lights
 
 OURS = "ray grids"
@@ -36,7 +35,7 @@ SWEEPS = ("triangles", "pixels", "lights")
 PROPORTION = "dotted line: time in proportion, exponent 1"
 
 
-def growth(line: document.DataFrame, sweep: str) -> tuple[float, float]:
+def growth(line: DataFrame, sweep: str) -> tuple[float, float]:
     """The exponent e of time ~ x^e over a line's upper half (four points at least), and half its 95 % interval."""
     from scipy import stats
 
@@ -47,7 +46,7 @@ def growth(line: document.DataFrame, sweep: str) -> tuple[float, float]:
     return float(found.slope), float(stats.t.ppf(0.975, len(x) - 2) * found.stderr)
 
 
-def along(table: document.DataFrame, sweep: str) -> document.DataFrame:
+def along(table: DataFrame, sweep: str) -> DataFrame:
     """The points that differ in nothing but what is swept, where the sweeps cross; none if no label has two times."""
     others = [column for column in SWEEPS if column != sweep]
     most = table.groupby(others, sort=False)[sweep].nunique().idxmax()
@@ -58,41 +57,41 @@ def along(table: document.DataFrame, sweep: str) -> document.DataFrame:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Three drawings side by side, growth exponents with intervals, CSV."""
-    import pandas as pd
-
     table = document.arranged(document.read(folder), "label", [OURS])
     lines = {sweep: along(table, sweep) for sweep in SWEEPS}
     table["sweep"] = [" ".join(x for x, line in lines.items() if key in line.index) for key in table.index]
     titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
     every = pd.concat(lines.values())
-    notes = [f"Scenes: {scenes}."] if scenes else []
+    notes = [f"Scenes: {scenes}."] * bool(scenes)
     notes += [f"Not measured: time against {x}." for x in SWEEPS if len(titles) and x not in set(every["sweep"])]
-    pictures = [panels.lines(
+    picture = panels.lines(
         folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=len(SWEEPS), whisker="spread",
         log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below="\n".join(notes),
         left="ms per frame, everything rebuilt", sharey=True,
-    )] if len(every) else []  # fmt: skip
+    )  # fmt: skip
     done = document.measured(every)
     groups = done.groupby(["label", "sweep"], sort=False)
     rows = pd.DataFrame([(*name, grown(own)) for name, own in groups], columns=["label", "sweep", "growth"])
     tables = {"Frame time and its exponent": document.cross_table(rows, {"label": "method"}, "sweep", "growth")}
-    told = [from_to(own, str(sweep)) for sweep, own in done[done["label"] == OURS].groupby("sweep", sort=False)]
+    told = [
+        f"{first} {sweep} and {last}"
+        for sweep, own in done[done["label"] == OURS].groupby("sweep", sort=False)
+        for first, last in [ends(own, "with")]
+    ]
     finding = f"A frame of {OURS} takes {'; '.join(told[:2])}." if told else f"{OURS} was not measured along a sweep."
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes)
 
 
-def from_to(own: document.DataFrame, sweep: str) -> str:
-    """The first and the last time along a sweep, in words."""
-    first, last = (f"{own['ms'].iloc[i]} ms with {short(own['x'].iloc[i])}" for i in (0, -1))
-    return f"{first} {sweep} and {last}"
+def ends(own: DataFrame, at: str) -> list[str]:
+    """The first and the last time along a sweep."""
+    return [f"{own['ms'].iloc[i]} ms {at} {short(own['x'].iloc[i])}" for i in (0, -1)]
 
 
-def grown(own: document.DataFrame) -> str:
+def grown(own: DataFrame) -> str:
     """The first and the last time along a sweep, and its exponent with the half of its interval."""
-    first, last = (f"{own['ms'].iloc[i]} ms at {short(own['x'].iloc[i])}" for i in (0, -1))
     exponent, half = growth(own, "x")
-    return f"{first} to {last}, exponent {exponent:.2f}" + f" ± {half:.2f}" * (half == half)
+    return f"{' to '.join(ends(own, 'at'))}, exponent {exponent:.2f}" + f" ± {half:.2f}" * (half == half)
 
 
 def short(value: float) -> str:
@@ -104,23 +103,17 @@ def short(value: float) -> str:
 
 
 EXPERIMENT = Experiment(
-    name="scaling",
-    title="Scaling: time against triangles, pixels and lights",
-    presets={
+    "scaling", "Scaling: time against triangles, pixels and lights",
+    {
         "quick": sweeps(
-            Preset(
-                128, 128, ("balls-10k",), METHODS, frames=1, samples=2, most=3, stage_samples=1, rounds=2, budget_s=2.0,
-            ),
+            small(128, ("balls-10k",), METHODS, 2.0, samples=2, most=3, rounds=2),
             ("balls-1k", "balls-3k", "balls-30k", "balls-100k"), (64, 256, 512), (2, 4, 8),
         ),
         "paper": sweeps(
-            Preset(
-                1024, 1024, ("balls-300k",), METHODS, frames=1, samples=5, most=20, deviation=0.01, stage_samples=2,
-                rounds=9, budget_s=9.0, timeout_s=120.0, memory=24 << 30,
-            ),
+            large(("balls-300k",), METHODS, deviation=0.01, timeout_s=120.0, memory=24 << 30),
             ("balls-10k", "balls-30k", "balls-100k", "balls-1m", "balls-3m", "balls-10m"), (256, 512, 2048, 4096),
             (2, 4, 8, 16),
         ),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -6,18 +6,18 @@ on the number of targets alone. A shadow map with percentage-closer filtering is
 its filter is as wide everywhere.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..harness.report import compare, document, numbers, panels, pareto, ranking, sentences, style
+from ..harness.report import compare, document, numbers, panels, pareto, ranking, style
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.report.picture import save_png
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
+from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.runner.planning.run_options import Options
 from ..harness.runner.progress import Silent
+from ._paper import large, small
 from ._rivals import HYBRID, OURS, RASTERISED, REBUILT
 from ._soft_pictures import EXACT, REFERENCE, SIZE, errors, side_by_side, targets
 
@@ -39,8 +39,6 @@ COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]
 
 def after(options: Options, report: Silent) -> None:
     """Untimed: for each scene the errors of its pictures as CSV, and pictures side by side. Not made again while there."""
-    import pandas as pd
-
     for name in options.preset.scenes:
         path = beside(options.out, options.described(name).name, "csv")
         if path.exists():
@@ -62,13 +60,11 @@ def after_s(options: Options) -> float:
     return 8.0 * sum(not beside(options.out, name, "csv").exists() for name in options.preset.scenes)
 
 
-def read(folder: Path) -> document.DataFrame:
+def read(folder: Path) -> DataFrame:
     """The points with the error of their picture, and whether they lie on the front of error over time.
 
     front_exact, front  of the exact methods, and of all, of each scene
     """
-    import pandas as pd
-
     table = document.named(document.frames(folder))
     table = table.assign(exact=ranking.exact(table))
     found = [pd.read_csv(path) for path in sorted(folder.glob(beside(folder, "*", "csv").name))]
@@ -84,52 +80,50 @@ def read(folder: Path) -> document.DataFrame:
     return document.arranged(made, "targets", sorted(made["targets"].unique()))
 
 
-def overtaking(done: document.DataFrame) -> tuple[float, float, str]:
-    """From how many targets on the fastest exact tree is faster than the fastest exact grid, its spread, and in words.
+def overtaking(done: DataFrame) -> tuple[str, str]:
+    """From how many targets on the fastest exact tree is faster than the fastest exact grid, in words, and its spread.
 
     ``done``: points of one scene. Between two numbers of targets times are taken to lie on a line.
     """
-    own = done[done["exact"]]
-    best = []
-    for labels in (TREES, GRIDS):
-        rows = own[own["label"].isin(labels)].sort_values("total_ms").drop_duplicates("targets").set_index("targets")
-        best.append(rows.sort_index())
-    counts = best[0].index.intersection(best[1].index)
-    tree, grid = (one.loc[counts] for one in best)
+    own = done[done["exact"]].sort_values("total_ms")
+    tree, grid = (
+        own[own["label"].isin(labels)].drop_duplicates("targets").set_index("targets").sort_index()
+        for labels in (TREES, GRIDS)
+    )
+    counts = tree.index.intersection(grid.index)
     if not len(counts):
-        return np.nan, np.nan, "not measured"
+        return "not measured", "-"
+    tree, grid = tree.loc[counts], grid.loc[counts]
     gap, around = tree["total_ms"] - grid["total_ms"], np.hypot(tree["spread"], grid["spread"])
     if gap.iloc[0] <= 0.0:
-        return float(counts[0]), 0.0, f"at {counts[0]} already"
+        return f"at {counts[0]} already", "0"
     after = np.nonzero((gap <= 0.0).to_numpy())[0]
     if not len(after):
-        return np.inf, np.nan, f"not up to {counts[-1]}"
+        return f"not up to {counts[-1]}", "-"
     k = int(after[0])
     (low, high), (one, other) = counts[k - 1 : k + 1], gap.iloc[k - 1 : k + 1]
     share = one / (one - other)
-    at = low + share * (high - low)
     spread = float(np.hypot((1 - share) * around.iloc[k - 1], share * around.iloc[k]) * (high - low) / (one - other))
-    return at, spread, f"at {numbers.carried(at, spread)}"
+    return f"at {numbers.carried(low + share * (high - low), spread)}", f"{spread:.2g}" if spread < np.inf else "-"
 
 
-def finding(done: document.DataFrame) -> str:
-    """Where trees overtake grids, and what error so many targets leave."""
+def finding(done: DataFrame, met: dict[str, tuple[str, str]]) -> str:
+    """Where trees overtake grids (``met``: :func:`overtaking` by scene), and what error so many targets leave."""
     if done.empty:
         return "Nothing was measured."
     words: dict[str, list[str]] = {}
-    for title, own in done.groupby("title", sort=False):
-        words.setdefault(overtaking(own)[2], []).append(str(title))
-    told = "; ".join(f"{how} on {sentences.listed(titles)}" for how, titles in words.items())
-    text = f"Number of targets at which an exact tree overtakes the exact grids: {told}."
+    for title, (how, _) in met.items():
+        words.setdefault(how, []).append(title)
+    told = "; ".join(f"{how} on {numbers.listed(titles)}" for how, titles in words.items())
+    text = f"Number of targets at which an exact tree overtakes the exact grids: {told}"
     known = done[done["rmse"].notna()]
     exact = known[known["picture"] == EXACT]
-    if exact.empty:
-        return text
     most = exact["targets"].max()
-    means = exact[exact["targets"] == most].drop_duplicates("title")["rmse"].mean()
-    text += f" With {most} targets the share of light is off by {100 * means:.2g} % (root mean square)"
+    if len(exact):
+        means = exact[exact["targets"] == most].drop_duplicates("title")["rmse"].mean()
+        text += f". With {most} targets the share of light is off by {100 * means:.2g} % (root mean square)"
     mapped = known[known["label"].isin([entry.label for entry in FILTERED]) & (known["targets"] == most)]
-    if len(mapped):
+    if len(mapped) and len(exact):
         least = mapped.groupby("label")["rmse"].mean()
         text += f", that of the {least.idxmin()} by {100 * least.min():.2g} %"
     return text + "."
@@ -139,34 +133,37 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against the number of targets, error over time with its front, where trees overtake grids; CSV."""
     table = read(folder)
     done = document.measured(table)
-    if done.empty:
-        return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), {}, [], quiet)
     across = min(3, done["title"].nunique())
-    files = [panels.lines(
-        folder / "soft_shadows.svg", table, "targets", "total_ms", facet="title", across=across, whisker="spread", log_x=2,
-        ticks=str, below="targets of the light", left="ms per frame", legend=3, wide=2, high=2.0,
-    )]  # fmt: skip
+    met = {str(title): overtaking(own) for title, own in done.groupby("title", sort=False)}
     known = done[done["rmse"].gt(0.0)]
+    known = known.assign(
+        error=(100 * known["rmse"]).map("{:.2g}".format), most=known["largest"].map("{:.2f}".format),
+        FLIP=known["flip_error"].map("{:.4f}".format, na_action="ignore"),
+    )  # fmt: skip
+    known["text"] = known["error"] + " (" + known["most"] + ")"
+    rows = {"title": "scene", "label": "method"}
     tables = {
-        "Milliseconds, by number of targets": document.cross_table(
-            done, {"title": "scene", "label": "method"}, "targets", "ms"
+        "Milliseconds, by number of targets": document.cross_table(done, rows, "targets", "ms"),
+        "Number of targets at which an exact tree overtakes the exact grids":
+            pd.DataFrame([(title, *words) for title, words in met.items()], columns=["scene", "targets", "spread"]),
+        "Error of the share of light, % (root mean square; the largest)":
+            document.cross_table(known, {"title": "scene", "picture": "picture of"}, "targets", "text"),
+    }  # fmt: skip
+    shown = {**rows, "targets": "targets", "ms": "ms", "error": "error, %", "most": "largest", "FLIP": "FLIP"}
+    fastest = known.sort_values(["title", "total_ms"], kind="stable")
+    for column, title in (("front_exact", "exact methods"), ("front", "all methods, exact or not")):
+        best = fastest[fastest[column]] if len(fastest) else fastest
+        tables[f"Front of error over time, {title}"] = best[[*shown]].rename(columns=shown)
+    files = [
+        panels.lines(
+            folder / "soft_shadows.svg", table, "targets", "total_ms", facet="title", across=across, whisker="spread",
+            log_x=2, ticks=str, below="targets of the light", left="ms per frame", legend=3, wide=2, high=2.0,
         ),
-        "Number of targets at which an exact tree overtakes the exact grids": overtakings(done),
-    }
-    notes = [*compare.in_sequence(document.frames(folder)), ABOUT]
-    if len(known):
-        files.append(error_picture(folder / "soft_shadows-error.svg", known, across))
-        shown = known.assign(
-            text=(100 * known["rmse"]).map("{:.2g}".format) + " (" + known["largest"].map("{:.2f}".format) + ")"
-        )
-        names = {"title": "scene", "picture": "picture of"}
-        tables["Error of the share of light, % (root mean square; the largest)"] = document.cross_table(
-            shown, names, "targets", "text"
-        )
-        for column, title in (("front_exact", "exact methods"), ("front", "all methods, exact or not")):
-            tables[f"Front of error over time, {title}"] = front_table(known[known[column]])
-    pictures = [place for name in dict.fromkeys(done["scene"]) if (place := beside(folder, name, "png")).exists()]
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, [*files, *pictures], quiet, notes)
+        error_picture(folder / "soft_shadows-error.svg", known, across) if len(known) else None,
+        *(place for name in dict.fromkeys(done["scene"]) if (place := beside(folder, name, "png")).exists()),
+    ]  # fmt: skip
+    notes = [*compare.in_sequence(document.frames(folder)), ABOUT] if len(done) else []
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done, met), tables, files, quiet, notes)
 
 
 ABOUT = (
@@ -175,7 +172,7 @@ ABOUT = (
 )
 
 
-def error_picture(path: Path, known: document.DataFrame, across: int) -> Path:
+def error_picture(path: Path, known: DataFrame, across: int) -> Path:
     """Error over time, both logarithmic: along the line of a method its number of targets grows; the fronts as stairs."""
     drawn = panels.looks(known)
     below = (
@@ -196,51 +193,19 @@ def error_picture(path: Path, known: document.DataFrame, across: int) -> Path:
     return path
 
 
-def overtakings(done: document.DataFrame) -> document.DataFrame:
-    """Texts of :func:`overtaking` by scene."""
-    import pandas as pd
-
-    return pd.DataFrame(
-        [
-            {"scene": title, "targets": words, "spread": "-" if not spread < np.inf else f"{spread:.2g}"}
-            for title, own in done.groupby("title", sort=False)
-            for _, spread, words in [overtaking(own)]
-        ]
-    )
-
-
-def front_table(best: document.DataFrame) -> document.DataFrame:
-    """The points of a front, fastest first: method, number of targets, time and error."""
-    import pandas as pd
-
-    best = best.sort_values(["title", "total_ms"], kind="stable")
-    return pd.DataFrame(
-        {
-            "scene": best["title"], "method": best["label"], "targets": best["targets"], "ms": best["ms"],
-            "error, %": (100 * best["rmse"]).map("{:.2g}".format), "largest": best["largest"].map("{:.2f}".format),
-            "FLIP": best["flip_error"].map("{:.4f}".format, na_action="ignore"),
-        }
-    )  # fmt: skip
-
-
 EXPERIMENT = Experiment(
-    name="soft_shadows",
-    title="Soft shadows: what the number of shadow rays costs, and what error it leaves",
-    presets={
-        "quick": Preset(
-            96, 96, ("sibenik", "cloth"), (OURS, *REBUILT[:2], FILTERED[0]), frames=1, samples=2, most=2, stage_samples=1,
-            rounds=1, budget_s=2.0, lightings=targets(1, 4, 16),
+    "soft_shadows", "Soft shadows: what the number of shadow rays costs, and what error it leaves",
+    {
+        "quick": small(
+            96, ("sibenik", "cloth"), (OURS, *REBUILT[:2], FILTERED[0]), 2.0, samples=2, lightings=targets(1, 4, 16)
         ),
-        "short": Preset(
-            1024, 1024, SCENES, METHODS[:-1], frames=1, samples=3, most=5, stage_samples=0, rounds=2, budget_s=0.2,
-            timeout_s=300.0, lightings=targets(1, 4, 16, 64),
+        "short": large(
+            SCENES, METHODS[:-1], 0.2, samples=3, most=5, deviation=None, stage_samples=0, rounds=2, timeout_s=300.0,
+            lightings=targets(1, 4, 16, 64),
         ),
-        "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=0, rounds=9,
-            budget_s=20.0, timeout_s=600.0, lightings=targets(1, 2, 4, 8, 16, 32, 64),
+        "paper": large(
+            SCENES, METHODS, 20.0, samples=10, deviation=0.01, stage_samples=0, lightings=targets(1, 2, 4, 8, 16, 32, 64)
         ),
     },
-    draw=draw,
-    after=after,
-    after_s=after_s,
+    draw, after, after_s,
 )  # fmt: skip

@@ -4,17 +4,16 @@ The paper's columns are an HBVH, a kd-tree, a uniform grid and its own two struc
 methods below on this machine. The quick preset is for a CPU: its image size is not comparable with the paper's.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 from ..harness.report import document, numbers, panels, ranking
 from ..harness.report import paper_table1 as paper
+from ..harness.report.dataframe import DataFrame, pd
 from ..harness.results.newest import settings_text
 from ..harness.results.table import PART_COLUMNS
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ._paper import METHOD, REAL, SCENES, faithful
+from ..harness.runner.planning.experiment import Entry, Experiment
+from ._paper import METHOD, REAL, SCENES, faithful, large, small
 from .figure9 import gallery
 
 QUICK_ROWS = ("the paper's grids", "ray grids", "BVH2 rebuilt", "uniform grid", "mesh rebuilt", "Embree")
@@ -61,7 +60,7 @@ ABOUT = (
 LEFT_OUT = "Frames left out, beyond the point's budget; best is who is fastest over the frames of both: "
 
 
-def read(folder: Path) -> document.DataFrame:
+def read(folder: Path) -> DataFrame:
     """The points of a folder, methods in the order of the table. Besides the columns of :func:`.report.document.named`:
 
     row   the label; what was set by hand; and the device where there are several. The columns of :data:`PARTS` as text
@@ -92,42 +91,30 @@ def read(folder: Path) -> document.DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """``table1.csv``: one row per point, then the paper's printed entries; ``table1.md``: whole frames beside what the paper
     prints, then the parts of each; stacked bars of each scene; and the gallery of ``folder/images``."""
-    import pandas as pd
-
-    table, pictures = read(folder), []
+    table = read(folder)
     by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
-    if len(done := document.measured(table)):
-        time = by_scene["ms"] + " " + by_scene["error"]
-        pictures = [panels.bars(
+    done = document.measured(by_scene)
+    time = by_scene["ms"] + " " + by_scene["error"]
+    pictures = [
+        panels.bars(
             folder / "table1.svg", by_scene.assign(text=time.where(by_scene["total_ms"].notna(), by_scene["status"])),
             name="row", facet="title", across=2, cut=CUT, legend=5,
             below="ms per frame, split by part; whisker: interquartile range of repeats",
-        )]  # fmt: skip
-    pictures += gallery(folder, table, f"Table 1: the scenes; {document.where(table)}")
-    tables = {
-        FRAME: frame_table(by_scene),
-        "Parts of the frame, ms, and ± of the whole": document.measured(by_scene)[[*PARTS.values()]].set_axis(
-            [*PARTS], axis=1
-        ),
-    }
-    rows = pd.concat([table.assign(origin="this run"), paper.entries(table["scene"].unique())])
-    told = finding(done), tables, pictures, quiet, notes(table)
-    return document.write(folder, EXPERIMENT, table, COLUMNS, *told, rows=rows)
-
-
-def finding(done: document.DataFrame) -> str:
-    """The number of scenes on which each method is the fastest."""
-    best = done[done["best"]]
-    if best.empty:
-        return "No two frames with every answer right were measured over the same frames in one run."
+        ) if len(done) else None,
+        *gallery(folder, table, f"Table 1: the scenes; {document.where(table)}"),
+    ]  # fmt: skip
+    tables = {FRAME: frame_table(by_scene), "Parts of the frame, ms, and ± of the whole":
+              done[[*PARTS.values()]].set_axis([*PARTS], axis=1)}  # fmt: skip
+    best = table[table["best"]]
     wins = [dict(zip(own["row"], own["method"], strict=True)) for _, own in best.groupby("title", sort=False)]
-    return ranking.most_wins(wins, done["title"].nunique())
+    finding = "No two frames with every answer right were measured over the same frames in one run."
+    finding = ranking.most_wins(wins, done["title"].nunique()) if wins else finding
+    rows = pd.concat([table.assign(origin="this run"), paper.entries(table["scene"].unique())])
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes(table), rows=rows)
 
 
-def frame_table(by_scene: document.DataFrame) -> document.DataFrame:
+def frame_table(by_scene: DataFrame) -> DataFrame:
     """Methods down, scenes across: frame time and error or status, the fastest right one in bold; then the paper's."""
-    import pandas as pd
-
     own = document.arranged(by_scene, "label", [entry.label for entry in METHODS])
     text = own["ms"] + " " + own["error"].str.removesuffix(" wrong")
     text = text.where(own["status"] == "ok", own["status"])
@@ -139,7 +126,7 @@ def frame_table(by_scene: document.DataFrame) -> document.DataFrame:
     return wide[["method", *by_scene["title"].unique()]]
 
 
-def notes(table: document.DataFrame) -> list[str]:
+def notes(table: DataFrame) -> list[str]:
     """How to read an entry, what was left out, and where the paper's numbers are from."""
     told, theirs = [ABOUT], set(table["scene"]) & set(paper.ROWS)
     if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):
@@ -158,17 +145,10 @@ def notes(table: document.DataFrame) -> list[str]:
 
 
 EXPERIMENT = Experiment(
-    name="table1",
-    title="Table 1: build, trace and shadow times",
-    presets={
-        "quick": Preset(
-            256, 256, SCENES + REAL, QUICK, frames=2, samples=3, most=3, stage_samples=1, rounds=2, budget_s=40.0,
-            timeout_s=180.0,
-        ),
-        "paper": Preset(
-            1024, 1024, SCENES + REAL, METHODS, frames=3, samples=5, most=30, deviation=0.005, stage_samples=2, rounds=9,
-            budget_s=12.0, timeout_s=600.0,
-        ),
+    "table1", "Table 1: build, trace and shadow times",
+    {
+        "quick": small(256, SCENES + REAL, QUICK, 40.0, frames=2, rounds=2, timeout_s=180.0),
+        "paper": large(SCENES + REAL, METHODS, 12.0, frames=3, most=30),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -4,22 +4,17 @@ Fewest lights first. Embree is included on a CPU only: with 16 lights its frames
 for them, would take longer than all the others together; table1 has it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.report import compare, document, numbers, panels, ranking, sentences
+from ..harness.report import compare, document, numbers, panels, ranking
+from ..harness.report.dataframe import DataFrame, Series
 from ..harness.results.table import samples
-from ..harness.runner.planning.experiment import Entry, Experiment, Preset
-from ._paper import METHOD, faithful
+from ..harness.runner.planning.experiment import Entry, Experiment
+from ._paper import METHOD, faithful, large, small
 from ._rivals import HYBRID, OURS, RASTERISED, REBUILT, lights
 from .crossover import NATURAL, over_lights
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 GRIDS = (
     faithful("paper-faithful"),
@@ -58,25 +53,25 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     own, first = compare.pairs(frames, frames["lights"] == 1, (*compare.SCENE, *compare.SIZE, "label"))
     lights_ms, first_ms = own_passes(own), own_passes(first)
     further = own["lights"].where(own["lights"] > 1).astype("float64") - 1
+    spread = np.hypot(own["lights_spread"], first["lights_spread"]) / further / first_ms
 
     table = document.named(frames).sort_values("lights", kind="stable")
-    table["frames_per_s"] = 1000.0 / table["total_ms"]
-    table["frames_per_s_spread"] = table["frames_per_s"] * table["spread"] / table["total_ms"]
-    table["ms_per_light"] = own_passes(table) / table["lights"]
-    table["further_ms"] = (lights_ms - first_ms) / further
-    table["further_over_first"] = table["further_ms"] / first_ms
-    spread = np.hypot(own["lights_spread"], first["lights_spread"]) / further / first_ms
-    table["each"] = numbers.carry(table["further_over_first"], spread.reindex(table.index))
-    scenes = table["title"].nunique()
+    rate = 1000.0 / table["total_ms"]
+    table = table.assign(
+        frames_per_s=rate, frames_per_s_spread=rate * table["spread"] / table["total_ms"],
+        ms_per_light=own_passes(table) / table["lights"], further_ms=(lights_ms - first_ms) / further,
+        further_over_first=(lights_ms - first_ms) / further / first_ms, further_over_first_spread=spread,
+    )  # fmt: skip
+    table["each"] = numbers.texts(table, "further_over_first")
     picture = panels.lines(
         folder / "two_lights.svg", table, "lights", "total_ms", facet="title", across=2, whisker="spread",
-        log_x=2, ticks=str, high=1.4 if scenes > 1 else 2.0, below="number of lights", sharex=True,
+        log_x=2, ticks=str, high=1.4 if table["title"].nunique() > 1 else 2.0, below="number of lights", sharex=True,
         left="ms per frame, everything rebuilt",
     )  # fmt: skip
     done, rows = document.measured(table), {"title": "scene", "label": "method"}
     two = done[done["lights"] == 2]
     title = next(iter(two["title"]), "any scene")
-    finding = sentences.ends(
+    finding = numbers.ends(
         two[two["title"] == title], "frames_per_s", "label", f"With two lights on {title}, {{}} has {{}} frames a second",
         " and {} {}", "Two lights were not measured",
     ) + f" ({PAPER})."  # fmt: skip
@@ -92,17 +87,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 
 EXPERIMENT = Experiment(
-    name="two_lights",
-    title="Several lights: Fairy with two, and time against their number",
-    presets={
-        "quick": Preset(
-            96, 96, ("fairy",), QUICK, frames=1, samples=2, most=2, stage_samples=1, rounds=1, budget_s=4.0,
-            lightings=lights(1, 2, 4, 8, 16),
-        ),
-        "paper": Preset(
-            1024, 1024, ("fairy", "sibenik", "conference"), GRIDS, frames=1, samples=5, most=20, deviation=0.005,
-            stage_samples=2, rounds=9, budget_s=9.0, timeout_s=600.0, lightings=lights(1, 2, 4, 8, 16, 32, 64),
-        ),
+    "two_lights", "Several lights: Fairy with two, and time against their number",
+    {
+        "quick": small(96, ("fairy",), QUICK, 4.0, samples=2, lightings=lights(1, 2, 4, 8, 16)),
+        "paper": large(("fairy", "sibenik", "conference"), GRIDS, lightings=lights(1, 2, 4, 8, 16, 32, 64)),
     },
-    draw=draw,
+    draw,
 )  # fmt: skip

@@ -1,15 +1,22 @@
 """The pages that are notebooks, too: the same code, and it runs."""
 
+import json
+import re
 from pathlib import Path
 
 import matplotlib
 import pandas as pd
 import pytest
-from helpers.notebooks import code_of_notebook, code_of_page, notebook_of
 from PIL import Image
 from shadowbench.harness import api
+from shadowbench.harness.report.documents import notebook_of
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
+
+
+def code_of_notebook(text):
+    """The sources of the code cells."""
+    return ["".join(cell["source"]) for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
 
 
 def ran(name):
@@ -22,12 +29,12 @@ def ran(name):
 
 @pytest.mark.parametrize("name", ["api", "soft-shadows"])
 def test_the_notebook_is_the_page(name):
-    """Else write it anew: python tests/helpers/notebooks.py docs/NAME.md docs/NAME.ipynb."""
+    """Else write it anew: shadowbench report results --docs ."""
     page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     notebook = (DOCS / f"{name}.ipynb").read_text(encoding="utf-8")
     assert notebook_of(page) == notebook
-    assert code_of_notebook(notebook) == code_of_page(page)
-    assert len(code_of_page(page)) > 3
+    assert code_of_notebook(notebook) == re.findall(r"```python\n(.*?)\n```", page, re.DOTALL)
+    assert len(code_of_notebook(notebook)) > 3
 
 
 def test_a_soft_shadow_and_its_error(tmp_path, monkeypatch):

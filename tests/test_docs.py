@@ -109,14 +109,15 @@ def test_every_drawn_number_is_that_of_the_records(results, tmp_path):
             assert made.read_text() == kept.read_text(), f"{kept}: shadowbench show claims {place}"
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/findings.md"])
-def test_a_drawn_number_that_was_changed_is_found(name, results):
-    """A digit of a table, of a list and of a sentence."""
-    text = (ROOT / name).read_text()
-    for part in documents.PART.finditer(text):
-        digit = text.index(re.search(r"\d", part["text"])[0], part.start("text"))
-        changed = text[:digit] + str((int(text[digit]) + 1) % 10) + text[digit + 1 :]
-        assert documents.drawn(changed, results, PARTS, ROOT / name) == text
+def test_a_number_that_was_changed_is_drawn_anew_and_a_page_that_is_a_notebook_is_written_as_both(results, tmp_path):
+    page = "# A\n\n<!-- drawn: a -->\n\n0.25 ms\n\n<!-- end -->\n\n```python\nprint(1)\n```\n"
+    (tmp_path / "a.md").write_text(page.replace("0.25", "0.26"))
+    (tmp_path / "a.ipynb").write_text("")
+    parts = {"a": lambda _: ["0.25 ms"]}
+    assert documents.fill(results, tmp_path, parts) == [tmp_path / "a.md", tmp_path / "a.ipynb"]
+    assert (tmp_path / "a.md").read_text() == page
+    assert "0.25 ms" in (tmp_path / "a.ipynb").read_text()
+    assert documents.fill(results, tmp_path, parts) == []
 
 
 def test_the_version_of_a_folder_is_of_the_method_that_it_names():
@@ -129,36 +130,22 @@ def test_the_version_of_a_folder_is_of_the_method_that_it_names():
     assert measured(points)["version"] == f"ray_grids `{'d' * 8}`"
 
 
-def test_the_table_of_the_readme_has_six_columns_at_most():
-    (part,) = [
-        p["text"] for p in documents.PART.finditer((ROOT / "README.md").read_text()) if p["name"].startswith("kinds")
+def test_the_first_pages_are_short_and_the_readme_has_one_sentence_and_a_table_of_six_columns():
+    for page, screens in (("README.md", 3), ("docs/findings.md", 4)):
+        assert len((ROOT / page).read_text().splitlines()) <= screens * 40
+    parts = {
+        part["name"].split()[0]: part["text"] for part in documents.PART.finditer((ROOT / "README.md").read_text())
+    }
+    assert {line.count(" | ") for line in parts["kinds"].splitlines() if line.startswith("|")} == {5}
+    assert re.fullmatch(r"\*\*[^.]+(?:\.\d+[^.]*)*\.\*\*", parts["headline"].strip())
+
+
+def test_every_page_is_in_the_index_and_in_the_site():
+    """A page that is not in the site's list has no place beside the others; ``make docs`` fails for one that is missing."""
+    index, listed = (ROOT / "docs" / "index.md").read_text(), (ROOT / "mkdocs.yml").read_text()
+    assert [path for path in (ROOT / "docs").glob("*.md") if f"({path.name})" not in index] == [
+        ROOT / "docs" / "index.md"
     ]
-    assert {line.count(" | ") for line in part.splitlines() if line.startswith("|")} == {5}
-
-
-@pytest.mark.parametrize(("page", "screens"), [("README.md", 3), ("docs/findings.md", 4)])
-def test_a_page_is_as_short_as_it_says(page, screens):
-    assert len((ROOT / page).read_text().splitlines()) <= screens * 40
-
-
-def test_the_readme_has_its_finding_in_one_sentence():
-    part = next(
-        part
-        for part in documents.PART.finditer((ROOT / "README.md").read_text())
-        if part["name"].startswith("headline")
-    )
-    assert re.fullmatch(r"\*\*[^.]+(?:\.\d+[^.]*)*\.\*\*", part["text"].strip())
-
-
-def test_every_page_is_in_the_index():
-    index = (ROOT / "docs" / "index.md").read_text()
-    pages = [path.name for path in (ROOT / "docs").glob("*.md") if path.name != "index.md"]
-    assert [name for name in pages if f"({name})" not in index] == []
-
-
-def test_every_page_is_in_the_site():
-    """A page that is not in its list has no place beside the others; ``make docs`` fails for one that is missing."""
-    listed = (ROOT / "mkdocs.yml").read_text()
     pages = [str(path.relative_to(ROOT)) for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]]
     assert [page for page in pages if f"- {page}\n" not in listed] == []
 

@@ -9,12 +9,12 @@ use them, and shadow maps from 512 texels upward. Labels read "family: level"; a
 from pathlib import Path
 
 from ...harness.report import document
-from ...harness.runner.planning.experiment import Entry, Experiment, Preset
+from ...harness.runner.planning.experiment import Entry, Experiment
 from ...harness.runner.planning.run_options import Options
 from ...harness.runner.planning.time_estimate import expected_triangles
 from ...harness.runner.progress import Silent
-from .._paper import REAL, SCENES
-from . import drawing, hard_cases, offsets
+from .._paper import REAL, SCENES, large, small
+from . import drawing, untimed
 
 QUICK_SCENES = (*(REAL or ("sibenik",)), "conference")
 
@@ -162,57 +162,52 @@ def after(options: Options, report: Silent) -> None:
     """Untimed: errors over light distance and scene offset on the run's first scene, and, asked for with ``--with``, errors
     on the hard cases. Both are stored as CSV and not made again while they are there.
     """
-    offsets.keep_grid(options, report, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
+    untimed.keep_grid(options, report, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
     if HARD_CASES in options.extras:
         quick = options.preset_name == "quick"
         left_out = (*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS
-        hard_cases.keep_hard(options, report, HARD, left_out, TELLING)
+        untimed.keep_hard(options, report, HARD, left_out, TELLING)
 
 
 def after_s(options: Options) -> float:
     """Seconds of :func:`after` on two cores, roughly."""
     seconds = 0.0
-    if not offsets.kept(options):
+    if not untimed.kept(options):
         triangles = expected_triangles(options.preset.scenes[0])
         cells = len(GRID) * len(DISTANCES)
         seconds += cells * (len(OFFSETS) * (CELL_S + CELL_TRIANGLE_S * triangles) + FAR_TRIANGLE_S * triangles)
-    if HARD_CASES in options.extras and not (options.out / hard_cases.NAME).exists():
+    if HARD_CASES in options.extras and not (options.out / untimed.HARD).exists():
         seconds += len(HARD) * HARD_S
     return seconds
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The Pareto frontier, the costs of measures, wrong pixels and the grid of errors; costs as CSV too."""
-    table, hard = drawing.read(folder), hard_cases.read_hard(folder)
+    table, hard = drawing.read(folder), untimed.read_hard(folder)
     cost = drawing.costs(folder, [*MEASURES, *OTHER_MEASURES])
     files = [
         document.write_csv(cost, folder / "accuracy_costs.csv", list(cost)),
-        *drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
-        *drawing.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
+        drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
+        drawing.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
         *drawing.draw_where(folder, table, SHOWN),
-        *drawing.draw_heat(folder),
+        drawing.draw_heat(folder),
     ]
     shown = {drawing.COST: drawing.cost_table(cost, hard)}
-    told, notes = drawing.finding(table, cost), [drawing.sampled(table), *hard_cases.described(hard)]
+    sampled = int((drawing.usable(table).reindex(columns=["primary.unjudged"]) > 0).sum().iloc[0])
+    told, notes = (
+        drawing.finding(table, cost),
+        [drawing.SAMPLED.format(sampled) * bool(sampled), *untimed.described(hard)],
+    )
     return document.write(folder, EXPERIMENT, table, drawing.COLUMNS, told, shown, files, quiet, notes)
 
 
+ALL = LADDER + PEERS + IN_GRIDS + MAPS + WAYS
+
 EXPERIMENT = Experiment(
-    name="accuracy",
-    title="What accuracy costs in time",
-    presets={
-        "quick": Preset(
-            width=256, height=256, scenes=QUICK_SCENES, methods=LADDER + PEERS + IN_GRIDS + MAPS + WAYS, frames=3, samples=3,
-            most=3, stage_samples=1, rounds=2, budget_s=6.0, timeout_s=180.0, wrong_maps=True,
-        ),
-        "paper": Preset(
-            width=1024, height=1024, scenes=(*SCENES, *REAL), methods=LADDER + PEERS + IN_GRIDS + MAPS + WAYS + LARGE,
-            frames=1, samples=5, most=20, deviation=0.005, stage_samples=2, rounds=9, budget_s=9.0,
-            timeout_s=600.0, wrong_maps=True,
-        ),
+    "accuracy", "What accuracy costs in time",
+    {
+        "quick": small(256, QUICK_SCENES, ALL, 6.0, frames=3, rounds=2, timeout_s=180.0, wrong_maps=True),
+        "paper": large((*SCENES, *REAL), ALL + LARGE, wrong_maps=True),
     },
-    draw=draw,
-    after=after,
-    after_s=after_s,
-    extras={HARD_CASES: "errors of every point on the hard cases"},
+    draw, after, after_s, {HARD_CASES: "errors of every point on the hard cases"},
 )  # fmt: skip

@@ -1,7 +1,5 @@
 """What accuracy shows: points with errors, the Pareto frontier, costs of safety measures, the places of wrong pixels."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,11 +9,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
 from ...harness.judge.verdict import Verdict
-from ...harness.report import compare, document, numbers, panels, pareto, sentences, style
+from ...harness.report import compare, document, numbers, panels, pareto, style
+from ...harness.report.dataframe import DataFrame, Series, pd
 from ...harness.report.flip import reference_path
 from ...harness.report.picture import opened
 from ...harness.results.pixel_maps import read_wrong, wrong_path
-from .offsets import NAME
+from .untimed import HEAT as NAME
 
 Measure = tuple[str, str, str]
 """A safety measure: its name, the label of the point that has it, and that of the otherwise equal point without it."""
@@ -54,7 +53,7 @@ LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 
 
-def read(folder: Path) -> document.DataFrame:
+def read(folder: Path) -> DataFrame:
     """The points with mean wrong answers per frame by class. Columns: the label, its two halves as family and level."""
     table = document.read(folder)
     table[["family", "level"]] = table["label"].str.extract(r"^([^:]*)(?:: (.*))?$").to_numpy()
@@ -68,18 +67,12 @@ def read(folder: Path) -> document.DataFrame:
     return table
 
 
-def usable(table: document.DataFrame) -> document.DataFrame:
+def usable(table: DataFrame) -> DataFrame:
     """Points that have both a time and an error."""
     return document.measured(table).dropna(subset="wrong_per_frame")
 
 
-def sampled(table: document.DataFrame) -> str:
-    """A note on points of which only a sample was judged; "" where there is none."""
-    count = int((usable(table).reindex(columns=["primary.unjudged"]) > 0).sum().iloc[0])
-    return SAMPLED.format(count) if count else ""
-
-
-def frontier(table: document.DataFrame) -> document.Series:
+def frontier(table: DataFrame) -> Series:
     """Whether no other point of the scene, on its usual device, is better in time and error; missing if one is unknown."""
     found = (table["wrong_per_frame"] < 0).astype("boolean").where(table.index.isin(usable(table).index))
     for _, own in usable(table).groupby("title", sort=False):
@@ -88,10 +81,8 @@ def frontier(table: document.DataFrame) -> document.Series:
     return found
 
 
-def costs(folder: Path, measures: Sequence[Measure]) -> document.DataFrame:
+def costs(folder: Path, measures: Sequence[Measure]) -> DataFrame:
     """A row per scene and measure whose two points were measured in one run; ``noise_ms`` is missing with few repeats."""
-    import pandas as pd
-
     frames = document.frames(folder)
     titles = document.named(frames)["title"]
     frames, found = frames[frames["true_errors"].notna()], []
@@ -111,7 +102,7 @@ def costs(folder: Path, measures: Sequence[Measure]) -> document.DataFrame:
     return document.arranged(pd.concat(found), "scene_title", titles.unique()).reset_index(drop=True)
 
 
-def cost_table(cost: document.DataFrame, hard: document.DataFrame) -> document.DataFrame:
+def cost_table(cost: DataFrame, hard: DataFrame) -> DataFrame:
     """Measures down, scenes across: the frame with over that without, and what is wrong without (with) it, in all scenes."""
     if cost.empty:
         return cost
@@ -127,7 +118,7 @@ def cost_table(cost: document.DataFrame, hard: document.DataFrame) -> document.D
     return wide.reset_index()
 
 
-def finding(table: document.DataFrame, cost: document.DataFrame) -> str:
+def finding(table: DataFrame, cost: DataFrame) -> str:
     """One sentence: the fastest points without errors, and the costs of the safety measures."""
     known = usable(table)
     if known.empty:
@@ -135,29 +126,29 @@ def finding(table: document.DataFrame, cost: document.DataFrame) -> str:
     never = known.groupby("label")["wrong_per_frame"].max() == 0
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
     wins = right["name"].value_counts().items()
-    first = sentences.listed([f"{name} on {n} of {right['title'].nunique()}" for name, n in wins])
+    first = numbers.listed([f"{name} on {n} of {right['title'].nunique()}" for name, n in wins])
     clear = cost[~cost["within_noise"].astype(bool)]
     told = f"{never.sum()} of {len(never)} points are never wrong on these scenes, the fastest of them {first or '-'}."
     costly = list(clear.assign(ratio=1.0 + clear["share"]).groupby("measure", sort=False))
     if not costly:
         return f"{told} No safety measure costs more than the noise."
     name, most = max(costly, key=lambda pair: compare.geometric(pair[1]["ratio"]))
-    times = sentences.mean(most, "ratio")
+    times = numbers.mean(most, "ratio")
     return f"{told} Of the safety measures {name} takes the most: {times} times the frame without."
 
 
-def draw_frontier(table: document.DataFrame, path: Path) -> list[Path]:
+def draw_frontier(table: DataFrame, path: Path) -> Path | None:
     """Wrong answers of every point against its time, a panel a scene, with the front; points of the usual device."""
     known = usable(table)
     known = known[known["on_frontier"].notna() & ~known["name"].str.contains(", on the ")]
-    return [pareto.draw(path, known.astype({"on_frontier": bool}))] if len(known) else []
+    return pareto.draw(path, known.astype({"on_frontier": bool})) if len(known) else None
 
 
-def draw_costs(cost: document.DataFrame, base: str, path: Path) -> list[Path]:
+def draw_costs(cost: DataFrame, base: str, path: Path) -> Path | None:
     """One bar per scene: the frame of the point ``base``, and what of it each measure adds beyond the noise."""
     own = cost[cost["with"] == base]
     if own.empty:
-        return []
+        return None
     added = own["cost_ms"].clip(lower=0.0).where(~own["within_noise"], 0.0)
     table = own.assign(added=added).pivot(index="scene_title", columns="measure", values="added").fillna(0.0)
     table = table.loc[own["scene_title"].unique(), [n for n in own["measure"].unique() if table[n].any()]]
@@ -166,10 +157,10 @@ def draw_costs(cost: document.DataFrame, base: str, path: Path) -> list[Path]:
     rest, text = total - table.sum(axis=1), total.map(numbers.carried) + " ms"
     table = table.assign(total_ms=total, iqr_ms=0.0, scene=total.index, method="", text=text, rest=rest)
     below = f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"
-    return [panels.bars(path, table, name="scene", parts=parts, room=1.25, legend=2, below=below)]
+    return panels.bars(path, table, name="scene", parts=parts, room=1.25, legend=2, below=below)
 
 
-def draw_where(folder: Path, table: document.DataFrame, shown: Sequence[str]) -> list[Path]:
+def draw_where(folder: Path, table: DataFrame, shown: Sequence[str]) -> list[Path]:
     """One picture per scene: points ``shown`` (labels) with saved maps, of one part of the image. Without maps it stays."""
     inks = {title: colour for title, (_, colour) in PAINT.items()}
     rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])
@@ -190,16 +181,15 @@ def draw_where(folder: Path, table: document.DataFrame, shown: Sequence[str]) ->
     return sorted(folder.glob("accuracy_where*.png"))
 
 
-def draw_heat(folder: Path) -> list[Path]:
+def draw_heat(folder: Path) -> Path | None:
     """One panel per method: the share of answers that are wrong, from white (none) to dark (all); excused ones as text."""
     import matplotlib
-    import pandas as pd
     from matplotlib.colors import LogNorm
 
     path = folder / "accuracy_heat.png"
     rows = pd.read_csv(folder / NAME).query("status == 'ok'") if (folder / NAME).exists() else pd.DataFrame()
     if rows.empty:
-        return []
+        return None
     rows["share"] = rows["wrong"] / rows["pixels"]
     excused = rows["excused"].map("\n(+{:,.0f})".format).where(rows["excused"] > 0, "")
     rows["text"] = rows["wrong"].map(numbers.count) + excused
@@ -221,7 +211,7 @@ def draw_heat(folder: Path) -> list[Path]:
         bar = axes.figure.colorbar(image, ax=[axes for axes, *_ in shown], shrink=0.9, pad=0.01)
         bar.ax.yaxis.set_major_formatter(lambda at, _: f"{at:g}")
         bar.set_label("wrong answers / pixels (white: none)", fontsize=6.5)
-    return [path]
+    return path
 
 
 def painted(image: Image.Image | None, classes: NDArray[np.int64]) -> NDArray[np.uint8]:

@@ -10,8 +10,7 @@ from ..arrays import U8
 from ..errors import CapacityRejected, UserError, say, warn, writing
 from ..frame.devices import find_device, placed_method
 from ..frame.session import Session
-from ..report.animation import beside, check_animation, save_webp
-from ..report.picture import captioned, save_png, shade
+from ..report.picture import beside, captioned, check_animation, save_png, save_webp, shade
 from ..runner.machine.lock import MACHINE
 from ..runner.planning.experiment import parse_size
 from ..scene.chosen_view import ChosenView

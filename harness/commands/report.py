@@ -33,7 +33,7 @@ DOCS = Path("build/site")
     folder      A results folder, or a folder of results folders, however deep.
     --out PATH  The file to write. Default: {DEFAULT} in the folder.
     --site DIR  Write a site instead, for any static host: the page, a page for each experiment, docs.
-    --docs DIR  Write no page, but the claims and the drawn parts of Markdown files of a checkout anew.
+    --docs DIR  Write no page, but the claims, the drawn parts of Markdown files and the notebooks of a checkout anew.
     """
 )
 def report(
@@ -56,7 +56,6 @@ def report(
         )
     from ..report import document
     from ..report.page import build
-    from ..report.page import site as sites
 
     require_plain(folder)  # before anything in it is read
     sources = document.sources(folder)
@@ -66,7 +65,7 @@ def report(
     manual = DOCS if (DOCS / "index.html").is_file() else None
     try:
         if site:
-            written = sites.write_site(site, data, {one.name: one.path for one in sources}, manual)
+            written = build.write_site(site, data, {one.name: one.path for one in sources}, manual)
         else:
             write_text(path, build.page(data))
             written = [path]

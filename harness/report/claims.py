@@ -4,17 +4,16 @@ An experiment declares a claim as a sentence and a function of :class:`Evidence`
 points of the same scene, size, lights and frames (:func:`.report.compare.pairs`).
 """
 
-from __future__ import annotations
-
 import operator
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any
 
 from . import compare, document, numbers
+from .dataframe import DataFrame, Series, pd
 from .terminal import print_table
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
@@ -24,7 +23,7 @@ ABOUT = (
 )
 RUN = ["experiment", "folder", "run"]
 SCENE = ["scene", "scene_title", "scene_sha256"]
-Measure = Callable[["document.DataFrame"], "document.Series"]
+Measure = Callable[[DataFrame], Series]
 
 
 class Lacking(Exception):
@@ -34,12 +33,12 @@ class Lacking(Exception):
         return f"{self.args[0]} is not measured" + "".join(f"; {known}" for known in self.args[1:] if known)
 
 
-def matching(table: document.DataFrame, **wanted: Any) -> document.Series:
-    """Which rows have these values in these columns."""
-    return reduce(operator.and_, (table[name] == value for name, value in wanted.items()))
+def matching(table: DataFrame, **wanted: Any) -> Series:
+    """Which rows have these values in these columns, or one of a list of values."""
+    return reduce(operator.and_, (table[x].isin(v if isinstance(v, list) else [v]) for x, v in wanted.items()))
 
 
-def by_scene(points: document.DataFrame) -> document.DataFrame:
+def by_scene(points: DataFrame) -> DataFrame:
     """The point of each scene that was measured last, by the scene's name; by its title beside a stand-in of that name."""
     last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last")
     last = points[points.index.isin(last.index)]
@@ -47,12 +46,19 @@ def by_scene(points: document.DataFrame) -> document.DataFrame:
     return last.set_index(last["scene"].where(alone | (last["stand_in"] != ""), last["scene_title"]))
 
 
+def over(points: DataFrame, bases: DataFrame, measure: Measure) -> Series:
+    """Measure of points over that of their bases, by scene."""
+    known = by_scene(points.reset_index())
+    values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
+    return values[(values != 0.0) & (values < float("inf"))]
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """The measured frames of one experiment: one version of each method, and for each scene those of one run."""
 
     experiment: str
-    frames: document.DataFrame
+    frames: DataFrame
 
     @cached_property
     def versions(self) -> dict[str, str]:
@@ -65,15 +71,15 @@ class Evidence:
         return sorted(self.frames["width"].unique())
 
     @cached_property
-    def largest(self) -> document.DataFrame:
+    def largest(self) -> DataFrame:
         """The frames of the largest image size."""
         return self.of()
 
-    def of(self, **wanted: Any) -> document.DataFrame:
+    def of(self, **wanted: Any) -> DataFrame:
         """Frames whose columns have these values, of the largest image size unless a width is named."""
         return self.frames[matching(self.frames, **{"width": self.widths[-1], **wanted})]
 
-    def by_scene(self, **wanted: Any) -> document.DataFrame:
+    def by_scene(self, **wanted: Any) -> DataFrame:
         """One point per scene (:func:`by_scene`) of the frames that :meth:`of` gives."""
         return by_scene(document.named(self.of(**wanted)))
 
@@ -81,23 +87,30 @@ class Evidence:
         self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
     ) -> dict[str, float]:
         """Measure of ``one``'s points over ``other``'s, by scene (all, or ``scenes``). Raises :class:`Lacking` if none."""
-        frames, found = self.largest, dict[str, float]()
-        base, own = matching(frames, **other), matching(frames, **one)
-        if base.any() and own.any():
-            both = compare.slim(frames[base | own], ("pass.", "counter."))
-            points, bases = compare.pairs(both, base[base | own])
-            known = by_scene(points[matching(points, **one)].reset_index())
-            values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
-            found = dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
+        found = dict[str, float]()
+        for points, bases in self.against(one, other):
+            found = dict(sorted(over(points, bases, measure).items()))
         if lacks and not (set(scenes) <= set(found) and found):
             raise Lacking(lacks)
         return {scene: found[scene] for scene in scenes or found}
 
-    def over_rivals(self, one: dict[str, Any], rivals: Iterable[str], measure: Measure) -> document.DataFrame:
-        """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label."""
-        import pandas as pd
+    def against(self, one: dict[str, Any], other: dict[str, Any]) -> list[tuple[DataFrame, DataFrame]]:
+        """``one``'s points and those of ``other`` beside them (:func:`.report.compare.pairs`); none if a side has none."""
+        base, own = matching(self.largest, **other), matching(self.largest, **one)
+        if not (base.any() and own.any()):
+            return []
+        both = compare.slim(self.largest[base | own], ("pass.", "counter."))
+        points, bases = compare.pairs(both, base[base | own])
+        mine = matching(points, **one)
+        return [(points[mine], bases[mine])]
 
-        found = {rival: self.ratios(one, {**one, "label": rival}, measure) for rival in rivals}
+    def over_rivals(self, one: dict[str, Any], rivals: Sequence[str], measure: Measure) -> DataFrame:
+        """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label."""
+        found = {rival: pd.Series(dtype=float) for rival in rivals}
+        for points, ours in self.against({**one, "label": list(rivals)}, one):
+            found |= {
+                str(rival): 1.0 / over(own, ours.loc[own.index], measure) for rival, own in points.groupby("label")
+            }
         return pd.DataFrame(found, dtype=float).sort_index()
 
     def described(self) -> str:
@@ -111,7 +124,7 @@ class Evidence:
 class Data:
     """The measured frames of every experiment below a folder. What may be compared comes from :meth:`evidence` alone."""
 
-    frames: document.DataFrame
+    frames: DataFrame
 
     @property
     def gpu(self) -> bool:
@@ -133,15 +146,15 @@ class Data:
     @cached_property
     def runs(self) -> dict[str, list[Evidence]]:
         """Evidence by experiment, of the last version in each run; runs of other scenes and the same versions are joined."""
-        import pandas as pd
-
+        # What other experiments count and set are columns of this one too, all empty.
+        known = self.frames.notna().groupby(self.frames["experiment"]).any()
         own = self.frames.sort_values("started", kind="stable")
         own = own[own["method_sha256"] == own.groupby([*RUN, "method"])["method_sha256"].transform("last")]
         runs = sorted((run for _, run in own.groupby(RUN)), key=lambda run: -run["started"].max())
         found: dict[str, list[Evidence]] = {}
         for frames in runs:
-            # What other experiments count and set are columns of this one too, all empty.
-            run = Evidence(frames["experiment"].iloc[0], frames.dropna(axis=1, how="all"))
+            experiment = frames["experiment"].iloc[0]
+            run = Evidence(experiment, frames.loc[:, known.loc[experiment]])
             before = found.setdefault(run.experiment, [])
             for i, other in enumerate(before):
                 shared = other.versions.items() & run.versions.items()
@@ -159,10 +172,8 @@ def collect(folder: Path) -> Data:
     return together([source.frames for source in document.sources(folder)])
 
 
-def together(tables: Sequence[document.DataFrame]) -> Data:
+def together(tables: Sequence[DataFrame]) -> Data:
     """The measured frames of several folders (:func:`.report.document.frames`)."""
-    import pandas as pd
-
     frames = pd.concat(tables, ignore_index=True)
     frames["key"] = frames["folder"] + "/" + frames["key"]  # the same point may be in several folders
     frames = frames[(frames["status"] == "ok") & frames["total_ms"].notna()]
@@ -227,10 +238,8 @@ def origin(evidence: Evidence, data: Data) -> str:
     return " and ".join(sorted(evidence.frames["folder"].unique())) + earlier
 
 
-def judge_all(claims: Sequence[Claim], data: Data) -> document.DataFrame:
+def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
     """One row per claim: number, claim, section, verdict, numbers, judged_from."""
-    import pandas as pd
-
     made = []
     for number, claim in enumerate(claims, 1):
         found, source = decide(claim, data)
@@ -250,7 +259,7 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
     return write(folder, made, data)
 
 
-def write(folder: Path, made: document.DataFrame, data: Data) -> list[Path]:
+def write(folder: Path, made: DataFrame, data: Data) -> list[Path]:
     """``claims.md`` and ``claims.csv`` in the folder: what :func:`judge_all` made of the data."""
     points, path = document.named(data.frames), folder / "claims.md"
     told, errors = made["verdict"].value_counts(), points["error"].str.split().str[0].value_counts()

@@ -4,19 +4,14 @@ Points of different runs, scenes, lights, devices, image sizes or versions of on
 pair here, and tables and drawings show no ratio for them (:func:`apart`).
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..results.means import points
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
+from .dataframe import DataFrame, Series, pd
 
 LIT_SCENE = ("scene", "scene_title", "scene_sha256", "light_label", "lights")
 """The columns in which points agree that stand beside one another in a table: of one scene, lit alike."""
@@ -31,15 +26,10 @@ BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", 
 """Prefixes of the columns of a tidy table that no ratio of frame times needs, but those of rounds."""
 
 
-def slim(frames: DataFrame, but: Sequence[str] = ("round.",)) -> DataFrame:
+def slim(frames: DataFrame, but: tuple[str, ...] = ("round.",)) -> DataFrame:
     """A tidy table without its :data:`BULKY` columns, ``but`` those of these that some row has: hundreds of columns take
     most of a comparison's time."""
-    kept = [
-        name
-        for name in frames
-        if not name.startswith(BULKY) or (name.startswith(tuple(but)) and frames[name].notna().any())
-    ]
-    return frames[kept]
+    return frames[[x for x in frames if not x.startswith(BULKY) or (x.startswith(but) and frames[x].notna().any())]]
 
 
 def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[DataFrame, DataFrame]:
@@ -72,15 +62,18 @@ def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataF
     spread  uncertainty of the ratio, from the spreads of the two (:func:`spread`); NaN: not known
     low, high  the smallest and the largest ratio if each time lies anywhere in its range between rounds
     """
-    import pandas as pd
-
     one, other = pairs(slim(frames), base, same)
-    ratio = one["total_ms"] / other["total_ms"]
-    around = ratio * np.hypot(spread(one) / one["total_ms"], spread(other) / other["total_ms"])
+    ratio, around = over(one["total_ms"], spread(one), other["total_ms"], spread(other))
     half, other_half = one["between_ms"] / 2, other["between_ms"] / 2
     low = (one["total_ms"] - half) / (other["total_ms"] + other_half)
     high = (one["total_ms"] + half) / (other["total_ms"] - other_half).clip(lower=1e-9)
     return pd.DataFrame({"ratio": ratio, "spread": around, "low": low, "high": high, "frames": one["frames"]})
+
+
+def over(one: Series, around: Series, other: Series, other_around: Series) -> tuple[Series, Series]:
+    """A quantity over another, and its uncertainty from those of the two."""
+    ratio = one / other
+    return ratio, ratio * np.hypot(around / one, other_around / other)
 
 
 def spread(table: DataFrame) -> Series:

@@ -1,10 +1,8 @@
 """An experiment's report: one sentence of finding, tables, what was not measured, and the pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from ..frame.cards import UNITS
@@ -17,10 +15,8 @@ from ..texts import for_markdown, numbered
 from . import compare, numbers, style
 from . import paper_table1 as paper
 from .compare import pass_spread, spread
+from .dataframe import DataFrame, Series, pd
 from .terminal import make_console, print_table
-
-if TYPE_CHECKING:  # experiments annotate with document.DataFrame: pandas takes a second to import
-    from pandas import DataFrame, Series
 
 COMMON = (
     "scene scene_title stand_in triangles method label settings device device_name width height preset status reason "
@@ -141,8 +137,6 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
 
     Other scenes, sizes and lights show what is missing. ``apart``: lightings at which only some points are measured.
     """
-    import pandas as pd
-
     planned, place = table[~table["light_label"].isin(apart)], ["title", "light_label", "width", "height"]
     same = "scene scene_title stand_in file lights light_count light_distance pixels".split()
     whose = "label method method_title settings device device_name".split()
@@ -174,7 +168,7 @@ def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
 
 def write(
     folder: Path, experiment: Any, table: DataFrame, columns: Sequence[str], finding: str,
-    tables: Mapping[str, DataFrame], pictures: Sequence[Path], quiet: bool, notes: Sequence[str] = (), *,
+    tables: Mapping[str, DataFrame], pictures: Sequence[Path | None], quiet: bool, notes: Sequence[str] = (), *,
     rows: DataFrame | None = None, apart: Collection[str] = (),
 ) -> list[Path]:  # fmt: skip
     """Write ``EXPERIMENT.csv`` and ``EXPERIMENT.md``, print the report unless ``quiet``; return every file written.
@@ -183,7 +177,7 @@ def write(
     columns  of the CSV: of ``table``, or of ``rows``
     tables, notes  what stands under each heading; lines below. ``apart``: see :func:`not_measured`
     """
-    name = experiment.name
+    name, files = experiment.name, [picture for picture in pictures if picture]
     csv = write_csv(table if rows is None else rows, folder / f"{name}.csv", columns)
     shown = {heading: body for heading, body in tables.items() if len(body)}
     cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
@@ -198,7 +192,7 @@ def write(
     text += ["Not measured:", "", *(for_markdown(f"- {line}") for line in missing), ""] if missing else []
     path, kept = folder / f"{name}.md", sorted(folder.glob("*.png"))
     # Pictures of an earlier drawing stay, because the files that they were drawn from may have been removed.
-    drawn = [file.name for file in pictures if file.suffix in (".svg", ".png")]
+    drawn = [file.name for file in files if file.suffix in (".svg", ".png")]
     drawn += [file.name for file in kept if file.name.startswith((name, "gallery"))]
     text += [f"![{Path(file).stem}]({quote(file)})" for file in dict.fromkeys(drawn)]
     path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
@@ -209,32 +203,19 @@ def write(
             print_table(body, heading, console)
         for line in [*about, *(["Not measured: " + "; ".join(missing)] if missing else [])]:
             console.print("  " + line.replace(r"\*", "*"))
-    return [csv, *pictures, path]
+    return [csv, *files, path]
 
 
 def validity(table: DataFrame) -> list[str]:
     """What a reader must know of the points behind a table before comparing them; a line each."""
-    lines = (*views(table), *left_out(table), *hardware(table), *compare.apart(table), effort(table))
-    return [line for line in lines if line]
-
-
-def views(table: DataFrame) -> list[str]:
-    """One line per scene with a camera or lights other than the declared ones."""
-    known = table[table["view"] != ""].groupby("title", sort=False)["view"].unique()
-    return [f"{title}: {' | '.join(found)}." for title, found in known.items()]
-
-
-def left_out(table: DataFrame) -> list[str]:
-    """One line per scene of whose file something was left out or approximated."""
-    known = table[table["left_out"] != ""].groupby("title", sort=False)["left_out"].unique()
-    return [f"{title}, as read: {' | '.join(found)}." for title, found in known.items()]
-
-
-def hardware(table: DataFrame) -> list[str]:
-    """One line per device of which a method tells whether it has ray tracing units."""
+    lines = []
+    for column, read in (("view", ""), ("left_out", ", as read")):  # by scene; what of its file was left out
+        known = table[table[column] != ""].groupby("title", sort=False)[column].unique()
+        lines += [f"{title}{read}: {' | '.join(found)}." for title, found in known.items()]
     units = table["built"].astype(str).str.extract(rf"{UNITS} (\w+)", expand=False)
     told = table.assign(units=units).dropna(subset=["units"]).drop_duplicates(["device_name", "units"])
-    return [f"{UNITS.capitalize()} of {row.device_name}: {row.units}." for row in told.itertuples()]
+    lines += [f"{UNITS.capitalize()} of {row.device_name}: {row.units}." for row in told.itertuples()]
+    return list(filter(None, [*lines, *compare.apart(table), effort(table)]))
 
 
 def where(table: DataFrame) -> str:
@@ -272,8 +253,7 @@ def names(table: DataFrame) -> Series:
 
 def listed(texts: Sequence[str], most: int = 6) -> str:
     """The first texts of a list, and how many more there are."""
-    rest = [f"and {len(texts) - most} more (see the CSV)"] * (len(texts) > most)
-    return "; ".join([*texts[:most], *rest])
+    return "; ".join([*texts[:most], *[f"and {len(texts) - most} more (see the CSV)"] * (len(texts) > most)])
 
 
 def errors(table: DataFrame) -> str:

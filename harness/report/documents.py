@@ -4,24 +4,22 @@
     ...
     <!-- end -->
 
-An experiment's package says what each part holds. What stands outside them is left as it is.
+An experiment's package says what each part holds. What stands outside them is left as it is. A page with a notebook of its
+name beside it is written as that, too.
 """
 
-from __future__ import annotations
-
+import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ..errors import UserError
 from ..files import write_text
 from ..results.schema import folders_with_records, place_name
 from . import claims, document, ranking
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from .dataframe import DataFrame
 
 PART = re.compile(r"(?m)^(<!-- drawn: (?P<name>[^>]+?) -->\n)(?P<text>.*?)^(<!-- end -->)$", re.DOTALL)
 SKIPPED = ("build", "node_modules", "local")
@@ -75,11 +73,35 @@ def drawn(text: str, results: Results, parts: Parts, path: Path) -> str:
 
 
 def fill(results: Results, root: Path, parts: Parts) -> list[Path]:
-    """Draw the parts of every document of a checkout anew; the files that changed."""
+    """Draw the parts of every document of a checkout anew, and the notebooks of pages that have one; the files that
+    changed."""
     changed = []
     for path in documents(root):
         text = path.read_text(encoding="utf-8")
-        if PART.search(text) and (new := drawn(text, results, parts, path)) != text:
-            write_text(path, new)
-            changed.append(path)
+        made = {path: drawn(text, results, parts, path)}
+        if (notebook := path.with_suffix(".ipynb")).is_file():
+            made[notebook] = notebook_of(made[path])
+        for place, content in made.items():
+            if content != place.read_text(encoding="utf-8"):
+                write_text(place, content)
+                changed.append(place)
     return changed
+
+
+def notebook_of(text: str) -> str:
+    """A page as a Jupyter notebook without outputs: text as cells of Markdown, blocks of Python as cells of code."""
+    cells = []
+    for place, part in enumerate(re.split(r"```python\n(.*?)\n```\n", text, flags=re.DOTALL)):
+        if part.strip():
+            cell: dict[str, Any] = {
+                "id": f"cell-{place}",
+                "metadata": {},
+                "source": part.strip().splitlines(keepends=True),
+            }
+            own: dict[str, Any] = {"execution_count": None, "outputs": []} if place % 2 else {}
+            cells.append({"cell_type": "code" if place % 2 else "markdown", **cell, **own})
+    about = {
+        "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+        "language_info": {"name": "python"},
+    }
+    return json.dumps({"cells": cells, "metadata": about, "nbformat": 4, "nbformat_minor": 5}, indent=1) + "\n"

@@ -1,17 +1,15 @@
-"""How a measured number is written: its digits, as many as its spread carries, and its marks.
+"""How a measured number is written: its digits, as many as its spread carries, its marks, and its place in a finding.
 
 Terminal, Markdown, LaTeX, drawings and the page show the texts that are made here, so that a number reads the same in all.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from pandas import Series
+from .compare import geometric
+from .dataframe import DataFrame, Series
 
 NOISY = "~"
 """Mark before a number that is shown with fewer digits, because its spread is too large or not known."""
@@ -55,6 +53,11 @@ def carry(values: Series, spreads: Series, form: str = "") -> Series:
     return values.astype(object).where(values.isna(), texts).astype("str")
 
 
+def texts(table: DataFrame, name: str, form: str = "") -> Series:
+    """A column as texts, with the digits that its spread carries: the column NAME_spread; none is a spread of zero."""
+    return carry(table[name], table.get(f"{name}_spread", table[name] * 0.0), form)
+
+
 def of_frames(texts: Series, frames: Series, whole: Series) -> Series:
     """Times, marked where they are means over fewer frames than others beside them: "0.363 [1/3]"."""
     fewer = (frames > 0) & (frames < whole)
@@ -75,3 +78,37 @@ def meanings(texts: Iterable[str]) -> list[str]:
     """What the marks in these texts say, a line each."""
     whole = "\n".join(texts)
     return [meaning for mark, meaning in MEANINGS.items() if re.search(mark, whole)]
+
+
+def mean(table: DataFrame, ratio: str) -> str:
+    """The geometric mean of a column of ratios, with the digits that their spreads (column RATIO_spread) carry."""
+    values, spreads = table[ratio].astype("float64"), table.get(f"{ratio}_spread", table[ratio] * 0.0)
+    middle = geometric(values)
+    return carried(middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values))
+
+
+def means(table: DataFrame, ratio: str, by: str) -> list[tuple[str, str]]:
+    """Each value of ``by`` with its :func:`mean`, the least first: of the values that as many scenes have as any."""
+    own = table[table[ratio].notna()].groupby(by, sort=False)
+    order, sizes = own[ratio].agg(geometric).sort_values(kind="stable").index, own.size()
+    return [(str(name), mean(own.get_group(name), ratio)) for name in order if sizes[name] == sizes.max()]
+
+
+def ends(table: DataFrame, ratio: str, by: str, one: str, other: str, lacking: str) -> str:
+    """The form ``one`` of name and mean of the least, and ``other`` of those of the greatest where there are two."""
+    found = means(table, ratio, by)
+    if not found:
+        return lacking
+    return one.format(*found[0]) + (other.format(*found[-1]) if len(found) > 1 else "")
+
+
+def over(table: DataFrame) -> str:
+    """What a mean is over, in brackets: "(geometric means over 6 scenes)"; "" where there is only one."""
+    count = table["title"].nunique()
+    return f" (geometric means over {count} scenes)" if count > 1 else ""
+
+
+def listed(texts: Iterable[Any]) -> str:
+    """Texts in a row as a sentence has them: "a", "a and b", "a, b and c"."""
+    told = list(map(str, texts))
+    return " and ".join([", ".join(told[:-1]), told[-1]] if len(told) > 1 else told)

@@ -1,14 +1,12 @@
 """The shared drawings: lines, stacked bars, dots and images, one panel per value of a column."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +14,8 @@ from PIL import Image
 
 from ..results.table import PART_COLUMNS
 from . import numbers, style
+from .dataframe import DataFrame
 from .picture import png_bytes
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 DASHES = ("-", "--", ":", "-.")
 WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are shown as shares of it"
@@ -114,8 +110,9 @@ def lines(
     across: int = 1, whisker: str = "", drawn: Mapping[Any, Mapping[str, Any]] | None = None, log_x: int = 0,
     log_y: bool = True, ticks: Callable[[Any], str] | None = None, wrong: str = "", proportion: str = "",
     high: float = 1.6, wide: float = 1.0, **options: Any,
-) -> Path:  # fmt: skip
+) -> Path | None:  # fmt: skip
     """Lines of ``y`` over ``x``: one per value of ``hue``, in a panel per value of ``facet``, ``across`` beside one another.
+    None where nothing was measured, as of the other drawings of tables.
 
     A row with an ``x`` and no ``y`` has a mark at the upper edge; a line without any ``y`` is named above its panel.
 
@@ -124,6 +121,8 @@ def lines(
     ticks    the text of a value of x: each value has a tick then
     proportion  the label of a line y ~ x
     """
+    if table[y].isna().all():
+        return None
     drawn = drawn or looks(table, hue)
     with facets(path, table, facet, across, high, wide, below=below, left=left, **options) as shown:
         for axes, title, here in shown:
@@ -167,8 +166,10 @@ def line(axes: Any, own: DataFrame, x: str, y: str, whisker: str, label: str, lo
 def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.6, legend: int = 3,
-) -> Path:  # fmt: skip
+) -> Path | None:  # fmt: skip
     """Panels of :func:`stacked` bars, cut off at ``cut`` times the shortest; the axis is ``room`` times the longest."""
+    if table.empty:
+        return None
     sizes = table[facet].value_counts() if facet else [len(table)]
     across, high = min(across, len(sizes)), (0.13 if facet else 0.24) * max(sizes) + 0.3
     size = across, high, 0.35 + 0.65 * across
@@ -223,7 +224,7 @@ BAND = 0.3
 def dots(
     path: Path, table: DataFrame, rows: str, x: str, hue: str, *, below: str, facet: str = "",
     order: Sequence[str] = (), whisker: str = "", legend: int = 2,
-) -> Path:  # fmt: skip
+) -> Path | None:  # fmt: skip
     """Markers of the ratios ``x``, a band for each value of ``rows`` from the top down; a line stands at one. Logarithmic.
 
     hue, facet  columns with a marker, and a panel side by side, for each value
@@ -231,6 +232,8 @@ def dots(
     whisker  column: the uncertainty of a value
     """
     own = table[table[x].notna()].reset_index(drop=True)
+    if own.empty:
+        return None
     here = list(own[rows].unique())
     names = [name for name in order if name in here] + [name for name in here if name not in order]
     drawn, across = looks(own, hue), own[facet].nunique() if facet else 1

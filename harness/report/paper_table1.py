@@ -4,13 +4,10 @@ Guntury and Narayanan 2010, "Ray Tracing Dynamic Scenes with Shadows on the GPU"
 traversal and tracing of primary rays; the last column is all steps up to the shadow bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from .dataframe import DataFrame, pd
 
 GPU = "GTX 280"
 SIZE = (1024, 1024)
@@ -54,8 +51,6 @@ FOOTNOTES = (
 
 def entries(scenes: Iterable[str]) -> DataFrame:
     """A row per printed entry of these scenes, in the columns of Table 1's CSV: ``printed``, and the times in that text."""
-    import pandas as pd
-
     found = [
         (scene, ROWS[scene].title, *column, printed)
         for scene in scenes

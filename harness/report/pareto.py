@@ -1,15 +1,11 @@
 """Errors against time: every point of a scene, and the front of those that none beats in both."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import panels, style
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
+from .dataframe import DataFrame, Series
 
 BELOW = "the stair is the front: nothing is both faster and less wrong; its points have their names"
 SIZE = 5.5

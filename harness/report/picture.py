@@ -1,4 +1,5 @@
-"""A picture of a frame from its answers, wrong ones visible: shaded by the kernel that frames use, in display values.
+"""A picture of a frame from its answers, wrong ones visible: shaded by the kernel that frames use, in display values; and
+an animation, frames as one looping WebP file.
 
 Never part of a timed frame. A caption says what is a stand-in, so that it cannot be mistaken for the original.
 """
@@ -18,6 +19,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
 from ..arrays import F64, U8
+from ..errors import UserError
 from ..files import open_regular, replacing
 from ..frame.effects.shading import shaded
 from ..scene.facts import triangles
@@ -49,6 +51,15 @@ LARGEST = 8192
 NARROWEST = 256
 """Smallest width of a caption."""
 PAPER = (250, 250, 248)
+
+QUALITY = 60
+"""Quality of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels."""
+
+LONGEST_SIDE = 16383
+"""Largest width and height of a WebP file, pixels."""
+
+MOST_PIXELS = 1 << 28
+"""Largest number of pixels of all frames together: they are in memory until the file is written, 3 bytes per pixel."""
 
 
 def shade(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]) -> U8:
@@ -167,3 +178,39 @@ def captioned(picture: U8, title: str, facts: str, stand_in: str | None = None) 
 def stand_in_text(stand_in: str) -> str:
     """What a stand-in stands in for, as a line that says "stand-in" once."""
     return stand_in[:1].upper() + stand_in[1:] if "stand-in" in stand_in else f"Stand-in: {stand_in}"
+
+
+def check_animation(width: int, height: int, frames: int) -> None:
+    """Raise :class:`UserError` where an animation of this size cannot be written."""
+    if max(width, height) > LONGEST_SIDE:
+        raise UserError(f"--size {width}x{height}: a WebP file has at most {LONGEST_SIDE} pixels per side")
+    if width * height * frames > MOST_PIXELS:
+        raise UserError(
+            f"{frames} frames of {width}x{height}: too many pixels for one animation; choose a smaller --size or --frames"
+        )
+
+
+def beside(pictures: Sequence[U8]) -> U8:
+    """The pictures in a row, tops aligned, on one sheet: uint8 [height, width, 3]."""
+    sheet = np.empty((max(p.shape[0] for p in pictures), sum(p.shape[1] for p in pictures), 3), dtype=np.uint8)
+    sheet[:] = PAPER
+    left = 0
+    for picture in pictures:
+        sheet[: picture.shape[0], left : left + picture.shape[1]] = picture
+        left += picture.shape[1]
+    return sheet
+
+
+def save_webp(frames: Sequence[U8], path: Path, seconds: float) -> Path:
+    """Write frames, uint8 [height, width, 3] each, as a looping WebP file that lasts ``seconds``. Whole or not at all.
+
+    Players show a frame for whole milliseconds, at least 10.
+    """
+    images = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
+    length = max(10, round(1000 * seconds / len(images)))
+    with replacing(path, durable=False) as stream:
+        images[0].save(
+            stream, "WEBP", save_all=True, append_images=images[1:], duration=length, loop=0, quality=QUALITY,
+            method=4,
+        )  # fmt: skip
+    return path

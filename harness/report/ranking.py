@@ -4,19 +4,15 @@ A scene stands for one scene with one set of lights on one device. A method coun
 no answer was wrong.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..files import plain
 from ..texts import numbered
 from . import compare, document, numbers, style
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
+from .dataframe import DataFrame, Series, pd
 
 SETTING = ["title", "light_label", "device"]
 """What the points of a scene have in common."""
@@ -84,13 +80,9 @@ def tables(table: DataFrame, rebuilt: Mapping[str, str], frames: DataFrame | Non
     ``frames``: the tidy table that was ranked, for rows of those without a time, which say why.
     """
     made = {f"{setting}, fastest first": sorted_table(own, rebuilt) for setting, own in settings(table)}
-    return made if frames is None else with_lost(made, document.lost(document.named(frames)))
-
-
-def with_lost(made: Mapping[str, DataFrame], lost: DataFrame) -> dict[str, DataFrame]:
-    """The tables of scenes with rows of the points that have no time: why not."""
-    import pandas as pd
-
+    if frames is None:
+        return made
+    lost = document.lost(document.named(frames))
     rows = lost[["label", "why"]].set_axis(["method", "answers"], axis=1)
     whose = document.with_light(lost, "title") + ", fastest first"
     return {heading: pd.concat([own, rows[whose == heading]]) for heading, own in made.items()}
@@ -98,25 +90,13 @@ def with_lost(made: Mapping[str, DataFrame], lost: DataFrame) -> dict[str, DataF
 
 def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
     """One row per method: time, ratio to the fastest exact method, wrong answers, memory, and what a frame rebuilds."""
-    import pandas as pd
-
-    return pd.DataFrame(
-        {
-            "method": own["label"],
-            "ms": own["ms"],
-            "ratio": numbers.carry(own["times"], own["times_spread"]),
-            "answers": own["error"],
-            "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map("{:.1f}".format, na_action="ignore"),
-            "in each frame": in_each_frame(own, rebuilt),
-        }
-    )
-
-
-def in_each_frame(own: DataFrame, rebuilt: Mapping[str, str]) -> list[str]:
-    """What each method builds in a frame, in words; where only some inputs have moved, it may be nothing."""
+    # Where only some inputs have moved, a frame may build nothing.
     idle = (own["moved"] != "") & (own["build_count"].fillna(1) == 0)
-    pairs = zip(own["label"], idle, strict=True)
-    return ["builds nothing" if nothing else rebuilt.get(label, "-") for label, nothing in pairs]
+    return pd.DataFrame({
+        "method": own["label"], "ms": own["ms"], "ratio": numbers.texts(own, "times"), "answers": own["error"],
+        "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map("{:.1f}".format, na_action="ignore"),
+        "in each frame": own["label"].map(lambda label: rebuilt.get(label, "-")).mask(idle, "builds nothing"),
+    })  # fmt: skip
 
 
 def as_json(table: DataFrame, rebuilt: Mapping[str, str]) -> list[dict[str, Any]]:
@@ -174,7 +154,10 @@ def finding(table: DataFrame) -> str:
     parts = [own.to_dict("records") for _, own in settings(table)]
     if len(parts) <= MOST_TOLD:
         return " ".join(sentence for _, own in settings(table) for sentence in sentences(own))
-    return " ".join(filter(None, (winners(parts), nearest(table, parts), wrong_ones(table))))
+    wrong = told(
+        table[~table["exact"]], "Of those that are not exact, {} on {} takes the least: {} times as long, and {}."
+    )
+    return " ".join(filter(None, (winners(parts), nearest(table, parts), wrong)))
 
 
 def headline(table: DataFrame) -> str:
@@ -232,13 +215,6 @@ def nearest_others(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]
     kinds = {rows[0]["setting"]: style.kind(row["method"]) for rows in scenes for row in rows[::-1] if row["exact"]}
     others = table[table["exact"] & (table["method"].map(style.kind) != table["setting"].map(kinds))]
     return others[others["times"].notna()].sort_values("times", kind="stable").drop_duplicates("setting")
-
-
-def wrong_ones(table: DataFrame) -> str:
-    """The fastest method that is not exact, over the fastest that is, as a sentence."""
-    return told(
-        table[~table["exact"]], "Of those that are not exact, {} on {} takes the least: {} times as long, and {}."
-    )
 
 
 def told(table: DataFrame, form: str) -> str:

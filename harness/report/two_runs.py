@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from random import Random
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +51,19 @@ class Timed:
         scores = [frame.score for frame in self.record.measured]
         known = [score.true_errors for score in scores if score is not None]
         return sum(known) if known and (len(known) == len(scores) or sum(known)) else None
+
+    @property
+    def scene(self) -> str:
+        """The title of its scene, with its lighting where that has a name."""
+        scene = self.record.scene
+        light = (scene.get("lighting") or {}).get("label", "")
+        return f"{scene.get('title') or scene['name']}{f', {light}' if light else ''}"
+
+    @property
+    def label(self) -> str:
+        """What its method is called."""
+        method = self.record.method
+        return method.get("label") or method.get("title") or method["name"]
 
     @property
     def failed(self) -> bool:
@@ -146,22 +160,30 @@ def compared(
     cores  of the machine: points of a CPU leave out rounds in which the load exceeded them. None: not known
     """
     usual = usual_clock([*a.values(), *b.values()])
+
+    def over_common_frames(*runs: Record) -> tuple[Timed, Timed]:
+        frames = set.intersection(*({frame.frame for frame in one.measured} for one in runs))
+        one, other = (timed(record, frames, usual, cores) for record in runs)
+        return one, other
+
     shared = [entry for entry in a if entry in b]
-    pairs = {entry: _pair(a[entry], b[entry], usual, cores) for entry in shared}
-    repeats = {e: _pair(a[e], again[e], usual, cores) for e in shared if again and e in again}
+    pairs = {entry: over_common_frames(a[entry], b[entry]) for entry in shared}
+    repeats = {entry: over_common_frames(a[entry], again[entry]) for entry in shared if again and entry in again}
     rows = {entry: _row(*pair, repeats.get(entry)) for entry, pair in pairs.items()}
     means = _means(pairs, repeats)
     tested = list(itertools.chain(rows.values(), means))
     corrected = holm([row.p for row in tested])
     final = [_judged(row, p, margin) for row, p in zip(tested, corrected, strict=True)]
     left = [
-        (run, f"{_scene(one.record)}, {_label(one.record)}", number, why)
+        (run, f"{one.scene}, {one.label}", number, why)
         for pair in pairs.values()
         for run, one in zip("AB", pair, strict=True)
         for number, why in one.left_out.items()
     ]
     only = {
-        run: tuple(f"{_scene(one)}, {_label(one)}" for entry, one in own.items() if entry not in other)
+        run: tuple(
+            f"{Timed(one, {}).scene}, {Timed(one, {}).label}" for entry, one in own.items() if entry not in other
+        )
         for run, own, other in (("A", a, b), ("B", b, a))
     }
     return Comparison(tuple(final[: len(rows)]), tuple(final[len(rows) :]), tuple(left), only)
@@ -169,7 +191,8 @@ def compared(
 
 def entries(records: Iterable[Record]) -> dict[tuple, Record]:
     """Records by what makes two of them the same entry of a table, in different runs."""
-    return {(record.experiment, *entry_of(record), _moved(record)): record for record in records}
+    moved = lambda record: str((record.scene.get("lighting") or {}).get("moved") or "")  # noqa: E731
+    return {(record.experiment, *entry_of(record), moved(record)): record for record in records}
 
 
 def gap_between(a: F64, b: F64) -> tuple[float, float, float]:
@@ -193,17 +216,16 @@ def own_spread(values: F64) -> float:
     half = len(values) // 2
     if half < 2:
         return math.nan
-    numbers = range(len(values))
+    numbers, logs = range(len(values)), np.log(values)
     ways = list(itertools.islice(itertools.combinations(numbers, half), 5_000))
     if len(ways) > SPLITS:
         ways = [tuple(Random(i).sample(numbers, half)) for i in range(SPLITS)]
-    logs = np.log(values)
     chosen = np.zeros((len(ways), len(values)), dtype=bool)
-    for row, way in zip(chosen, ways, strict=True):
-        row[list(way)] = True
-    gaps = [abs(float(np.median(logs[row]) - np.median(logs[~row]))) for row in chosen]
+    np.put_along_axis(chosen, np.array(ways), True, axis=1)
+    every = np.broadcast_to(logs, chosen.shape)
+    one, other = (np.median(every[side].reshape(len(ways), -1), axis=1) for side in (chosen, ~chosen))
     blocks = abs(float(np.median(logs[:half]) - np.median(logs[half:])))
-    return math.expm1(max(blocks, float(np.quantile(gaps, 0.95))))
+    return math.expm1(max(blocks, float(np.quantile(abs(one - other), 0.95))))
 
 
 def holm(values: Sequence[float]) -> list[float]:
@@ -216,34 +238,26 @@ def holm(values: Sequence[float]) -> list[float]:
     return result
 
 
-def _pair(a: Record, b: Record, usual: float, cores: int | None) -> tuple[Timed, Timed]:
-    """Two records of one entry over the frames that both measured."""
-    frames = {frame.frame for frame in a.measured} & {frame.frame for frame in b.measured}
-    return timed(a, frames, usual, cores), timed(b, frames, usual, cores)
-
-
 def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
-    record = a.record
     row = Row(
-        _scene(record), _label(record), record.method["device"], OPEN, rounds_a=len(a.rounds), rounds_b=len(b.rounds),
-        wrong_a=a.wrong, wrong_b=b.wrong, errs=_errs(a, b), unjudged=_unjudged(a, b),
-        lost=record.status == "ok" and b.record.status != "ok",
-        changed=record.method.get("source_sha256") != b.record.method.get("source_sha256"),
+        a.scene, a.label, a.record.method["device"], OPEN, rounds_a=len(a.rounds), rounds_b=len(b.rounds),
+        wrong_a=a.wrong, wrong_b=b.wrong, lost=a.record.status == "ok" and b.record.status != "ok", **_flags([(a, b)]),
     )  # fmt: skip
     for run, one in (("A", a), ("B", b)):
         if one.record.status != "ok":
             return replace(row, reason=f"{one.record.status} in {run}: {one.record.reason or 'no reason given'}")
-    repeat = again and (_values(again[0]), _values(again[1]))
-    return _tested(row, _values(a), _values(b), repeat)
+    return _tested(row, _by_round([a]), _by_round([b]), again and tuple(_by_round([one]) for one in again))
 
 
-def _errs(a: Timed, b: Timed) -> bool:
-    """Whether B has errors that A had not: more wrong answers, or more excused ones than may be."""
-    return (b.wrong or 0) > (a.wrong or 0) or (b.failed and not a.failed)
-
-
-def _unjudged(a: Timed, b: Timed) -> bool:
-    return a.wrong is not None and b.wrong is None
+def _flags(pairs: Sequence[tuple[Timed, Timed]]) -> dict[str, Any]:
+    """Of points of A and B: whether B has errors that A had not, more wrong answers or more excused ones than may be;
+    whether the answers of A alone were judged; whether the method's code has changed."""
+    return {
+        "errs": any((b.wrong or 0) > (a.wrong or 0) or (b.failed and not a.failed) for a, b in pairs),
+        "unjudged": any(a.wrong is not None and b.wrong is None for a, b in pairs),
+        "changed": len({(i, one.record.method.get("source_sha256")) for i, ab in enumerate(pairs) for one in ab})
+        > len(pairs),
+    }
 
 
 def _means(pairs: Mapping[tuple, tuple[Timed, Timed]], repeats: Mapping[tuple, tuple[Timed, Timed]]) -> list[Row]:
@@ -251,32 +265,27 @@ def _means(pairs: Mapping[tuple, tuple[Timed, Timed]], repeats: Mapping[tuple, t
     round, over the rounds that all have.
     """
     groups: dict[tuple, list[tuple]] = {}
-    for entry, (a, b) in pairs.items():
-        if len(a.rounds) >= ROUNDS and len(b.rounds) >= ROUNDS:
+    for entry, pair in pairs.items():
+        if min(len(one.rounds) for one in pair) >= ROUNDS:
             experiment, _, _, *others = entry
             groups.setdefault((experiment, *others), []).append(entry)
     rows = []
-    for own in groups.values():
-        if len(own) < 2:
-            continue
-        record = pairs[own[0]][0].record
-        light = (record.scene.get("lighting") or {}).get("label", "")
-        ms_a, ms_b = (_by_round([pairs[entry][i] for entry in own]) for i in (0, 1))
+    for own in filter(lambda own: len(own) > 1, groups.values()):
+        first = pairs[own[0]][0]
+        light = (first.record.scene.get("lighting") or {}).get("label", "")
+        a, b = (_by_round([pairs[entry][i] for entry in own]) for i in (0, 1))
         whole = all(entry in repeats for entry in own)
         repeat = tuple(_by_round([repeats[entry][i] for entry in own]) for i in (0, 1)) if whole else None
         row = Row(
-            f"geometric mean of {len(own)} scenes" + f", {light}" * bool(light),
-            _label(record), record.method["device"], OPEN,
-            rounds_a=len(ms_a), rounds_b=len(ms_b), scenes=len(own),
-            errs=any(_errs(*pairs[e]) for e in own), unjudged=any(_unjudged(*pairs[e]) for e in own),
-            changed=any(pairs[e][0].record.method.get("source_sha256")
-                        != pairs[e][1].record.method.get("source_sha256") for e in own),
+            f"geometric mean of {len(own)} scenes" + f", {light}" * bool(light), first.label,
+            first.record.method["device"], OPEN, rounds_a=len(a), rounds_b=len(b), scenes=len(own),
+            **_flags([pairs[entry] for entry in own]),
         )  # fmt: skip
-        rows.append(_tested(row, ms_a, ms_b, repeat))  # type: ignore[arg-type]
+        rows.append(_tested(row, a, b, repeat))
     return rows
 
 
-def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, F64] | None) -> Row:
+def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, ...] | None) -> Row:
     """The row with its gap, its interval, the machine's own spread and the uncorrected p."""
     from scipy.stats import mannwhitneyu
 
@@ -289,7 +298,7 @@ def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, F64] | None) -> Row:
     gap, low, high = gap_between(a, b)
     spread = max(own_spread(a), own_spread(b))
     if repeat and min(map(len, repeat)) >= 2:
-        spread = max(spread, abs(gap_between(*repeat)[0]))
+        spread = max(spread, abs(gap_between(repeat[0], repeat[1])[0]))
     p = float(mannwhitneyu(a, b, alternative="two-sided").pvalue)
     return replace(row, gap=gap, low=low, high=high, spread=spread, p=p)
 
@@ -315,27 +324,10 @@ def _judged(row: Row, p: float, margin: float) -> Row:
     return replace(row, reason="no difference found, and the interval is too wide to exclude one")
 
 
-def _values(one: Timed) -> F64:
-    return np.array(list(one.rounds.values()), dtype=np.float64)
-
-
 def _by_round(points: Sequence[Timed]) -> F64:
-    """The geometric mean of points in each round that all have."""
+    """The time of a point in each round, or the geometric mean of several in each that all have."""
+    if len(points) == 1:
+        return np.array(list(points[0].rounds.values()), dtype=np.float64)
     numbers = sorted(set.intersection(*(set(one.rounds) for one in points)))
     logs = [[math.log(one.rounds[number]) for one in points] for number in numbers]
     return np.exp(np.mean(logs, axis=1)) if logs else np.zeros(0)
-
-
-def _scene(record: Record) -> str:
-    scene = record.scene
-    light = (scene.get("lighting") or {}).get("label", "")
-    return f"{scene.get('title') or scene['name']}{f', {light}' if light else ''}"
-
-
-def _label(record: Record) -> str:
-    method = record.method
-    return method.get("label") or method.get("title") or method["name"]
-
-
-def _moved(record: Record) -> str:
-    return str((record.scene.get("lighting") or {}).get("moved") or "")

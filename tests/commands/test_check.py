@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.exact_method import ExactMethod
 from helpers.right_and_wrong_methods import Point
-from shadowbench.experiments.accuracy.hard_cases import hard_rows
+from shadowbench.experiments.accuracy.untimed import hard_rows
 from shadowbench.harness.commands.check import check
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry

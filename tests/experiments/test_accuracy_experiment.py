@@ -1,19 +1,16 @@
 """The accuracy experiment: its points, where a frame is wrong, errors over distance and offset, and its drawings."""
 
 import copy
-import csv
 import importlib.util
 
 import numpy as np
 import pandas as pd
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.table1_records import record, write_records
 from helpers.tiny_runs import write_scene
 from shadowbench.experiments import accuracy as declared
-from shadowbench.experiments.accuracy import drawing, hard_cases
-from shadowbench.experiments.accuracy.hard_cases import hard_rows
-from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
+from shadowbench.experiments.accuracy import untimed
+from shadowbench.experiments.accuracy.untimed import error_grid, hard_rows, offset_by
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
@@ -68,8 +65,8 @@ def test_only_the_top_of_the_ladder_says_that_it_is_exact():
 def test_what_is_not_about_the_scene_is_asked_for(tmp_path, monkeypatch):
     """The hard cases took most of the time of a run on one's own mesh."""
     done = []
-    monkeypatch.setattr(declared.offsets, "keep_grid", lambda options, *_: done.append("grid"))
-    monkeypatch.setattr(declared.hard_cases, "keep_hard", lambda options, *_: done.append("hard"))
+    monkeypatch.setattr(declared.untimed, "keep_grid", lambda options, *_: done.append("grid"))
+    monkeypatch.setattr(declared.untimed, "keep_hard", lambda options, *_: done.append("hard"))
     scene = write_scene(tmp_path / "tetra.obj")
     plain = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out")
     asked = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=tmp_path / "out", extras=("hard-cases",))
@@ -92,8 +89,8 @@ def test_the_grid_of_another_scene_is_not_that_of_this_one(tmp_path):
     chosen = plan_run("accuracy", "quick", "cpu", scenes=[str(scene)], out=out)
     out.mkdir()
     for name, kept in (("bunny", False), ("tetra", True)):
-        (out / declared.offsets.NAME).write_text(f"scene,label\n{name},a\n")
-        assert declared.offsets.kept(chosen) is kept
+        (out / declared.untimed.HEAT).write_text(f"scene,label\n{name},a\n")
+        assert declared.untimed.kept(chosen) is kept
         assert (survey.untimed_s(chosen) == 0) is kept
 
 
@@ -214,131 +211,13 @@ def test_the_hard_cases_tell_a_rung_from_the_top():
 # --- what is drawn ---
 
 
-def point(label, ms, wrong, spread=0.01, scene="buddha", count=10):
-    """A made-up record with one frame: its times around ``ms``, and acne as its only errors."""
-    made = record(scene, "embree")
-    made["key"] = f"{scene}-{label}"
-    made["experiment"] = "accuracy"
-    made["method"] |= {"label": label, "settings": {"label": label}}
-    frame = made["frames"][0]
-    frame["total_ms"] = list(np.linspace(ms * (1 - spread), ms * (1 + spread), count))
-    frame["wall_ms"] = frame["total_ms"]
-    frame["round"] = [0, 1] * (count // 2)
-    frame["score"]["true_errors"] = wrong
-    frame["score"]["primary"] |= {"true": 0, "invalid": 0, "near_tie": 1, "edge": 2, "tie": 5}
-    frame["score"]["shadow"] = [{"light": 0, "scored": 100, "acne": wrong, "leak": 0, "edge": 3, "invalid": 0}]
-    frame |= {"flip": 0.25, "flip_missing": ""}
-    return made
-
-
-@pytest.fixture
-def folder(tmp_path):
-    made = [
-        point("a: exact", 20.0, 0),
-        point("a: fast", 15.0, 4),
-        point("b: beaten", 30.0, 4),
-        point("b: quick", 5.0, 2000),
-        point("c: as wrong as quick", 6.0, 2000),
-    ]
-    return write_records(tmp_path, made)
-
-
-def test_the_frontier_is_what_nothing_beats(folder):
-    table = drawing.read(folder)
-    assert set(table.loc[table["on_frontier"], "label"]) == {"a: exact", "a: fast", "b: quick"}
-
-
-def test_a_cpu_is_on_no_frontier_of_a_gpu(folder):
-    table = drawing.read(folder)
-    table.loc[table["label"] == "b: quick", "device"] = "another"
-    assert set(table.loc[drawing.frontier(table), "label"]) == {"a: exact", "a: fast", "c: as wrong as quick"}
-
-
-def test_classes_are_counted_apart(folder):
-    fast = drawing.read(folder).set_index("label").loc["a: fast"]
-    counts = {name: fast[name] for name in ("wrong_per_frame", "primary_wrong", "acne", "leak", "excused", "ties")}
-    assert counts == {
-        "wrong_per_frame": 4, "primary_wrong": 0, "acne": 4, "leak": 0, "excused": 6, "ties": 5
-    }  # fmt: skip
-    assert (fast["family"], fast["level"], fast["flip"]) == ("a", "fast", 0.25)
-
-
-def test_a_difference_within_the_noise_is_no_cost(tmp_path):
-    made = [
-        point("a: with", 20.0, 0),
-        point("a: without", 19.95, 0),
-        point("a: cheap", 10.0, 7),
-        point("a: once", 10.0, 7, count=2),
-    ]
-    names = ("without", "cheap", "once")
-    found = drawing.costs(write_records(tmp_path, made), [(name, "a: with", f"a: {name}") for name in names])
-    assert found["within_noise"].tolist() == [True, False, True]
-    assert found["cost_ms"][1] == pytest.approx(10.0)
-    assert np.isnan(found["noise_ms"][2])
-
-
-def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monkeypatch):
-    classes = np.zeros((256, 256), dtype=np.int64)
-    classes[10:20, 10:20] = Verdict.ACNE
-    looks.write_map(looks.wrong_path(folder, "buddha-b: quick", 0), classes + looks.OFFSET)
-    lines = ["scene,label,method,distance,offset,size,status,wrong,primary_wrong,acne,leak,excused,scored,pixels"]
-    for distance in (2, 1000):
-        lines += [f'buddha,"{name}",m,{distance},0,48,ok,{wrong},0,{wrong},0,1,900,2304' for name, wrong in
-                  (("ours", 0), ("theirs", 30))]  # fmt: skip
-    (folder / "accuracy_heat.csv").write_text("\n".join(lines) + "\n")
-    hard = ["label,method,device,cases,cases_wrong,true_errors,worst", "a: exact,m,cpu,90,0,0,"]
-    hard.append("a: fast,m,cpu,90,3,1234,P12 700")
-    (folder / "accuracy_hard.csv").write_text("\n".join(hard) + "\n")
-    for name, value in {"MEASURES": (("care", "a: exact", "a: fast"),), "OTHER_MEASURES": (), "SHOWN": ("b: quick",),
-                        "EXACT": "a: exact"}.items():  # fmt: skip
-        monkeypatch.setattr(declared, name, value)
-    files = declared.draw(folder)
-    assert {path.name for path in files} == {
-        "accuracy.csv", "accuracy_costs.csv", "accuracy_pareto.svg",
-        "accuracy_costs.svg", "accuracy_where-buddha.png", "accuracy_heat.png", "accuracy.md",
-    }  # fmt: skip
-    assert all(path.stat().st_size > 100 for path in files)
-    text = (folder / "accuracy.md").read_text()
-    assert "| care | 1.33 | 4 (0) | 1,234 (0) |" in text
-    assert "a: beaten" not in text
-    assert "which of the others were left out was not recorded" in text
-    assert len(text.split()) < 700, "a page"
-    pareto_text = (folder / "accuracy_pareto.svg").read_text()
-    assert all(name in pareto_text for name in ("a: exact", "a: fast", "the stair is the front"))
-    assert "b: beaten" not in pareto_text, "only the front has names"
-    costs_text = (folder / "accuracy_costs.svg").read_text()
-    assert all(name in costs_text for name in ("all else", "care", "a: exact"))
-    assert "Frame time with a safety measure" in capsys.readouterr().out
-    with open(folder / "accuracy.csv", newline="") as file:
-        table = list(csv.DictReader(file))
-    assert len(table) == 5
-    assert {r["label"]: r["on_frontier"] for r in table}["b: beaten"] == "False"
-
-
-def test_points_on_another_device_say_so_and_are_not_drawn_among_the_times_of_the_usual_one(folder):
-    made = point("b: on the host", 300.0, 0)
-    made["method"].update(device="cuda:0", device_name="Imaginary card")
-    table = drawing.read(write_records(folder, [made]))
-    assert set(table["name"]) == {*table["label"]} - {"b: on the host"} | {"b: on the host, on the CUDA:0"}
-    (path,) = drawing.draw_frontier(table, folder / "pareto.svg")
-    assert "b: on the host" not in path.read_text()
-
-
 def test_the_report_names_the_hard_cases_that_were_left_out(tmp_path):
     rows = pd.DataFrame([{"label": "a", "cases": 9, "true_errors": 1, "left_out": "P29; S35"}])
-    (text,) = hard_cases.described(rows.reindex(columns=hard_cases.COLUMNS))
+    (text,) = untimed.described(rows.reindex(columns=untimed.HARD_COLUMNS))
     assert "2 were not tried, in which a point may still be wrong: P29, S35." in text
-    (text,) = hard_cases.described(rows.assign(left_out=hard_cases.NONE).reindex(columns=hard_cases.COLUMNS))
+    (text,) = untimed.described(rows.assign(left_out=untimed.NONE).reindex(columns=untimed.HARD_COLUMNS))
     assert "none was left out" in text
-    assert hard_cases.described(hard_cases.read_hard(tmp_path)) == []
-
-
-def test_a_folder_without_scores_says_so(tmp_path):
-    made = point("a: exact", 20.0, 0)
-    made["frames"][0].update(score=None, unscored="no truth here")
-    files = declared.draw(write_records(tmp_path, [made]), quiet=True)
-    assert "No point has both a time and a score." in (tmp_path / "accuracy.md").read_text()
-    assert not any(path.suffix == ".svg" for path in files)
+    assert untimed.described(untimed.read_hard(tmp_path)) == []
 
 
 def test_the_quick_preset_keeps_hard_cases_that_tell():

@@ -52,7 +52,3 @@ def test_energy_above_a_card_that_was_not_idle_is_none(tmp_path):
     assert (rows[first.label]["energy_mj"], rows[first.label]["watts"]) == ("", "")
     assert float(rows[second.label]["watts"]) == 175.0
     assert "above its idle power, 75 W on Imaginary GPU" in text
-
-
-def test_nothing_measured(tmp_path):
-    assert "No energy was measured." in report_of("costs", tmp_path, [record_of("costs", METHODS[0])])

@@ -3,8 +3,9 @@
 import dataclasses
 
 import pytest
+from helpers.experiment_records import record_of, report_of
 from helpers.tiny_runs import write_scene
-from shadowbench.experiments import _paper, figure2
+from shadowbench.experiments import _paper, ablation, figure2
 from shadowbench.experiments.ablation import CULLED, TREE
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
@@ -15,6 +16,7 @@ from shadowbench.harness.runner.planning.planned_point import describe_method
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Options, Run
 from shadowbench.harness.scene.catalogue import scene_names
+from shadowbench.methods.perspective_spherical import parameters
 
 OWN = ("figure2", "figure6", "figure9", "figure10", "figure11", "two_lights", "moving", "ablation")
 
@@ -103,6 +105,15 @@ def test_direct_and_indirect_mapping_trace_with_blocks_of_one_size():
     assert tiles[figure2.INDIRECT][1] == 2
 
 
+def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers():
+    ours = dataclasses.asdict(parameters.Build()) | dataclasses.asdict(parameters.Trace())
+    differ = {key for key, text in _paper.PAPER.items() if str(ours[key]).lower() != text}
+    taken = [key for keys in ablation.TAKEN_BACK.values() for key in keys]
+    assert sorted(taken) == sorted(differ)
+    for entry in ablation.LEFT_OUT:
+        assert entry.settings.items() <= _paper.PAPER.items()
+
+
 def test_an_experiment_without_presets_says_what_to_do():
     with pytest.raises(UserError, match="claims measures nothing; run other experiments"):
         find_preset(find_experiment("claims"), None, "cpu")
@@ -152,3 +163,24 @@ def test_each_experiment_runs_and_draws(name, tmp_path):
         assert {rays[name] < rays[""] for name in ("cone", "rectangle")} == {True}, "the spots look elsewhere"
     if name == "moving":
         assert all(len(r.frames) == 8 for r in records)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("scaling", "was not measured along a sweep"), ("crossover", "Nothing was measured."),
+        ("kept_trees", "Nothing was measured."), ("costs", "No energy was measured."),
+        ("reflection", "No grid and tree were measured with mirrors."), ("figure10", "Nothing was measured."),
+        ("soft_shadows", "Nothing was measured."), ("moving", "No place of the light was measured"),
+        ("ablation", "No change to paper-faithful was measured"), ("accuracy", "No point has both a time and a score."),
+        ("frame_time", "Nothing was measured."), ("two_lights", "Two lights were not measured"),
+        ("effects", "No effect was measured"), ("figure6", "No spot was measured"),
+    ],
+)  # fmt: skip
+def test_nothing_measured_is_said_and_not_drawn(name, said, tmp_path):
+    preset = find_experiment(name).presets["quick"]
+    made = record_of(name, preset.methods[0], preset.scenes[0], preset.lightings[0], status="rejected")
+    text = report_of(name, tmp_path, [made])
+    assert said in text
+    assert "needs 9 pairs" in text, "and why"
+    assert not list(tmp_path.glob("*.svg"))

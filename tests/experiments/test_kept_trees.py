@@ -74,12 +74,6 @@ def test_no_tree_measured(tmp_path):
     assert METHODS[-1].label in text
 
 
-def test_nothing_measured(tmp_path):
-    assert "Nothing was measured." in report_of(
-        "kept_trees", tmp_path, [record_of("kept_trees", FIRST, status="failed")]
-    )
-
-
 def test_it_runs(tmp_path):
     """Ages and qualities come from real records: a tree is the best at its own frame."""
     options = plan_run(

@@ -6,8 +6,7 @@ import re
 import numpy as np
 import pytest
 from helpers.tiny_runs import write_scene
-from shadowbench.experiments._sorting import Trial
-from shadowbench.experiments.key_bits import BITS, EXPERIMENT
+from shadowbench.experiments.key_bits import BITS, EXPERIMENT, Trial
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError

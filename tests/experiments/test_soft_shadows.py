@@ -41,44 +41,6 @@ def test_an_area_that_the_experiment_sets_itself_is_refused(given):
     plan_run("two_lights", "quick", "cpu", view=ChosenView(light_size=2.0))
 
 
-def test_where_a_tree_overtakes_the_grids_is_a_number_with_its_spread(tmp_path):
-    for scene in ("sibenik", "cloth"):
-        soft_shadows.beside(tmp_path, scene, "csv").write_text(
-            "scene,picture,targets,rmse,largest,flip_error\n"
-            + "".join(f"{scene},{soft_shadows.EXACT},{n},{0.2 / n},{0.9 / n},\n" for n in COUNTS)
-            + "".join(f'{scene},"{LOOSE.label}",{n},{0.3 / n},1,\n' for n in COUNTS)
-        )
-    text = report_of("soft_shadows", tmp_path, records(0.5))
-    # The two lines cross at 6 targets, between the measured 4 and 16.
-    table = soft_shadows.read(tmp_path)
-    at, spread, words = soft_shadows.overtaking(table[table["scene"] == "cloth"])
-    assert at == pytest.approx(6.0, rel=0.02)
-    assert 0.0 < spread < 1.0
-    assert f"{words} on " in text
-    assert "Cloth (stand-in)" in text
-    assert "With 16 targets the share of light is off by 1.2 %" in text
-    best = table[table["front_exact"] & (table["scene"] == "cloth")].sort_values("total_ms")
-    assert list(zip(best["label"], best["targets"], strict=True)) == [
-        (OURS.label, 1),
-        (OURS.label, 4),
-        (TREE.label, 16),
-    ]
-    assert (table["front"] & (table["label"] == LOOSE.label)).sum() == 2, (
-        "on each scene the fastest with few targets is not"
-    )
-
-
-def test_a_method_that_may_take_a_grid_is_no_tree(tmp_path):
-    """``hybrid`` took grids here, and was a little faster than ours: no tree overtakes anything."""
-    made = records(2.0)
-    for one in [record for record in made if record["method"]["label"] == OURS.label]:
-        ms = 0.99 * one["frames"][0]["total_ms"][0]
-        lighting = soft_shadows.targets(one["scene"]["lights"][0]["samples"])[0]
-        made.append(record_of("soft_shadows", soft_shadows.HYBRID, one["scene"]["name"], lighting, ms=ms))
-        made[-1]["scene"]["lights"] = one["scene"]["lights"]
-    assert "not up to 16 on " in report_of("soft_shadows", tmp_path, made)
-
-
 @pytest.mark.parametrize(("tree", "words"), [(2.0, "not up to 16 on "), (-2.5, "at 1 already on ")])
 def test_a_tree_that_never_or_always_wins_is_said(tmp_path, tree, words):
     if tree < 0:  # a tree that takes less than the grids from the beginning

@@ -9,11 +9,8 @@ from shadowbench.harness.scene.overrides import Lighting
 OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("warp_bvh", {}, "tree")
 
 
-def two(ms=1.0, frames=1, scene="cloth"):
-    return [
-        record_of("frame_time", OURS, scene, ms=ms, frames=frames),
-        record_of("frame_time", TREE, scene, ms=2.0, frames=frames),
-    ]
+def two(frames=1):
+    return [record_of("frame_time", entry, ms=ms, frames=frames) for entry, ms in ((OURS, 1.0), (TREE, 2.0))]
 
 
 def timed(record, *times):

@@ -1,6 +1,5 @@
 """Pictures of scenes: shading, pieces, galleries, what they say about themselves, and their sizes."""
 
-import dataclasses
 import io
 from pathlib import Path
 
@@ -48,12 +47,8 @@ def answers_to(prepared: Prepared, marked: np.ndarray | None = None):
         shadowed[:, marked] = 1
     zero = np.zeros(SIZE * SIZE, dtype=np.float32)
     return moment, {
-        "triangle": np.where(hit, 0, -1).astype(np.int32),
-        "t": t,
-        "u": zero,
-        "v": zero,
-        "shadowed": shadowed,
-    }
+        "triangle": np.where(hit, 0, -1).astype(np.int32), "t": t, "u": zero, "v": zero, "shadowed": shadowed,
+    }  # fmt: skip
 
 
 def test_shading_lights_what_is_lit_and_darkens_what_is_shadowed():
@@ -70,43 +65,6 @@ def test_shading_lights_what_is_lit_and_darkens_what_is_shadowed():
     assert (picture[:, SIZE // 2 :] > 190).all(), "a miss shows the light background"
 
 
-def test_surfaces_are_two_sided_but_a_light_behind_them_gives_nothing():
-    front, behind = (Light((-2.0, 0.0, 6.0)),), (Light((-2.0, 0.0, -6.0)),)
-    pictures = []
-    for lights in (front, behind):
-        prepared = square(lights)
-        moment, answers = answers_to(prepared)
-        pictures.append(shade(prepared, moment, answers, lights)[:, : SIZE // 2].astype(int))
-    assert pictures[1].max() < pictures[0].min()
-    flipped = square(front)
-    flipped = dataclasses.replace(flipped, faces=np.ascontiguousarray(flipped.faces[:, ::-1]))
-    moment, answers = answers_to(flipped)
-    # The tint follows the piece, which is the same, so winding changes nothing at all.
-    assert (shade(flipped, moment, answers, front)[:, : SIZE // 2] == pictures[0]).all()
-
-
-def test_each_light_has_its_colour_and_its_own_shadow_bit():
-    lights = (Light((-2.0, 0.0, 6.0), color=(1.0, 0.1, 0.1)), Light((-2.0, 0.0, 6.0), color=(0.1, 0.1, 1.0)))
-    prepared = square(lights)
-    moment, answers = answers_to(prepared)
-    both = shade(prepared, moment, answers, lights)[0, 0].astype(int)
-    answers["shadowed"][0] = 1
-    blue = shade(prepared, moment, answers, lights)[0, 0].astype(int)
-    answers["shadowed"][:] = [[0], [1]]
-    red = shade(prepared, moment, answers, lights)[0, 0].astype(int)
-    assert red[0] - red[2] > blue[0] - blue[2] + 40
-    assert both.sum() > max(red.sum(), blue.sum())
-
-
-def test_a_light_without_shadows_ignores_its_bits():
-    lights = (Light((-2.0, 0.0, 6.0), shadows=False),)
-    prepared = square(lights)
-    moment, answers = answers_to(prepared)
-    lit = shade(prepared, moment, answers, lights)
-    answers["shadowed"][:] = 1
-    assert (shade(prepared, moment, answers, lights) == lit).all()
-
-
 @pytest.mark.parametrize("triangle", [-77, 2, 1 << 30])
 def test_answers_that_name_no_triangle_are_drawn_as_misses(triangle):
     lights = (Light((0.0, 0.0, 6.0)),)
@@ -114,18 +72,6 @@ def test_answers_that_name_no_triangle_are_drawn_as_misses(triangle):
     moment, answers = answers_to(prepared)
     answers["triangle"][:] = triangle
     assert (shade(prepared, moment, answers, lights) > 190).all()
-
-
-def test_an_empty_mesh_is_a_picture_of_the_background():
-    empty = Geometry.static(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-    prepared = prepare(Scene("empty", "Empty", lambda: empty, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
-    moment = prepared.moment(0, 4, 3)
-    answers = {
-        "triangle": np.full(12, -1, dtype=np.int32),
-        "t": np.full(12, np.inf, dtype=np.float32),
-        "shadowed": np.zeros((1, 12), dtype=np.uint8),
-    }
-    assert shade(prepared, moment, answers, ()).shape == (3, 4, 3)
 
 
 def test_pieces_are_connected_through_welded_vertices():

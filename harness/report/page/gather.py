@@ -1,15 +1,14 @@
 """The content of the page for a folder of results, from its tidy tables: points, frames, ratios, environments,
 notices."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 import shadowbench
 
 from ...results.folder import read_environment
@@ -18,11 +17,8 @@ from ...results.throttled import disturbances
 from ...scene.overrides import Lighting
 from .. import compare, document, numbers, ranking, style
 from .. import paper_table1 as paper
+from ..dataframe import DataFrame, Series, pd
 from ..document import Source
-from .columns import columns, shortened
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 POINT = (
     "folder experiment preset run machine scene title stand_in triangles frame_count scene_sha256 "
@@ -50,37 +46,33 @@ TEXTS = {
 }  # fmt: skip
 """Numbers that the page shows as :mod:`.report.numbers` writes them, in columns "text.NAME": column, spread, form."""
 
+DIGITS = 6
+"""Significant digits of a measured number: finer than any spread."""
+
 MOST_BASES = 8
 """Columns of a table up to which each of them can be the base of ratios; else the first one of each method can."""
 
 
 def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> dict[str, Any]:
     """Everything but pictures and claims. ``order``: of experiments, the most interesting first; others follow by name."""
-    import pandas as pd
-
     place = {name: number for number, name in enumerate(order)}
-    interest = [place.get(one.frames["experiment"].iloc[0], len(place)) for one in sources]
-    sources = [one for _, one in sorted(zip(interest, sources, strict=True), key=lambda pair: (pair[0], pair[1].name))]
-    last = newest_versions(
-        pd.concat([t.frames[["method", "method_sha256", "started"]] for t in sources], ignore_index=True)
-    )
+    sources = sorted(sources, key=lambda one: (place.get(one.frames["experiment"].iloc[0], len(place)), one.name))
+    versions = pd.concat([one.frames[["method", "method_sha256", "started"]].dropna() for one in sources])
+    last = dict(versions.sort_values("started", kind="stable").groupby("method")["method_sha256"].last())
     facts = environments(sources)
-    shown, frames, ratios, about = [], [], [], []
-    first = 0
-    for source in sources:
-        own = detailed(source, last, facts)
+    shown = [detailed(source, last, facts) for source in sources]
+    frames, ratios, first = [], [], 0
+    for source, own in zip(sources, shown, strict=True):
         place_of = {key: first + number for number, key in enumerate(own["key"])}
-        shown.append(own)
         frames.append(frames_of(source.frames, place_of))
         ratios.append(ratios_of(source.frames, own, place_of))
-        about.append(described(source, own))
         first += len(own)
     every = pd.concat(shown, ignore_index=True)
     return {
         "title": title,
         "version": shadowbench.__version__,
         "finding": ranking.headline(ranking.ranked(sources[0].frames)),
-        "folders": about,
+        "folders": [described(*pair) for pair in zip(sources, shown, strict=True)],
         "points": columns(every.reindex(columns=[*POINT, *(name for name in every if name.startswith("text."))])),
         "frames": columns(pd.concat(frames, ignore_index=True)),
         "ratios": columns(pd.concat(ratios, ignore_index=True)),
@@ -94,12 +86,6 @@ def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> 
         },
         "colours": style.colours(every["method"]),
     }
-
-
-def newest_versions(table: DataFrame) -> dict[str, str]:
-    """The version of each method that was measured last."""
-    ordered = table[table["started"].notna()].sort_values("started", kind="stable")
-    return dict(ordered.groupby("method")["method_sha256"].last())
 
 
 def detailed(source: Source, last: dict[str, str], facts: dict[str, Any]) -> DataFrame:
@@ -172,8 +158,6 @@ def frames_of(table: DataFrame, place: dict[str, int]) -> DataFrame:
 
 def ratios_of(table: DataFrame, points: DataFrame, place: dict[str, int]) -> DataFrame:
     """Frame time over that of each base, one row per pair that may be compared (:func:`.report.compare.ratios`)."""
-    import pandas as pd
-
     slim = compare.slim(table)
     labels = list(dict.fromkeys(points["label"]))
     if len(labels) > MOST_BASES:
@@ -226,10 +210,44 @@ def written(place: Path, experiments: Sequence[str]) -> tuple[str, str]:
 
 def environments(sources: Sequence[Source]) -> dict[str, Any]:
     """The facts of each environment, by its name."""
-    found = {}
-    for source in sources:
-        for path in sorted((source.path / "environments").glob("*.json")):
-            facts = read_environment(source.path, path.stem)
-            if facts is not None:
-                found[path.stem] = shortened(facts)
-    return found
+    return {
+        path.stem: shortened(facts)
+        for source in sources
+        for path in sorted((source.path / "environments").glob("*.json"))
+        if (facts := read_environment(source.path, path.stem)) is not None
+    }
+
+
+def columns(table: DataFrame) -> dict[str, Any]:
+    """Each column by name: ``{"d": distinct texts, "i": their numbers}`` for texts, else a list; null: not known."""
+    return {"rows": len(table), "columns": {str(name): column(table[name]) for name in table}}
+
+
+def column(values: Series) -> Any:
+    """One column: see :func:`columns`. Tuples, lists and dictionaries stay as they are."""
+    known = values.dropna()
+    if len(known) and all(isinstance(value, str) for value in known):
+        distinct = list(dict.fromkeys(known))
+        place = {text: number for number, text in enumerate(distinct)}
+        return {"d": distinct, "i": [place.get(value) for value in values]}
+    return [shortened(value) for value in values.astype(object)]
+
+
+def shortened(value: Any) -> Any:
+    """A value as JSON holds it: a number with :data:`DIGITS` digits, whole ones whole, None where it is not known."""
+    if isinstance(value, dict):
+        return {str(key): shortened(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [shortened(one) for one in value]
+    if value is None or isinstance(value, str | bool | np.bool_):
+        return bool(value) if isinstance(value, np.bool_) else value
+    if isinstance(value, int | np.integer):
+        return int(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return None  # pandas' <NA>
+    if not math.isfinite(number):
+        return None
+    short = float(f"{number:.{DIGITS}g}")
+    return int(number) if number == int(number) and abs(number) < 1e15 else short

@@ -1,13 +1,11 @@
 """Images from files, each as a data address: figures, pictures of scenes, maps of counts and of errors."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from PIL import Image
 
@@ -16,12 +14,10 @@ from ...files import open_regular, read_regular
 from ...judge.verdict import ERRORS, MEANINGS, Verdict
 from ...results.pixel_maps import OFFSET, map_path, wrong_path
 from .. import document
+from ..dataframe import DataFrame
 from ..document import Source
 from ..flip import answered_path, reference_path
 from ..picture import UNREADABLE
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 LARGEST = 1024
 """Most pixels per side of a picture on the page."""
@@ -63,13 +59,12 @@ class Album:
 
 def figures(places: Mapping[str, Path], album: Album) -> list[dict[str, Any]]:
     """The drawings of each folder, by its name, SVG before PNG."""
-    found = []
-    for folder, place in places.items():
-        for path in sorted(place.glob("*.svg")) + sorted(place.glob("*.png")):
-            uri = album.file(path)
-            if uri:
-                found.append({"folder": folder, "name": path.name, "uri": uri})
-    return found
+    return [
+        {"folder": folder, "name": path.name, "uri": uri}
+        for folder, place in places.items()
+        for path in sorted(place.glob("*.svg")) + sorted(place.glob("*.png"))
+        if (uri := album.file(path))
+    ]
 
 
 def opened(path: Path) -> Image.Image | None:
@@ -113,10 +108,9 @@ def gallery(sources: Sequence[Source], album: Album) -> list[dict[str, Any]]:
         table = document.named(frames)
         used: set[Path] = set()
         for (scene, _, _), own in table.groupby(["scene", "width", "height"], sort=False):
-            for frame in sorted({int(f) for numbers in own["frame_numbers"] for f in numbers}):
-                entry = compared(name, place, scene, frame, own, album, used)
-                if entry:
-                    made.append(entry)
+            frames_shown = sorted({int(f) for numbers in own["frame_numbers"] for f in numbers})
+            entries = (compared(name, place, scene, frame, own, album, used) for frame in frames_shown)
+            made += [entry for entry in entries if entry]
         for path in sorted((place / "images").glob("*.png")):
             whole = None if path in used or path.stem.endswith(("-reference", "-answered")) else opened(path)
             if whole is None:
@@ -171,13 +165,12 @@ def maps(sources: Sequence[Source], album: Album) -> list[dict[str, Any]]:
             continue
         table = document.named(frames)
         for (title, _, _), own in table.groupby(["title", "width", "height"], sort=False):
-            found = []
-            for row in own[["key", "label", "frame_numbers"]].to_dict("records"):
-                for frame in row["frame_numbers"]:
-                    path = map_path(place, row["key"], int(frame))
-                    uri = album.file(path) if path.is_file() else None
-                    if uri:
-                        found.append({"label": row["label"], "frame": int(frame), "uri": uri, "key": row["key"]})
+            found = [
+                {"label": row["label"], "frame": int(frame), "uri": uri, "key": row["key"]}
+                for row in own[["key", "label", "frame_numbers"]].to_dict("records")
+                for frame in row["frame_numbers"]
+                if (path := map_path(place, row["key"], int(frame))).is_file() and (uri := album.file(path))
+            ]
             if found:
                 made.append({"folder": name, "title": title, "width": int(own["width"].iloc[0]),
                              "height": int(own["height"].iloc[0]), "maps": found})  # fmt: skip

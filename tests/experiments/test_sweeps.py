@@ -1,4 +1,4 @@
-"""The scaling experiment: its scenes, its sweeps run one after another, exponents fitted, drawn from made-up records."""
+"""Sweeps, of scaling and of crossover: the scenes of balls, runs one after another, and exponents fitted."""
 
 import dataclasses
 import itertools
@@ -6,27 +6,18 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.experiment_records import record_of, report_of
+import trimesh
 from shadowbench.experiments import scaling
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.experiment import find_experiment
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Options, Run
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.standins import balls
 
 # --- the scene ----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "count"), [("balls-1k", 1000), ("balls-300", 300), ("balls-2m", 2_000_000), ("ball-1k", None),
-                        ("balls-0", None), ("balls-1g", None), ("balls", None), ("balls-1k.ply", None)],
-)  # fmt: skip
-def test_names_ask_for_a_triangle_count(name, count):
-    assert balls.count_of(name) == count
 
 
 @pytest.mark.parametrize("count", [1000, 10_000, 300_000])
@@ -50,6 +41,65 @@ def test_a_ball_is_closed_but_for_its_seam():
     edges = [tuple(e) for f in weld.ravel()[faces] for e in itertools.pairwise([*f, f[0]])]
     assert len(set(edges)) == len(edges)
     assert {(b, a) for a, b in edges} == set(edges)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("balls-1k", balls.Name(1000)),
+        ("balls-2m-seen5", balls.Name(2_000_000, seen=0.05)),
+        ("balls-300-moving0", balls.Name(300, moving=0.0)),
+        ("balls-1k-seen100-moving30", balls.Name(1000, 1.0, 0.3)),
+        ("balls-1k-swirl150", balls.Name(1000, swirl=1.5)),
+        ("balls-1k-moving30-swirl5", None),
+        ("balls-1k-seen0", None),
+        ("balls-1k-seen101", None),
+        ("balls-1k-moving30-seen5", None),
+        *((name, None) for name in ("ball-1k", "balls-0", "balls-1g", "balls", "balls-1k.ply")),
+    ],
+)
+def test_a_name_says_what_the_scene_is(name, said):
+    assert balls.read_name(name) == said
+
+
+@pytest.mark.parametrize("percent", [5, 30, 80])
+def test_about_that_share_of_the_pixels_sees_the_ground(percent):
+    prepared = prepare(balls.scene(f"balls-300-seen{percent}"))
+    moment = prepared.moment(0, 48, 48)
+    directions = moment.directions(np.arange(48 * 48))
+    mesh = trimesh.Trimesh(moment.points, prepared.faces, process=False)
+    hits = mesh.ray.intersects_any(np.broadcast_to(moment.eye, directions.shape), directions)
+    # Balls stand out over the ground's edge.
+    assert percent / 100 - 0.02 <= hits.mean() <= 1.5 * percent / 100
+
+
+@pytest.mark.parametrize(("percent", "share"), [(0, 0.0), (30, 0.3), (60, 0.6), (100, 1.0)])
+def test_about_that_share_of_the_triangles_moves(percent, share):
+    geometry = balls.scene(f"balls-3k-moving{percent}").geometry()
+    assert geometry.frame_count == balls.FRAMES
+    moved = (geometry.positions(0) != geometry.positions(10)).any(axis=1)
+    assert moved[geometry.faces].any(axis=1).mean() == pytest.approx(share, abs=0.03)
+    heights = (geometry.positions(0)[:, 1], geometry.positions(10)[:, 1])
+    np.testing.assert_array_equal(*heights)
+
+
+def test_a_swirl_turns_the_middle_and_leaves_the_rim():
+    geometry = balls.scene("balls-3k-swirl25").geometry()
+    first, last = geometry.positions(0), geometry.positions(balls.FRAMES - 1)
+    away = np.hypot(first[:, 0], first[:, 2])
+    turned = np.degrees(np.angle((last[:, 0] + 1j * last[:, 2]) * (first[:, 0] - 1j * first[:, 2])))
+    some = away > 0.0
+    expected = 90.0 * np.clip(1 - away / balls.HALF, 0, None)
+    np.testing.assert_allclose(np.abs(turned)[some], expected[some], atol=1e-3)
+    np.testing.assert_allclose(np.hypot(last[:, 0], last[:, 2]), away, atol=1e-5)
+    np.testing.assert_array_equal(first[:, 1], last[:, 1])
+
+
+def test_the_sweeps_cross_in_one_setting():
+    for preset in find_experiment("crossover").presets.values():
+        parts = preset.parts()
+        settings = [(part.width, scene, one.label) for part in parts for scene in part.scenes for one in part.lightings]
+        assert len(set(settings)) == len(settings), "nothing is measured twice"
 
 
 # --- the sweeps ---------------------------------------------------------------------------------------------
@@ -101,47 +151,3 @@ def test_the_exponent_is_that_of_the_power_law():
     assert abs(exponent - 0.5) < half
     assert np.isnan(growth(x[:1], [1.0])).all()
     assert np.isnan(growth(x[:2], [1.0, 3.0])).tolist() == [False, True]
-
-
-def records():
-    """Time proportional to pixels, to the root of triangles, and 2 + 0.5 a light."""
-    entry, other = Entry("ray_grids", {}, scaling.OURS), Entry("warp_bvh")
-    result = []
-    for e, scale in ((entry, 1.0), (other, 3.0)):
-        points = [(t, 64, 1) for t in (1000, 10_000, 100_000)] + [(10_000, s, 1) for s in (32, 128)]
-        points += [(10_000, 64, n) for n in (2, 4)]
-        for triangles, side, count in points:
-            ms = scale * (triangles / 1e4) ** 0.5 * (side / 64) ** 2 * (2.0 + 0.5 * count)
-            lighting = Lighting(f"{count} lights", count=count) if count > 1 else None
-            r = record_of("scaling", e, f"balls-{triangles}", lighting, ms=ms / 1.01, size=side)
-            r["scene"]["triangles"] = triangles
-            result.append(r)
-    return result
-
-
-def test_text_and_picture(tmp_path):
-    text = report_of("scaling", tmp_path, records())
-    ours = "0.791 ms at 1k to 7.91 ms at 100k, exponent 0.50 ± 0.00"
-    assert f"| ray grids | {ours} |" in text
-    assert "exponent 1.00 ± 0.00 |" in text
-    assert "A frame of ray grids takes 0.791 ms with 1k triangles and 7.91 ms with 100k; " in text
-    drawn = (tmp_path / "scaling.svg").read_text()
-    for word in ("triangles", "pixels", "lights", "100k"):
-        assert f">{word}<" in drawn, word
-    scenes = "Balls-1000 (stand-in), Balls-10000 (stand-in), Balls-100000 (stand-in)"
-    assert scenes in drawn
-    assert scenes in text
-    assert "time in proportion, exponent 1" in drawn
-    assert "not measured" not in drawn + text
-
-
-def test_a_sweep_that_was_not_measured_is_told(tmp_path):
-    text = report_of("scaling", tmp_path, [r for r in records() if len(r["scene"]["lights"]) == 1])
-    assert "Not measured: time against lights." in text
-    assert "Not measured: time against lights." in (tmp_path / "scaling.svg").read_text()
-
-
-def test_nothing_measured_is_said(tmp_path):
-    text = report_of("scaling", tmp_path, [record_of("scaling", Entry("warp_bvh"), status="rejected")])
-    assert "Not measured" in text
-    assert not list(tmp_path.glob("*.svg"))
