@@ -17,37 +17,30 @@ def work(
     Of each light: shadow rays, tiles with rays, most rays in a tile, chunks C_total, and lanes C_total * r; the lane fill
     is rays / lanes. Tests per ray, in hundredths.
     """
+    tested, rays = int(primary.sum(dtype=np.int64)), 0
     result = {
-        "primary tests": _sum(primary),
-        "primary tests a hundred rays": _share(100 * _sum(primary), len(primary)),
+        "primary tests": tested,
+        "primary tests a hundred rays": round(100 * tested / max(1, len(primary))),
         "primary tests, most": int(primary.max(initial=0)),
         **_lists("camera", camera.bins),
     }
-    rays = 0
     for light in lights:
-        name = f"light {light.index}"
-        traced = light.traced()
-        result.update(_lists(name, light.bins, traced))
+        name, traced = f"light {light.index}", light.traced()
         lengths = light.sorted.lengths() * traced
         chunks = int(light.chunks.of_rays.total.numpy()[0]) * traced
-        result[f"{name} rays"] = int(lengths.sum())
-        result[f"{name} tiles with rays"] = int((lengths > 0).sum())
-        result[f"{name} most rays in a tile"] = int(lengths.max())
-        result[f"{name} chunks"] = chunks
-        result[f"{name} lanes"] = chunks * light.chunks.r
+        result |= {
+            **_lists(name, light.bins, traced),
+            f"{name} rays": int(lengths.sum()),
+            f"{name} tiles with rays": int((lengths > 0).sum()),
+            f"{name} most rays in a tile": int(lengths.max()),
+            f"{name} chunks": chunks,
+            f"{name} lanes": chunks * light.chunks.r,
+        }
         rays += int(lengths.sum())
     if lights:
-        result["shadow tests"] = _sum(shadow)
-        result["shadow tests a hundred rays"] = _share(100 * _sum(shadow), rays)
+        tested = int(shadow.sum(dtype=np.int64))
+        result |= {"shadow tests": tested, "shadow tests a hundred rays": round(100 * tested / rays) if rays else 0}
     return result
-
-
-def _sum(counts: NDArray[np.int32]) -> int:
-    return int(counts.sum(dtype=np.int64))
-
-
-def _share(part: int, whole: int) -> int:
-    return round(part / whole) if whole else 0
 
 
 def _lists(name: str, bins: TileBins, made: bool = True) -> dict[str, int]:

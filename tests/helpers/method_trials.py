@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from helpers.brute_force import closest, make_scene, shadowed, soup
@@ -111,6 +112,14 @@ def assert_weights(got: Answers, prepared: Prepared, moment: Moment, tolerance: 
     error = np.abs(rebuilt - direct).max(axis=1) / size
     assert (error > tolerance).sum() <= 0.01 * len(error)
     assert (error <= 0.05).all()
+
+
+def listed(pairs: Any, triangles: int) -> NDArray[np.int64]:
+    """The (cell, triangle) pairs in a grid's lists, as cell * ``triangles`` + triangle."""
+    begin, end = pairs.begin.numpy(), pairs.end.numpy()
+    cells = np.repeat(np.arange(len(begin), dtype=np.int64), end - begin)
+    places = np.concatenate([np.arange(b, e) for b, e in zip(begin, end, strict=True) if e > b])
+    return cells * triangles + pairs.values.numpy()[places]
 
 
 def random_trial(seed: int) -> tuple[Prepared, int, int]:

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import BEHIND, GIVEN, POINT, SPOT, all_mirrors, scene
 from helpers.planned_for_cuda import plan_for_cuda
 from shadowbench.harness.frame.registry import make_method, method_names
@@ -46,15 +45,6 @@ def session_for_cuda(
     return Session(method, prepared, 32, 32, "cpu")
 
 
-@pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
-def test_concurrent_passes_share_nothing_that_one_writes(name, settings, monkeypatch):
-    prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
-    session = session_for_cuda(name, settings, prepared, monkeypatch)
-    refuse_shared(session.passes)
-    branched = [work for work in session.passes if work.hints.parallel]
-    assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
-
-
 SCENES: dict[str, dict[str, Any]] = {
     "points": {"lights": (POINT, POINT)},
     "spots": {"lights": (SPOT, BEHIND, POINT)},
@@ -65,10 +55,12 @@ SCENES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("given", SCENES)
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
-def test_frames_in_part_share_nothing_either(name, settings, given, monkeypatch):
-    """What a frame leaves out, because little has moved, parted forks that must stay apart."""
-    prepared = scene(**SCENES[given])
-    session = session_for_cuda(name, settings, prepared, monkeypatch)
+def test_concurrent_passes_share_nothing_that_one_writes(name, settings, given, monkeypatch):
+    """Nor in frames in part: what they leave out, because little has moved, parted forks that must stay apart."""
+    session = session_for_cuda(name, settings, scene(**SCENES[given]), monkeypatch)
+    refuse_shared(session.passes)
+    branched = [work for work in session.passes if work.hints.parallel]
+    assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
     for changed in ({"light/0"}, {"light/1"}, {"light/0", "light/1"}, {"camera"}, {"camera", "light/0"}, {"points"}):
         refuse_shared(stale(session.all_passes, changed))
 

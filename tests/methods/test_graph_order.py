@@ -59,7 +59,7 @@ def recorded(passes: list[Pass], monkeypatch: pytest.MonkeyPatch) -> dict[str, s
     return recorder.before
 
 
-@pytest.mark.parametrize("lights", [1, 2, 5])
+@pytest.mark.parametrize("lights", [1, 3])
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
 def test_every_pass_comes_after_those_it_depends_on(name, settings, lights, monkeypatch):
     method = make_method(name, settings)
