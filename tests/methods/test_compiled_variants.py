@@ -131,18 +131,10 @@ def test_effects_and_blocks_make_none_but_those_listed(made, monkeypatch):
         assert effects == () or any(set(one.effects) & set(effects) for one in made)
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
     # Compiling takes seconds for each block: tracing tiles and chunks of sizes that other tests have as well.
-    for test, sizes in (
-        ("exact", {"tile": "4", "k": "2", "r": "40"}),
-        ("exact", {"tile": "6", "k": "3", "r": "33"}),
-        ("exact", {"tile": "9", "k": "2", "r": "200"}),
-        ("edge_planes", {"tile": "8", "k": "1", "r": "40"}),
-        ("moller_trumbore", {"tile": "4", "k": "2", "r": "50"}),
-    ):
-        settings = drawn(random, triangle_test=test, staging="shared", **sizes)
+    for sizes in ({"tile": "4", "k": "2", "r": "40"}, {"tile": "9", "k": "2", "r": "200"}):
+        settings = drawn(random, triangle_test="exact", staging="shared", triangle_chunk=0, **sizes)
         answers_of(scenes()[()], 17, 13, settings)
-    in_blocks = {one for one in made if staged(one)}
-    assert {one.arguments[1] for one in in_blocks} >= {64, 256}
-    assert {one.arguments[0] for one in in_blocks} == {0, 1, 2}
-    assert {one.name for one in in_blocks} == {"make_trace_kernel", "make_shadow_kernel"}
+    in_blocks = {(one.name, one.arguments[1]) for one in made if staged(one)}
+    assert in_blocks >= {(name, block) for name in ("make_trace_kernel", "make_shadow_kernel") for block in (64, 256)}
     assert made <= set(compiled_variants())
     nothing_else_was_made(made)
