@@ -23,9 +23,6 @@ MOST_TEXELS = 2.0**30
 """Coordinates times the bitmap's size stay below this, so that a texel's number fits 32 bits."""
 
 
-# --- on the host ----------------------------------------------------------------------------------------------
-
-
 def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
     """The mask with contiguous arrays of the declared types; every value that is not 0 becomes 1.
 
@@ -74,6 +71,3 @@ def from_arrays(arrays: Mapping[str, NDArray]) -> AlphaMask | None:
     if "alpha_opaque" not in arrays:
         return None
     return AlphaMask(**{field.name: arrays[f"alpha_{field.name}"] for field in fields(AlphaMask)})
-
-
-# --- on the device --------------------------------------------------------------------------------------------

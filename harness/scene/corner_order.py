@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from ..arrays import I32
 
-Faces = I32
 
-
-def in_order_of_duplicates(faces: Faces, weld: I32, closed: bool) -> Faces:
+def in_order_of_duplicates(faces: I32, weld: I32, closed: bool) -> I32:
     """``faces`` with the corners of each duplicate in the order of the first triangle with the same welded corners.
 
     faces [n, 3], weld [vertex_count] as :func:`.prepared.weld` gives it. In a ``closed`` scene duplicates that are wound
@@ -37,7 +35,7 @@ def in_order_of_duplicates(faces: Faces, weld: I32, closed: bool) -> Faces:
     return result
 
 
-def follow(values: NDArray, before: Faces, after: Faces) -> NDArray:
+def follow(values: NDArray, before: I32, after: I32) -> NDArray:
     """``values`` [n, 3, ...] of the corners in the order ``before``, in the order ``after`` of the same triangles."""
     rows = np.nonzero((before != after).any(axis=1))[0]
     places = (after[rows][:, :, None] == before[rows][:, None, :]).argmax(axis=2)

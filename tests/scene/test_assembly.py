@@ -148,26 +148,21 @@ def test_what_was_left_out_of_each_is_named(folder):
         ("", r"meshes\[0\]: add its file"),
         ("file = 3", r"meshes\[0\]: add its file"),
         ('file = "absent.ply"', r"meshes\[0\]: absent\.ply: no such file"),
-        ('file = "quad.ply"\nname = "x"', r"meshes\[0\]: unknown key 'name'"),
-        ('file = "quad.ply"\nframes = "0:3"', r"quad\.ply: has one frame, 0"),
         ('file = "wave"\nframes = "3"', r"meshes\[0\]\.frames: '3': write A:B:STEP"),
-        ('file = "quad.ply"\ntransform = 2', r"transform must be a table"),
-        ('file = "quad.ply"\ntransform = {turn = 2}', r"transform: unknown key 'turn'"),
-        ('file = "quad.ply"\ntransform = {scale = "2"}', r"transform\.scale must be a number"),
-        ('file = "quad.ply"\ntransform = {rotate = 90}', r"transform\.rotate must be three numbers"),
-        ('file = "quad.ply"\ntransform = {scale = 1e37, translate = [1e37, 0, 0]}', "too large for float32 rays"),
-        ('file = "quad.ply"\ntransform = {matrix = [[1, 0, 0, 0]]}', "four rows of four numbers"),
-        (
-            'file = "quad.ply"\ntransform = {scale = 1, matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}',
-            "give either a matrix",
-        ),
-        (
-            'file = "quad.ply"\ntransform = {matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,1,1]]}',
-            "its last row must be 0, 0, 0, 1",
-        ),
+        ('name = "x"', r"meshes\[0\]: unknown key 'name'"),
+        ('frames = "0:3"', r"quad\.ply: has one frame, 0"),
+        ("transform = 2", r"transform must be a table"),
+        ("transform = {turn = 2}", r"transform: unknown key 'turn'"),
+        ('transform = {scale = "2"}', r"transform\.scale must be a number"),
+        ("transform = {rotate = 90}", r"transform\.rotate must be three numbers"),
+        ("transform = {scale = 1e37, translate = [1e37, 0, 0]}", "too large for float32 rays"),
+        ("transform = {matrix = [[1, 0, 0, 0]]}", "four rows of four numbers"),
+        ("transform = {scale = 1, matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}", "give either a matrix"),
+        ("transform = {matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,1,1]]}", "its last row must be 0, 0, 0, 1"),
     ],
 )
 def test_mistakes_name_the_mesh(folder, mesh, words):
+    mesh = f'file = "quad.ply"\n{mesh}' if mesh and "file" not in mesh else mesh
     with pytest.raises(UserError, match=words) as caught:
         resolve(declared(folder, mesh))
     assert "scene.toml" in str(caught.value)

@@ -139,13 +139,10 @@ def _leg(hip: tuple[float, float], knee: tuple[float, float], ankle: tuple[float
 
 
 def _tail_tip() -> list[Blob]:
-    foot = SPINE[-1][:3]
-    blobs = []
-    for i in range(7):
-        angle = np.radians(-15 + 30 * i)
-        tip = (foot[0] + 0.15 * np.cos(angle), foot[1] + 0.17 * np.sin(angle) + 0.03, foot[2] + 0.02 * (i % 3 - 1))
-        blobs.append(limb(foot, tip, 0.030, 0.004, blend=0.01))
-    return blobs
+    x, y, z, _ = SPINE[-1]
+    angles = np.radians(-15 + 30 * np.arange(7))
+    tips = [(x + 0.15 * np.cos(a), y + 0.17 * np.sin(a) + 0.03, z + 0.02 * (i % 3 - 1)) for i, a in enumerate(angles)]
+    return [limb((x, y, z), tip, 0.030, 0.004, blend=0.01) for tip in tips]
 
 
 def geometry() -> Geometry:
@@ -165,10 +162,7 @@ _BUNNY_START = np.array([-1.20 - BUNNY_SPEED * IMPACT_TIME, 0.06, 0.06])
 
 def _skinned(mesh: Mesh, scale: float) -> Mesh:
     """The mesh with relief: scales ``scale`` wide, or fur where it is 0."""
-    if scale:
-        relief = scales(mesh, scale, 0.010, SEED)
-    else:
-        relief = 0.012 * noise(mesh.vertices * 14, SEED, 2)
+    relief = scales(mesh, scale, 0.010, SEED) if scale else 0.012 * noise(mesh.vertices * 14, SEED, 2)
     return Mesh(mesh.vertices + normals(mesh) * relief[:, None], mesh.faces)
 
 

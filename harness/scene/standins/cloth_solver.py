@@ -138,7 +138,7 @@ class _Sheet:
         flat, old = self.place.reshape(3, -1), before.reshape(3, -1)
         first, second = self.pairs[:, 0], self.pairs[:, 1]
         between = flat[:, first] - flat[:, second]
-        distance = np.sqrt(_square(between))
+        distance = _length(between)
         depth = self.settings.thickness * self.cell - distance
         touching = depth > 0
         if not touching.any():
@@ -148,7 +148,7 @@ class _Sheet:
         normal = between / distance
         push = normal * (0.5 * depth)
         slide = between - (old[:, first] - old[:, second])
-        slide -= normal * (slide[0] * normal[0] + slide[1] * normal[1] + slide[2] * normal[2])
+        slide -= normal * _dot(slide, normal)
         push -= _limited(slide, self.settings.self_friction * depth) * 0.5
         size = flat.shape[1]
         share = np.maximum(np.bincount(first, minlength=size) + np.bincount(second, minlength=size), 1)
@@ -163,7 +163,7 @@ class _Sheet:
         limit = settings.ball_radius + settings.gap
         arm = self.place.copy()
         arm[1] -= settings.ball_radius
-        distance = np.sqrt(_square(arm))
+        distance = _length(arm)
         depth = np.maximum(limit - distance, 0.0)
         normal = arm / np.maximum(distance, 1e-9)
         self.place += normal * depth
@@ -171,7 +171,7 @@ class _Sheet:
         slide = self.place - before
         slide[0] -= turn * self.place[2]
         slide[2] += turn * self.place[0]
-        slide -= normal * (slide[0] * normal[0] + slide[1] * normal[1] + slide[2] * normal[2])
+        slide -= normal * _dot(slide, normal)
         self.place -= _limited(slide, settings.ball_friction * depth * 4.0)
 
     def _ground_contact(self, before: F64) -> None:
@@ -213,17 +213,21 @@ def _ends(count: int, start: int, step: int, reach: int) -> tuple[slice, slice]:
 def _pull(place: F64, first: tuple, second: tuple, rest: float, softness: float) -> None:
     """Move both ends of each constraint of a batch towards its rest length. ``softness``: compliance / step^2."""
     between = place[first] - place[second]
-    length = np.sqrt(_square(between))
+    length = _length(between)
     between *= (length - rest) / (np.maximum(length, 1e-9) * (2.0 + softness))
     place[first] -= between
     place[second] += between
 
 
-def _square(vectors: F64) -> F64:
-    return vectors[0] * vectors[0] + vectors[1] * vectors[1] + vectors[2] * vectors[2]
+def _dot(a: F64, b: F64) -> F64:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _length(vectors: F64) -> F64:
+    return np.sqrt(_dot(vectors, vectors))
 
 
 def _limited(vectors: F64, longest: F64) -> F64:
     """The vectors, shortened to at most ``longest``."""
-    length = np.sqrt(_square(vectors))
+    length = _length(vectors)
     return vectors * np.minimum(longest / np.maximum(length, 1e-12), 1.0)
