@@ -77,11 +77,11 @@ def test_no_method_imports_another():
     found = methods_in_methods(
         {
             "methods.kdtree.nodes": {"methods.kdtree.clip", "methods.bvh2"},
-            "methods.streams.queues": {"methods.ray_grids.parameters", "methods.gpu.warps"},
+            "methods.streams.queues": {"methods.ray_grids", "methods.gpu.warps"},
             "methods.hybrid.choice": {"methods.bvh2"},
         }
     )
-    assert found == ["methods.kdtree.nodes -> methods.bvh2", "methods.streams.queues -> methods.ray_grids.parameters"]
+    assert found == ["methods.kdtree.nodes -> methods.bvh2", "methods.streams.queues -> methods.ray_grids"]
 
 
 def test_a_folder_of_methods_holds_at_most_twelve_files():

@@ -7,7 +7,7 @@ stream runs. The effects decide which of the two exists: without shadows and mir
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.schedule.passes import Hints, Pass
+from ...harness.frame.schedule.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.pairs import all_needs, grown
-from ..common.parameters import refuse_static
+from ..common.parameters import check_choices, refuse_static
 from ..gpu.reserve import counted
+from ..ray_grids import Build as GridBuild
 from ..ray_grids import RayGrids
-from ..ray_grids.parameters import Build as GridBuild
 from ..trees import constants
-from ..trees.builders import Rebuilt, Refitted, tree_of
+from ..trees.builders import BUILDERS, UPDATES, Rebuilt, Refitted, tree_of
 from ..trees.quality import expected
 from ..trees.trace.tree_rays import TreeRays
 from .choice import chosen
-from .parameters import Build, Trace
 
 STREAM, TREE = 0, 1
 """Branches of the graph."""
@@ -37,6 +37,45 @@ STREAM, TREE = 0, 1
 ONE_SHARE = 1
 """Parts of the pixels whose shadow rays to a single light a GPU traces at once: every second block of pixels is a worse
 neighbour in the cache. With several lights, the rays of one fill up what those of another leave idle at their end."""
+
+
+SHADOWS = ("auto", "tree", "grid")
+
+
+@dataclass(frozen=True)
+class Build:
+    """How the tree is made, as of bvh2; and what takes the shadow rays.
+
+    update   "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of the animation's
+             first frame, its boxes refitted each frame; "static": that tree, for geometry that does not move
+    builder  of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al.
+             2024); "auto": lbvh below 50,000 triangles
+    shadows  "tree": the tree, which all lights share; "grid": a grid of each light, as in ray_grids; the tree is then built
+             for mirrored rays only; "auto": the grid where the mesh has more than one triangle for every 600 pixels (if a
+             ray of a light crosses more than 1.05 triangles of the first frame on average: for every 64 with one light,
+             for every 48 / L with L lights) and nothing is mirrored, otherwise the tree
+    """
+
+    update: str = "rebuild"
+    builder: str = "auto"
+    shadows: str = "auto"
+
+    def __post_init__(self) -> None:
+        check_choices(self, update=UPDATES, builder=BUILDERS, shadows=SHADOWS)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are traced.
+
+    threads  of a CPU: each streams a share of the triangles, and traces the shadow rays of a share of the pixels; 0: one
+             for each core that this process may use, at most 16
+    """
+
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        check_threads(self.threads)
 
 
 class Hybrid(BaseMethod):

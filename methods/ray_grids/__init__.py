@@ -6,20 +6,50 @@ cells contain the rays, and every triangle tests the rays in the cells that it c
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.schedule.passes import Pass
+from ...harness.frame.schedule.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
+from ..common.parameters import check_choices
 from ..streams.camera.passes import tests_per_pixel
 from ..streams.light import Light, Occlusion
 from ..streams.method import StreamedMethod
-from ..streams.occlusion.last_occluder import LastOccluder, occluder_arrays
+from ..streams.occlusion.last_occluder import LastOccluder
 from ..streams.rays.placing import ByRays, ByTriangles, LightRays
-from .parameters import Build
+from ..streams.settings import Trial
+
+OCCLUDERS = ("none", "last")
+
+
+@dataclass(frozen=True)
+class Build(Trial):
+    """How triangles are streamed over the rays.
+
+    occluders  "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
+               a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
+    closed     whether triangles of closed surfaces that face away from a light are left out
+               (methods/streams/occlusion/closed.py)
+    threads    of a CPU: each streams a part of the triangles, places a part of the rays and resolves a band of the
+               image; 0: one for each core that this process may use, at most 16
+    trial      for tests and measurements: settings in place of those that are chosen for a frame, as
+               "name=value+name=value" (methods/streams/settings.py lists them)
+    """
+
+    occluders: str = "none"
+    closed: bool = True
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_threads(self.threads)
+        check_choices(self, occluders=OCCLUDERS)
 
 
 class RayGrids(StreamedMethod):
@@ -45,7 +75,9 @@ class RayGrids(StreamedMethod):
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memories, self.sought = [], None
         if self.build.occluders == "last" and any(effects.shadows):
-            self.sought, self._last = occluder_arrays(frame)
+            shape, device = (frame.light_count, frame.pixels), frame.device
+            self.sought = wp.zeros(shape, dtype=wp.uint8, device=device)
+            self._last = wp.zeros(shape, dtype=wp.int32, device=device)  # no occluder is known yet
         return super().plan(frame, effects, limits)
 
     def light(self, rays: LightRays) -> Light:

@@ -3,7 +3,7 @@
 import warp as wp
 
 from ...harness.frame.effects.specialise import effects
-from ...harness.frame.geometry import Corners, Hits, Mesh, corners_of
+from ...harness.frame.geometry import Hits, Mesh, corners_of
 from ..exact.triangle import to_float32, to_float64
 from .projection import face_axes, face_of, map_point
 from .raster import DepthMap
@@ -45,16 +45,6 @@ def filtered(p: wp.vec3f, n: wp.vec3f, way: wp.vec3f, offset: wp.vec3f) -> wp.ve
     steep = STEEPEST * wp.length(aside)
     along = wp.max(wp.dot(n, w), 1.0e-6)
     return p + aside + w * (CURVED * wp.length(aside) - wp.clamp(wp.dot(n, aside) / along, -steep, steep))
-
-
-@wp.func
-def normal_to_light(corners: Corners, way: wp.vec3f) -> wp.vec3f:
-    """The triangle's unit normal on the light's side."""
-    a64 = to_float64(corners.a)
-    n = to_float32(wp.normalize(wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)))
-    if wp.dot(n, way) < 0.0:
-        return -n
-    return n
 
 
 @wp.func
@@ -103,7 +93,11 @@ def lookup_kernel(
     size = depths.size
     p = to_float32(hit_points[pixel])
     way = to_float32(to_float64(origins[drawn]) - hit_points[pixel])
-    n = normal_to_light(corners_of(mesh, best), way)
+    corners = corners_of(mesh, best)
+    a64 = to_float64(corners.a)
+    n = to_float32(wp.normalize(wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)))
+    if wp.dot(n, way) < 0.0:
+        n = -n  # on the light's side
     if lookup.spread > 0.0:
         p = filtered(p, n, way, lookup.spread * (lights[light] - origins[drawn]))
     face = face_of(m, p)

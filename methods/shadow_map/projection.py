@@ -42,18 +42,6 @@ class LightMap:
     faces: wp.int32
 
 
-@wp.func
-def box_corner(low: wp.vec3f, high: wp.vec3f, k: wp.int32) -> wp.vec3f:
-    corner = low
-    if k % 2 == 1:
-        corner[0] = high[0]
-    if (k // 2) % 2 == 1:
-        corner[1] = high[1]
-    if k // 4 == 1:
-        corner[2] = high[2]
-    return corner
-
-
 @wp.kernel(enable_backward=False)
 def fit_kernel(
     light: wp.int32,
@@ -94,7 +82,10 @@ def fit_kernel(
         m.near = wp.INF
         m.far = -wp.INF
         for k in range(8):
-            q = box_corner(low, high, k) - middle
+            q = high - middle
+            for axis in range(3):
+                if (k >> axis) & 1 == 0:
+                    q[axis] = low[axis] - middle[axis]
             f = wp.dot(m.forward, q)
             z = m.distance + f
             if z > 1.0e-3 * m.distance:

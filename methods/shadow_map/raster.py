@@ -124,13 +124,6 @@ def centre(texel: wp.int32, size: wp.int32) -> wp.float32:
 
 
 @wp.func
-def edges_at(found: Cover, sx: wp.float32, sy: wp.float32) -> wp.vec3f:
-    """The edge functions at a place of the map: weights of the corners, but for their sum."""
-    d = wp.vec3f(1.0, sx, sy)
-    return wp.vec3f(wp.dot(found.n0, d), wp.dot(found.n1, d), wp.dot(found.n2, d))
-
-
-@wp.func
 def opaque_there(alpha: Alpha, i: wp.int32, e: wp.vec3f) -> wp.bool:
     """Whether triangle i is opaque where its edge functions are e: one lookup in the bitmap, as in engines."""
     if alpha.masked[i] == wp.uint8(0):
@@ -143,7 +136,10 @@ def opaque_there(alpha: Alpha, i: wp.int32, e: wp.vec3f) -> wp.bool:
 def draw(found: Cover, i: wp.int32, x: wp.int32, sy: wp.float32, row: wp.int32, alpha: Alpha, depths: DepthMap):
     """Take a texel of a row, which begins at ``row`` of the map, if its centre lies in triangle i and that is opaque there.
     The depth is that of the plane."""
-    e = edges_at(found, centre(x, depths.size), sy)
+    d = wp.vec3f(1.0, centre(x, depths.size), sy)
+    e = wp.vec3f(
+        wp.dot(found.n0, d), wp.dot(found.n1, d), wp.dot(found.n2, d)
+    )  # weights of the corners, but for their sum
     drawn = wp.bool(True)
     if wp.static(effects.alpha):
         drawn = opaque_there(alpha, i, e)

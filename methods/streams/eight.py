@@ -1,4 +1,5 @@
-"""Eight at once, in the vectors of a CPU: triangles projected, and rays or pixels of a row tested against a triangle.
+"""Eight at once, in the vectors of a CPU: triangles projected; rays and pixels tested by :mod:`.occlusion.on_cpu` and
+:mod:`.camera.on_cpu`.
 
 Most triangles are left out by their boxes, and few rays or pixels meet one: one after the other, they take several times
 as long. A kernel of a GPU does not call these functions.
@@ -9,7 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.frame import AT_ONCE
-from ...harness.frame.geometry import Camera, Mesh
+from ...harness.frame.geometry import Mesh
 
 EIGHT = wp.constant(AT_ONCE)
 
@@ -28,68 +29,6 @@ auto packed = [](auto lanes, int number) {
 def on_cpu(text: str) -> str:
     """The text of a native function that a kernel of a GPU does not call."""
     return f"#if defined(__CUDA_ARCH__)\nreturn {{}};\n#else\n{LANES}{text}\n#endif\n"
-
-
-@wp.func_native(
-    on_cpu(
-        """
-typedef float entries __attribute__((ext_vector_type(32), aligned(4)));
-entries h = *(const entries*)(rays.data + at);
-floats x = __builtin_shufflevector(h, h, 0, 4, 8, 12, 16, 20, 24, 28);
-floats y = __builtin_shufflevector(h, h, 1, 5, 9, 13, 17, 21, 25, 29);
-floats z = __builtin_shufflevector(h, h, 2, 6, 10, 14, 18, 22, 26, 30);
-auto value = [&](wp::vec_t<4, float> p) { return p[0] * x + (p[1] * y + (p[2] * z + p[3])); };
-floats e0 = value(p0), e1 = value(p1), e2 = value(p2), side = value(plane);
-auto outside = (e0 < -bound) | (e1 < -bound) | (e2 < -bound) | (side > bound);
-auto inside = (e0 > sure) & (e1 > sure) & (e2 > sure) & (side < -sure);
-return packed(inside, number) | packed(~(inside | outside), number) << 8;
-"""
-    )
-)
-def rays_found(
-    rays: wp.array(dtype=wp.vec4f),
-    at: wp.int32,
-    number: wp.int32,
-    p0: wp.vec4f,
-    p1: wp.vec4f,
-    p2: wp.vec4f,
-    plane: wp.vec4f,
-    bound: wp.float32,
-    sure: wp.float32,
-) -> wp.uint32:
-    """Of the rays from ``at`` on, ``number`` or at most eight: a bit for each certain hit, and eight places higher one for
-    each undecided ray (:func:`.occlusion.planes.certain`)."""
-
-
-@wp.func_native(
-    on_cpu(
-        """
-typedef float entries __attribute__((ext_vector_type(24), aligned(4)));
-entries c = *(const entries*)(camera.column.data + x);
-const wp::vec_t<3, float> &row = camera.row.data[y];
-floats dx = __builtin_shufflevector(c, c, 0, 3, 6, 9, 12, 15, 18, 21) + row[0];
-floats dy = __builtin_shufflevector(c, c, 1, 4, 7, 10, 13, 16, 19, 22) + row[1];
-floats dz = __builtin_shufflevector(c, c, 2, 5, 8, 11, 14, 17, 20, 23) + row[2];
-auto value = [&](wp::vec_t<3, float> n) { return n[0] * dx + n[1] * dy + n[2] * dz; };
-floats e0 = value(n0), e1 = value(n1), e2 = value(n2);
-auto outside = (e0 < -bound) | (e1 < -bound) | (e2 < -bound);
-auto inside = (e0 > sure) & (e1 > sure) & (e2 > sure);
-return packed(inside, number) | packed(~(inside | outside), number) << 8;
-"""
-    )
-)
-def pixels_found(
-    camera: Camera,
-    x: wp.int32,
-    y: wp.int32,
-    number: wp.int32,
-    n0: wp.vec3f,
-    n1: wp.vec3f,
-    n2: wp.vec3f,
-    bound: wp.float32,
-    sure: wp.float32,
-) -> wp.uint32:
-    """The same of the pixels from (x, y) on along a row (:func:`.camera.pixels.test_pixel`)."""
 
 
 @wp.struct

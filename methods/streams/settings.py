@@ -99,8 +99,8 @@ class Settings:
                    triangle; "split": by a pass after it
     overlaps       where that is "stream", and the region is known: whether a light's triangles are streamed while its
                    rays are sorted. Afterwards, a triangle over few cells is left out if they hold no ray
-    spacing        cells of a light: "even": all of one size; "rays": narrower where more rays are expected
     region         what a light's rays cover of its cube: "rays": as they are found; "triangles": as those in view cover it
+    spacing        cells of a light: "even": all of one size; "rays": narrower where more rays are expected, if that is found
     items, chunks, undecided  initial room of the queues, entries; 0: as :class:`Constants` say
     """
 

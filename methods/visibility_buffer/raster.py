@@ -15,14 +15,14 @@ This is the hierarchy of software rasterisers (Laine and Karras 2011) in two lev
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Mesh
-from ..common.reads import corners_at, direction_at
+from ...harness.frame.geometry import Camera
+from ..common.reads import direction_at
 from ..exact.triangle import spare_bits
 from ..gpu.entries import entry, set_entry
 from ..gpu.reserve import next_number, reserve
-from ..streams.camera.pixels import candidate_of, is_outside, sign_bound, test_box, test_pixel_or_queue
-from ..streams.camera.stream import box_of, store_candidate, stored_candidate, stored_planes
-from ..streams.queues import CHUNKS, ITEMS, LARGE, Queue, Share, triangle_of
+from ..streams.camera.pixels import Candidate, is_outside, sign_bound, test_pixel_or_queue
+from ..streams.camera.stream import store_candidate, stored_candidate, stored_planes
+from ..streams.queues import CHUNKS, ITEMS, LARGE, Queue
 
 TILE_SHIFT, TILE_SIZE, TILE_TEXELS = wp.constant(3), wp.constant(8), wp.constant(64)
 """A tile is 8 wide and high: as the tiles of :mod:`..streams.cube.cells`, which the lights' maps use."""
@@ -122,34 +122,11 @@ def is_in(box: wp.vec4i, x: wp.int32, y: wp.int32) -> wp.bool:
     return x >= box[0] and x <= box[2] and y >= box[1] and y <= box[3]
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def raster_kernel(
-    share: Share,
-    inline_pixels: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    alpha: Alpha,
-    nearest: wp.array(dtype=wp.uint64),
-    exact_path: wp.array(dtype=wp.uint8),
-    queue: Queue,
-):
-    """One thread per triangle: a small one is rasterised, a larger one is queued."""
-    i = triangle_of(wp.tid(), share)
-    if i >= share.triangles:
-        return
-    # All loads before the first branch, valid or not: they wait for memory together.
-    counted = entry(mesh.valid, i) != wp.uint8(0)
-    o = entry(camera.eye, 0)
-    corners = corners_at(mesh, i)
-    box = box_of(corners, o, camera)
-    if not counted or box[2] < box[0] or box[3] < box[1]:
-        return
-    candidate = candidate_of(i, o, corners, camera, alpha, share.triangles, exact_path)
-    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
-        test_box(nearest, queue, box, candidate, camera)
-        return
+@wp.func
+def queue_tiles(queue: Queue, box: wp.vec4i, candidate: Candidate, camera: Camera):
+    """Queue a triangle's tiles of pixels, for :func:`..streams.camera.stream.make_stream_kernel`."""
     store_candidate(queue, candidate, wp.vec3f())
-    queue_groups(queue, queue_large(queue, i, 0, box, 0.0), box, 0.0)
+    queue_groups(queue, queue_large(queue, candidate.i, 0, box, 0.0), box, 0.0)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -12,7 +12,6 @@ float32 does to its corners. A hit point is tested against the planes of the fru
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.effects.specialise import effects
 from ...harness.frame.geometry import Mesh
 from ..common.pixels import tile_pixel
 from ..common.reads import corners_at
@@ -21,13 +20,12 @@ from ..gpu.entries import entry, set_entry
 from ..streams.camera.pixels import sure_of
 from ..streams.cube import footprint
 from ..streams.cube.cells import RayCells, all_rays_end_before, nearest_depth, raise_from, tile_index
-from ..streams.cube.footprint import Sides, corners_on, extent_with_rays, in_cube_space, on_bins
+from ..streams.cube.footprint import Sides, corners_on, extent_with_rays, in_cube_space, on_bins, sides_on_face
 from ..streams.cube.lights import Light, cube_of_light, position_of
 from ..streams.cube.rectangle import cells_in_use, cells_of, face_rectangle, faces_of, last_row, set_table
-from ..streams.occlusion.planes import Occluder, ShadowBits, bound_of, occluder_of, occludes_none, set_planes, test_ray
-from ..streams.occlusion.rows import sides_on_face
+from ..streams.occlusion.planes import Occluder, ShadowBits, bound_of, occluder_of, occludes_none, test_ray
 from ..streams.queues import CHUNKS, ITEMS, LARGE, Queue, Share, triangle_of
-from ..streams.rays.hit_points import PrimaryHits, has_hit
+from ..streams.rays.hit_points import PrimaryHits, has_ray
 from ..streams.rays.sort import cell_of
 from . import raster
 from .raster import GROUP, TILE_SHIFT, TILE_SIZE, TILE_TEXELS, Larger, larger_at, queue_groups, queue_large, tile_box
@@ -62,10 +60,7 @@ def insert_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    if wp.static(effects.receivers):
-        if receivers[light, pixel] == wp.uint8(0):
-            return
-    elif not has_hit(hits, pixel):
+    if not has_ray(hits, receivers, light, pixel):
         return
     p = entry(cells.place, pixel)
     face = wp.int32(p[2])
@@ -83,14 +78,6 @@ def test_node(bits: ShadowBits, queue: Queue, cells: RayCells, node: wp.int32, o
     following = wp.cast(h[3], wp.int32)
     test_ray(bits, queue, wp.vec4f(h[0], h[1], h[2], wp.cast(node - 1, wp.float32)), occluder)
     return following
-
-
-@wp.func
-def test_list(bits: ShadowBits, queue: Queue, cells: RayCells, first: wp.int32, occluder: Occluder):
-    """Test the hit points of a list against a triangle; ``first``: its head."""
-    node = first
-    while node > 0:
-        node = test_node(bits, queue, cells, node, occluder)
 
 
 @wp.func
@@ -125,12 +112,6 @@ def test_texels(
             if left >= 0:
                 node = test_node(bits, queue, cells, node, occluder)
     return left >= 0
-
-
-@wp.func
-def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i, along: wp.int32) -> wp.bool:
-    """Whether no hit point lies in a tile; ``along``: texels along a face."""
-    return entry(farthest, (face * (along >> TILE_SHIFT) + tile[1]) * (along >> TILE_SHIFT) + tile[0]) == 0
 
 
 @wp.func
@@ -211,10 +192,7 @@ def raster_kernel(
     q = in_cube_space(corners, cube)
     extent = extent_with_rays(cube, corners, row)
     slack = footprint.depth_slack(extent, cube)
-    occluder = Occluder()
-    occluder.i = i
-    occluder.bound = bound_of(row, corners)
-    occluder.sure = sure_of(i, occluder.bound, alpha)
+    bound = bound_of(row, corners)
     # Small triangles are tested after the loop, by all lanes at once whatever their faces. Few triangles are small on
     # two faces: the second is queued.
     here = wp.int32(-1)
@@ -233,10 +211,10 @@ def raster_kernel(
                     here = face
                     box_here = box
                 else:
-                    queue_large(queue, i, face, box, occluder.bound)
+                    queue_large(queue, i, face, box, bound)
     if here >= 0:
         # Corners are read again: held until here, they would take the registers of the loop.
-        planes = set_planes(occluder, position_of(light), corners_at(mesh, i), False)
+        planes = occluder_of(i, bound, sure_of(i, bound, alpha), position_of(light), corners_at(mesh, i), False)
         if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
             # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are undecided.
             queue_large(queue, i, here, box_here, planes.bound)
@@ -253,7 +231,8 @@ def setup_kernel(threads: wp.int32, light: Light, cells: RayCells, mesh: Mesh, q
     while place < stop:
         large = larger_at(queue, place)
         corners = corners_at(mesh, large.i)
-        planes = occluder_of(large.i, False, position, corners, row, True)
+        bound = bound_of(row, corners)
+        planes = occluder_of(large.i, bound, bound, position, corners, True)
         if not occludes_none(planes):
             # On two faces the planes are the same.
             store_planes(queue.records, planes)
@@ -288,7 +267,8 @@ def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Que
                 k += lanes
                 if tile[0] >= 0:
                     box = tile_box(large.box, tile)
-                    if not is_empty(cells.farthest, large.face, tile, along):
+                    # In a tile without hit points nothing is farthest.
+                    if entry(cells.farthest, tile_index(large.face, box[0], box[1], along)) != 0:
                         if not all_rays_end_before(least, cells.farthest, large.face, box, along):
                             if covers_some(stored_sides(queue, group[0]), large, box, along, cells):
                                 raster.queue_tile(queue, group[0], tile)
@@ -321,9 +301,10 @@ def tile_kernel(
             while k < TILE_TEXELS:
                 x = (tile[0] << TILE_SHIFT) + k % TILE_SIZE
                 y = (tile[1] << TILE_SHIFT) + k // TILE_SIZE
-                first = entry(head, texel_index(large.face, x, y, along))
+                node = entry(head, texel_index(large.face, x, y, along))
                 k += lanes
-                if first > 0 and raster.is_in(box, x, y):
+                if node > 0 and raster.is_in(box, x, y):
                     ends = ends_of_row(sides, large, y, along, cells)
                     if x >= ends[0] and x <= ends[1]:
-                        test_list(bits, queue, cells, first, occluder)
+                        while node > 0:
+                            node = test_node(bits, queue, cells, node, occluder)

@@ -211,7 +211,7 @@ def test_a_light_that_reaches_nothing_is_skipped(label, device, monkeypatch):
     elif label not in MARK_RECEIVERS:
         assert not launched
     elif device == "cpu":
-        assert launched == {"aim_kernel", "map_kernel"}
+        assert launched == {"aim_kernel", "place_kernel"}
     assert [kernel for effect, kernel in seen if effect == "shadows/1"] or label == "embree"
 
 

@@ -26,7 +26,7 @@ COUNT = 6000
 MISS, UNDECIDED, HIT = -1, 0, 1
 
 RAY_TESTS = ("may_hit", "plane_record", "edge_planes", "screen_triangle")
-SEGMENT_TESTS = ("may_occlude", "segment_exact", "set_planes", "sides_of_planes")
+SEGMENT_TESTS = ("may_occlude", "segment_exact", "occluder_of", "sides_of_planes")
 
 
 @wp.func
@@ -76,12 +76,10 @@ def segment_kernel(
     record = segment_exact(light[i], triangle, size)
     verdict = segment_bounded(h[i], light[i], 0.0, record)
     verdicts[i, 1] = wp.where(verdict == YES, HIT, missed(verdict == NO))
-    occluder = rays.Occluder()
     for k in range(3):
         size = wp.max(size, largest(corners[i, k]))
-    occluder.bound = rays.sign_bound(size)
-    occluder.sure = occluder.bound
-    occluder = rays.set_planes(occluder, light[i], triangle, False)
+    bound = rays.sign_bound(size)
+    occluder = rays.occluder_of(0, bound, bound, light[i], triangle, False)
     misses, hits = rays.certain(wp.vec4f(h[i][0], h[i][1], h[i][2], 0.0), occluder)
     verdicts[i, 2] = wp.where(hits, HIT, missed(misses))
     cube = Cube()

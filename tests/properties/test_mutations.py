@@ -177,7 +177,7 @@ MUTATIONS = (
     Mutation(
         "a light's region that ends before its rays", ("P24",),
         (Planted(light_region, "rectangle_of",
-                 (("wp.max(before[0], least_u - pad)", "wp.max(before[0], least_u + 0.3 * (most_u - least_u))"),)),),
+                 (("vec4f(least_u - pad", "vec4f(least_u + 0.3 * (most_u - least_u)"),)),),
         "ray_grids", (("trial", "region=triangles"),),
     ),
 )  # fmt: skip

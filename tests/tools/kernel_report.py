@@ -56,7 +56,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.streams.occlusion import undecided as light_undecided
     from shadowbench.methods.streams.rays import region
     from shadowbench.methods.streams.rays import sort as sort_rays
-    from shadowbench.methods.streams.rays.place import make_map_kernel, make_place_kernel
+    from shadowbench.methods.streams.rays.place import make_place_kernel
     from shadowbench.methods.trees.builders import hploc, lbvh, sort
     from shadowbench.methods.trees.trace import closest, shadow
     from shadowbench.methods.two_level_bvh import poses
@@ -74,9 +74,9 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids camera: resolve": make_resolve_kernel("none").module,
         "ray_grids light: aim": lights.__name__,
         "ray_grids light: region": region.__name__,
-        "ray_grids light: place": make_place_kernel("hits").module,
-        "ray_grids light: place, region found": make_map_kernel("hits").module,
-        "ray_grids light: place, spot": make_place_kernel("marked", True).module,
+        "ray_grids light: place": make_place_kernel("hits", "known").module,
+        "ray_grids light: place, region found": make_place_kernel("hits", "found").module,
+        "ray_grids light: place, spot": make_place_kernel("marked", "cone").module,
         "ray_grids light: sort": sort_rays.__name__,
         "ray_grids light: scatter": sort_rays.make_scatter_kernel(False).module,
         "ray_grids light: scatter, region found": sort_rays.make_scatter_kernel(True).module,

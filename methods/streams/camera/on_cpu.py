@@ -10,7 +10,7 @@ from ...common.reads import corners_at, direction_at
 from ...common.screen import screen_scale
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, entry_now
-from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, pixels_found
+from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, on_cpu
 from ..queues import BLOCK_DIM, Queue, Share, queue_undecided, triangle_of
 from .pixels import Candidate, candidate_of, store_if_nearer
 from .stream import Lines, box_of, ends_of_line, lines_of
@@ -38,27 +38,26 @@ def window_of(camera: Camera) -> Window:
     return w
 
 
-@wp.func
-def test_pixels_of_row(
-    nearest: wp.array(dtype=wp.uint64), queue: Queue, camera: Camera, y: wp.int32, ends: wp.vec2i, candidate: Candidate
-):
-    """Test pixels ends[0]..ends[1] of a row, eight at a time."""
-    x = wp.int32(ends[0])
-    while x <= ends[1]:
-        c = candidate
-        n = c.planes
-        number = ends[1] - x + 1
-        found = pixels_found(camera, x, y, number, n.n0, n.n1, n.n2, c.bound, c.sure)
-        while found != wp.uint32(0):
-            k = lowest_bit(found)
-            found = without_lowest_bit(found)
-            at = x + (k & 7)
-            pixel = y * camera.width + at
-            if k < EIGHT:
-                store_if_nearer(nearest, pixel, entry_now(nearest, pixel), candidate, direction_at(camera, at, y))
-            else:
-                queue_undecided(queue, candidate.i, pixel)
-        x += EIGHT
+@wp.func_native(
+    on_cpu(
+        """
+typedef float entries __attribute__((ext_vector_type(24), aligned(4)));
+entries c = *(const entries*)(camera.column.data + x);
+const wp::vec_t<3, float> &row = camera.row.data[y];
+floats dx = __builtin_shufflevector(c, c, 0, 3, 6, 9, 12, 15, 18, 21) + row[0];
+floats dy = __builtin_shufflevector(c, c, 1, 4, 7, 10, 13, 16, 19, 22) + row[1];
+floats dz = __builtin_shufflevector(c, c, 2, 5, 8, 11, 14, 17, 20, 23) + row[2];
+auto value = [&](wp::vec_t<3, float> n) { return n[0] * dx + n[1] * dy + n[2] * dz; };
+floats e0 = value(of.planes.n0), e1 = value(of.planes.n1), e2 = value(of.planes.n2);
+auto outside = (e0 < -of.bound) | (e1 < -of.bound) | (e2 < -of.bound);
+auto inside = (e0 > of.sure) & (e1 > of.sure) & (e2 > of.sure);
+return packed(inside, number) | packed(~(inside | outside), number) << 8;
+"""
+    )
+)
+def pixels_found(camera: Camera, x: wp.int32, y: wp.int32, number: wp.int32, of: Candidate) -> wp.uint32:
+    """Of the pixels from (x, y) on along a row, ``number`` or at most eight: a bit for each certain hit, and eight places
+    higher one for each undecided pixel (:func:`.pixels.test_pixel`)."""
 
 
 @wp.func
@@ -79,7 +78,19 @@ def test_triangle(
         ends = wp.vec2i(box[0], box[2])
         if large:
             ends = ends_of_line(lines, y, box[0], box[2], camera)
-        test_pixels_of_row(nearest, queue, camera, y, ends, candidate)
+        x = wp.int32(ends[0])
+        while x <= ends[1]:
+            found = pixels_found(camera, x, y, ends[1] - x + 1, candidate)
+            while found != wp.uint32(0):
+                k = lowest_bit(found)
+                found = without_lowest_bit(found)
+                at = x + (k & 7)
+                pixel = y * camera.width + at
+                if k < EIGHT:
+                    store_if_nearer(nearest, pixel, entry_now(nearest, pixel), candidate, direction_at(camera, at, y))
+                else:
+                    queue_undecided(queue, candidate.i, pixel)
+            x += EIGHT
         y += 1
 
 

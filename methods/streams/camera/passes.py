@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,10 +64,23 @@ class Camera:
         passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
         return passes
 
-    def launch(self, kernel: wp.Kernel, share: int, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
-        """Launch a kernel of a step, for the frame's effects. ``outputs``: those before the queue of the share."""
-        outputs = [*outputs, self.queue[share]]
-        self.frame.launch(specialised(kernel, self.effects.switches()), threads, inputs, outputs, BLOCK_DIM)
+    def step(self, kernel: wp.Kernel, threads: int, *inputs: Any, sets: tuple[Any, ...] = ()) -> Callable[[int], None]:
+        """The launch of a kernel for each share, for the frame's effects. ``sets``: what it sets besides the queue."""
+
+        def launch(share: int) -> None:
+            specific = specialised(kernel, self.effects.switches())
+            self.frame.launch(specific, threads, [*inputs], [*sets, self.queue[share]], BLOCK_DIM)
+
+        return launch
+
+    def stream(self, kernel: wp.Kernel, threads: int) -> Callable[[int], None]:
+        """The launch of a kernel over the triangles of each share."""
+        f, q = self.frame, self.queues
+        inputs = [self.settings.inline_pixels, f.camera, f.mesh, f.alpha]
+        launches = [
+            self.step(kernel, threads, q.share(k), *inputs, sets=(q.nearest, q.exact_path)) for k in range(q.shares)
+        ]
+        return lambda share: launches[share](share)
 
     def launch_resolve(self) -> None:
         self.bands.run(self._resolve_band)
@@ -93,49 +105,28 @@ def resolved_late(passes: list[Pass], others: list[Pass], first: bool) -> list[P
 
 def stream_steps(camera: Camera) -> list[Step]:
     """The stream of triangles, and on a GPU the rows of larger ones."""
-    first: Step = ("stream triangles", (), ("items",), partial(launch_stream, camera))
-    if not camera.queues.queued:
-        return [first, undecided_step(camera)]
+    f, q, size = camera.frame, camera.queues, camera.settings.chunk
+    name = "stream triangles"
+    if not q.queued:
+        streamed = camera.stream(on_cpu.stream_kernel, q.share_threads // int(BLOCK_DIM))
+        return [(name, (), ("items",), streamed), undecided_step(camera)]
+    last, sets = rows.BLOCKS_OF_LAST * int(BLOCK_DIM) * wp.get_device(f.device).sm_count, (q.nearest,)
+    of_rows = camera.step(rows.rows_kernel, q.threads, q.threads, size, f.camera, f.alpha, sets=sets)
+    further = camera.step(rows.last_kernel, last, last, size, f.camera, f.mesh, f.alpha, sets=sets)
     return [
-        first,
-        ("queued rows", ("items",), ("chunks",), partial(launch_rows, camera)),
-        ("further chunks, undecided pairs", ("chunks",), (), partial(launch_remainder, camera)),
+        (name, (), ("items",), camera.stream(stream.make_stream_kernel(), q.share_threads)),
+        ("queued rows", ("items",), ("chunks",), of_rows),
+        ("further chunks, undecided pairs", ("chunks",), (), further),
     ]
 
 
 def undecided_step(camera: Camera) -> Step:
     """The last step, where undecided pairs have a pass of their own."""
-    return ("undecided pairs", (), (), partial(launch_undecided, camera))
-
-
-def launch_stream(camera: Camera, share: int) -> None:
     f, q = camera.frame, camera.queues
-    inputs = [q.share(share), camera.settings.inline_pixels, f.camera, f.mesh, f.alpha]
-    outputs = [q.nearest, q.exact_path]
-    if q.queued:
-        camera.launch(stream.make_stream_kernel(), share, q.share_threads, inputs, outputs)
-    else:
-        camera.launch(on_cpu.stream_kernel, share, q.share_threads // int(BLOCK_DIM), inputs, outputs)
-
-
-def launch_rows(camera: Camera, share: int) -> None:
-    f, q = camera.frame, camera.queues
-    inputs = [q.threads, camera.settings.chunk, f.camera, f.alpha]
-    camera.launch(rows.rows_kernel, share, q.threads, inputs, [q.nearest])
-
-
-def launch_remainder(camera: Camera, share: int) -> None:
-    """Further chunks and undecided pairs."""
-    f, q = camera.frame, camera.queues
-    threads = rows.BLOCKS_OF_LAST * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
-    inputs = [threads, camera.settings.chunk, f.camera, f.mesh, f.alpha]
-    camera.launch(rows.last_kernel, share, threads, inputs, [q.nearest])
-
-
-def launch_undecided(camera: Camera, share: int) -> None:
-    f, q = camera.frame, camera.queues
-    inputs = [q.few_threads, f.camera, f.mesh, f.alpha]
-    camera.launch(stream.undecided_kernel, share, q.few_threads, inputs, [q.nearest])
+    launch = camera.step(
+        stream.undecided_kernel, q.few_threads, q.few_threads, f.camera, f.mesh, f.alpha, sets=(q.nearest,)
+    )
+    return ("undecided pairs", (), (), launch)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

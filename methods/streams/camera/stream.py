@@ -152,17 +152,19 @@ def stored_candidate(
 
 
 @wp.func
-def queue_triangle(queue: Queue, box: wp.vec4i, candidate: Candidate, lines: Lines):
+def queue_rows(queue: Queue, box: wp.vec4i, candidate: Candidate, camera: Camera):
     """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0), or of
     columns (triangle, first column and columns << 16, first row and last << 16, 1).
     """
     i = candidate.i
+    tall = box[3] - box[1] >= TALL * (box[2] - box[0] + 1)
+    lines = lines_of(candidate.planes, candidate.bound, tall, camera)
     store_candidate(queue, candidate, lines.start)
     set_entry_of_four(queue.records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0))
     first = box[1]
     last = box[3]
     along = box[0] | (box[2] << 16)
-    if lines.tall:
+    if tall:
         first = box[0]
         last = box[2]
         along = box[1] | (box[3] << 16)
@@ -172,7 +174,7 @@ def queue_triangle(queue: Queue, box: wp.vec4i, candidate: Candidate, lines: Lin
         if at + g < queue.items.shape[0]:
             y = first + g * GROUP
             rows = wp.min(GROUP, last - y + 1)
-            set_entry(queue.items, at + g, wp.vec4i(i, y | (rows << 16), along, wp.int32(lines.tall)))
+            set_entry(queue.items, at + g, wp.vec4i(i, y | (rows << 16), along, wp.int32(tall)))
 
 
 @wp.func
@@ -189,10 +191,10 @@ def box_of(corners: Corners, o: wp.vec3f, camera: Camera) -> wp.vec4i:
 
 
 @functools.cache
-def make_stream_kernel() -> wp.Kernel:
+def make_stream_kernel(queue_larger: wp.Function = queue_rows, registers: int | None = REGISTERS) -> wp.Kernel:
     """One thread per triangle. Small triangles test their pixels here; larger ones are queued."""
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def stream_kernel(
         share: Share,
         inline_pixels: wp.int32,
@@ -218,8 +220,7 @@ def make_stream_kernel() -> wp.Kernel:
         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
             test_box(nearest, queue, box, candidate, camera)
             return
-        tall = box[3] - box[1] >= TALL * (box[2] - box[0] + 1)
-        queue_triangle(queue, box, candidate, lines_of(candidate.planes, candidate.bound, tall, camera))
+        queue_larger(queue, box, candidate, camera)
 
     return stream_kernel
 

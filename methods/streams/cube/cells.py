@@ -12,7 +12,6 @@ import warp as wp
 
 from ....harness.frame.frame import AT_ONCE, Frame
 from ....harness.frame.geometry import Corners, struct_with_bases
-from ...common.pixels import tile_threads
 from ...exact.triangle import to_float64
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import raise_to
@@ -181,15 +180,6 @@ def tile_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.
     """The tile of a cell."""
     along = cells >> TILE_SHIFT
     return (face * along + (y >> TILE_SHIFT)) * along + (x >> TILE_SHIFT)
-
-
-@wp.func
-def empty_tiles(farthest: wp.array(dtype=wp.int32), thread: wp.int32, width: wp.int32, height: wp.int32):
-    """No ray yet in any tile; by the threads of an image (:mod:`...common.pixels`)."""
-    tile = wp.int32(thread)
-    while tile < farthest.shape[0]:
-        farthest[tile] = 0
-        tile += tile_threads(width, height)
 
 
 @wp.func

@@ -9,8 +9,10 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...exact.triangle import U32, largest, total
+from ...exact.planes import longest_edge
+from ...exact.triangle import U32, total
 from ...gpu.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
+from ..camera.pixels import largest_of
 from .cells import on_face
 from .lights import Cube, turned
 from .rectangle import BINS, max_coordinate_of
@@ -76,7 +78,7 @@ def depth_slack(extent: wp.float32, cube: Cube) -> wp.float32:
 def is_projected(q: Corners) -> wp.bool:
     """Whether no corner on a face lies behind the centre of projection, or too near its plane to be projected."""
     nearest = wp.min(q.a[0], wp.min(q.b[0], q.c[0]))
-    farthest = wp.max(largest(q.a), wp.max(largest(q.b), largest(q.c)))
+    farthest = largest_of(q)
     return nearest > 0.01 * farthest and nearest > LEAST_DIVISOR and farthest < LARGEST_DIVISOR
 
 
@@ -201,15 +203,6 @@ def side_of(p: wp.vec2f, q: wp.vec2f, other: wp.vec2f, pad: wp.float32) -> wp.ve
 
 
 @wp.func
-def sides_of_flat(flat: Flat) -> Sides:
-    sides = Sides()
-    sides.line0 = side_of(flat.a, flat.b, flat.c, flat.pad)
-    sides.line1 = side_of(flat.b, flat.c, flat.a, flat.pad)
-    sides.line2 = side_of(flat.c, flat.a, flat.b, flat.pad)
-    return sides
-
-
-@wp.func
 def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f) -> wp.vec4f:
     """The line n0 + n1 u + n2 v >= -error in bins, taken from the middle of the face."""
     middle = 0.5 * wp.float32(BINS)
@@ -240,7 +233,7 @@ def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corner
     qa = on_face(turned(corners.a - light, cube), face)
     qb = on_face(turned(corners.b - light, cube), face)
     qc = on_face(turned(corners.c - light, cube), face)
-    size = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
+    size = largest_of(Corners(qa, qb, qc))
     if not (size > LEAST_DIVISOR and size < LARGEST_DIVISOR):
         return sides
     scale = about_inverse(size)
@@ -251,7 +244,7 @@ def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corner
     bc = qc - qb
     ca = qa - qc
     det = wp.dot(wp.cross(ca, ab), qa)
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    edge = longest_edge(Corners(qa, qb, qc))
     if not (wp.abs(det) > 256.0 * U32 * edge * edge):
         return sides
     sign = wp.sign(det)
@@ -259,6 +252,18 @@ def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corner
     sides.line0 = side_of_plane(wp.cross(qb, bc) * sign, error, r)
     sides.line1 = side_of_plane(wp.cross(qc, ca) * sign, error, r)
     sides.line2 = side_of_plane(wp.cross(qa, ab) * sign, error, r)
+    return sides
+
+
+@wp.func
+def sides_on_face(flat: Flat, light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corners, r: wp.vec4f) -> Sides:
+    """The lines that bound a triangle's cells on a face, from its projection if that is known."""
+    if not flat.valid:
+        return sides_of_planes(light, cube, face, corners, r)
+    sides = Sides()
+    sides.line0 = side_of(flat.a, flat.b, flat.c, flat.pad)
+    sides.line1 = side_of(flat.b, flat.c, flat.a, flat.pad)
+    sides.line2 = side_of(flat.c, flat.a, flat.b, flat.pad)
     return sides
 
 

@@ -54,22 +54,6 @@ def set_cube(cubes: wp.array2d(dtype=wp.vec4f), light: wp.int32, c: Cube):
     set_entry_of_four(cubes, light, 3, wp.vec4f(c.middle[2], 0.0, 0.0, 0.0))
 
 
-@wp.func
-def cube_of(cubes: wp.array2d(dtype=wp.vec4f), light: wp.int32) -> Cube:
-    """The cube that :func:`set_cube` stored."""
-    a = entry_of_four(cubes, light, 0)
-    b = entry_of_four(cubes, light, 1)
-    c = entry_of_four(cubes, light, 2)
-    d = entry_of_four(cubes, light, 3)
-    cube = Cube()
-    cube.forward = wp.vec3f(a[0], a[1], a[2])
-    cube.right = wp.vec3f(b[0], b[1], b[2])
-    cube.up = wp.vec3f(c[0], c[1], c[2])
-    cube.middle = wp.vec3f(b[3], c[3], d[0])
-    cube.distance = a[3]
-    return cube
-
-
 @wp.struct
 class Light:
     """A light: its number, and the arrays of all lights in which it has a row.
@@ -115,7 +99,18 @@ def aim_of(light: Light) -> Aim:
 
 @wp.func
 def cube_of_light(light: Light) -> Cube:
-    return cube_of(light.cube, light.index)
+    """The cube that :func:`set_cube` stored."""
+    a = entry_of_four(light.cube, light.index, 0)
+    b = entry_of_four(light.cube, light.index, 1)
+    c = entry_of_four(light.cube, light.index, 2)
+    d = entry_of_four(light.cube, light.index, 3)
+    cube = Cube()
+    cube.forward = wp.vec3f(a[0], a[1], a[2])
+    cube.right = wp.vec3f(b[0], b[1], b[2])
+    cube.up = wp.vec3f(c[0], c[1], c[2])
+    cube.middle = wp.vec3f(b[3], c[3], d[0])
+    cube.distance = a[3]
+    return cube
 
 
 @wp.func

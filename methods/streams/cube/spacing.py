@@ -4,8 +4,7 @@ Rays lie unevenly on a light's cube: what the camera sees closely holds most of 
 equal size most tests would be of rays that lie in the cell at the end of a triangle's row, but not in the triangle. So each
 axis of a face is divided into :data:`BINS` bins of equal size, and each bin into columns (or rows) of equal size, more of
 them where more rays are expected. No answer depends on it, so a rough number is enough: of many rays some are drawn by
-chance, and each stands for others. Additions to the same word wait for one another. Where the rays are not known yet, they
-are those of the pixels in the boxes of the triangles in view, whatever hides these.
+chance, and each stands for others. Additions to the same word wait for one another.
 
 A coordinate t in bins becomes a coordinate in cells by :func:`in_cells`, which is monotone but for its rounding. So a
 triangle's bounds in bins bound its cells, if they are widened by :data:`BIN_SLACK` before and by :data:`CELL_SLACK` after.
@@ -20,16 +19,9 @@ density  float32 [2 axes * 6 faces * INTERVALS]: rays expected in equal interval
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Corners, Mesh
-from ...common.reads import corners_at, direction_at
-from ...exact.triangle import largest, to_float64
-from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.division import about_inverse
 from ...gpu.entries import entry
-from ...gpu.warps import lanes_with, of_lane
-from ..camera.stream import box_of
-from .cells import FACES, RayCells, SpacedCells, face_of, on_face
-from .lights import Cube, turned
+from .cells import FACES, RayCells, SpacedCells
 from .rectangle import BINS, RANGE, cells_in_use, face_rectangle
 
 AXES, INTERVALS = wp.constant(2), wp.constant(64)
@@ -44,20 +36,11 @@ CELL_SLACK = wp.constant(wp.float32(2.0**-8))
 EVEN = wp.constant(wp.float32(0.25))
 """Part of the cells that is distributed evenly over the bins, whatever rays are expected."""
 
-DRAWN = wp.constant(2048)
-"""How many pixels are drawn, if the boxes of the triangles cover each pixel once."""
-
-ALONE, MOST = wp.constant(4), wp.constant(256)
-"""Pixels of one triangle that a thread draws alone, and that are drawn at most. Each then stands for more."""
-
-ACROSS, DOWN = wp.constant(wp.uint32(3242174889)), wp.constant(wp.uint32(2447445414))
-"""2^32 over the plastic number and its square: the multiples of both, modulo 2^32, cover a square evenly."""
-
 WHETHER = wp.constant(wp.uint32(2654435769))
-"""2^32 over the golden ratio, of which the same holds on a line."""
+"""2^32 over the golden ratio: its multiples, modulo 2^32, cover a line evenly."""
 
 ONE_OF = wp.constant(wp.float32(1.0 / 128.0))
-"""Part of the rays that are drawn where they are known."""
+"""Part of the rays that are drawn."""
 
 
 @wp.func
@@ -129,12 +112,6 @@ def row_between(cells: SpacedCells, face: wp.int32, row: wp.int32, along: wp.int
 
 
 @wp.func
-def chance(number: wp.int32, factor: wp.uint32) -> wp.float32:
-    """A number from 0 to 1, evenly distributed over successive numbers."""
-    return wp.float32((wp.uint32(number) * factor) >> wp.uint32(8)) / 16777216.0
-
-
-@wp.func
 def intervals_per_unit(face: wp.int32, rectangle: wp.array(dtype=wp.int32)) -> wp.float32:
     """Intervals of a face for a unit of u or v."""
     half = 0.5 * wp.float32(INTERVALS)
@@ -142,96 +119,20 @@ def intervals_per_unit(face: wp.int32, rectangle: wp.array(dtype=wp.int32)) -> w
 
 
 @wp.func
-def expect(u: wp.float32, v: wp.float32, face: wp.int32, rays: wp.float32, cells: SpacedCells):
-    """Expect so many rays at a place of a face."""
-    n = wp.float32(INTERVALS)
-    scale = intervals_per_unit(face, cells.rectangle)
-    x = wp.int32(wp.clamp(0.5 * n + u * scale, 0.0, n - 0.5))
-    y = wp.int32(wp.clamp(0.5 * n + v * scale, 0.0, n - 0.5))
-    wp.atomic_add(cells.density, face * INTERVALS + x, rays)
-    wp.atomic_add(cells.density, (FACES + face) * INTERVALS + y, rays)
-
-
-@wp.func
 def expect_ray(pixel: wp.int32, place: wp.vec4f, cells: RayCells):
-    """Expect the ray of a pixel (:func:`.cells.place_of`), if it is drawn."""
+    """Expect the ray of a pixel (:func:`.cells.place_of`), if it is drawn: one evenly distributed over successive pixels."""
 
 
 @wp.func
 def expect_ray(pixel: wp.int32, place: wp.vec4f, cells: SpacedCells):
-    if place[2] >= 0.0 and chance(pixel, WHETHER) < ONE_OF:
-        expect(place[0], place[1], wp.int32(place[2]), 1.0, cells)
-
-
-@wp.func
-def expect_draws(
-    i: wp.int32,
-    box: wp.vec4i,
-    first: wp.int32,
-    step: wp.int32,
-    number: wp.int32,
-    each: wp.float32,
-    o: wp.vec3f,
-    corners: Corners,
-    camera: Camera,
-    cube: Cube,
-    cells: SpacedCells,
-):
-    """Expect ``each`` rays at draw ``first`` of triangle i and every ``step`` after it, of ``number`` of them in its box."""
-    # Rounding does no harm here.
-    pa = corners.a - o
-    pb = corners.b - o
-    pc = corners.c - o
-    n = wp.cross(pb - pa, pc - pa)
-    height = wp.dot(n, pa)
-    side = wp.sign(height)
-    na = wp.cross(pb, pc) * side
-    nb = wp.cross(pc, pa) * side
-    nc = wp.cross(pa, pb) * side
-    eye = turned(o - cube.middle, cube)
-    across = wp.float32(box[2] - box[0] + 1)
-    down = wp.float32(box[3] - box[1] + 1)
-    for k in range(first, number, step):
-        x = wp.min(box[0] + wp.int32(across * chance(i + k, ACROSS)), box[2])
-        y = wp.min(box[1] + wp.int32(down * chance(i + k, DOWN)), box[3])
-        d = direction_at(camera, x, y)
-        if wp.min(wp.dot(na, d), wp.min(wp.dot(nb, d), wp.dot(nc, d))) > 0.0:
-            way = turned(d * (height / wp.dot(n, d)), cube)
-            q = wp.vec3f(eye[0] + way[0] + cube.distance, eye[1] + way[1], eye[2] + way[2])
-            face = face_of(to_float64(q))
-            r = on_face(q, face)
-            if r[0] > 0.0 and largest(q) < 1.0e30:
-                expect(r[1] / r[0], r[2] / r[0], face, each, cells)
-
-
-@wp.func
-def expect_triangles(
-    i: wp.int32, lanes: wp.int32, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, mesh: Mesh, cells: RayCells
-):
-    """Expect the rays of the triangles of a warp, which have these boxes on the image. The ``lanes`` of the warp (32, or 1
-    on a CPU) share the draws of large ones. All lanes must call it."""
-
-
-@wp.func
-def expect_triangles(
-    i: wp.int32, lanes: wp.int32, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, mesh: Mesh, cells: SpacedCells
-):
-    pixels = wp.float32(wp.max(box[2] - box[0] + 1, 0)) * wp.float32(wp.max(box[3] - box[1] + 1, 0))
-    each = wp.float32(camera.width) * wp.float32(camera.height) / wp.float32(DRAWN)
-    number = wp.int32(wp.min(pixels / each + chance(i, WHETHER), wp.float32(MOST)))
-    if number > 0 and number <= ALONE:
-        expect_draws(i, box, 0, 1, number, each, o, corners_at(mesh, i), camera, cube, cells)
-    large = lanes_with(number > ALONE)
-    while large != wp.uint32(0):
-        lane = lowest_bit(large)
-        large = without_lowest_bit(large)
-        j = of_lane(i, lane)
-        draws = of_lane(number, lane)
-        corners = corners_at(mesh, j)
-        whole = box_of(corners, o, camera)
-        pixels = wp.float32(whole[2] - whole[0] + 1) * wp.float32(whole[3] - whole[1] + 1)
-        rays = wp.where(draws == MOST, pixels / wp.float32(MOST), each)
-        expect_draws(j, whole, i & (lanes - 1), lanes, draws, rays, o, corners, camera, cube, cells)
+    if place[2] >= 0.0 and wp.float32((wp.uint32(pixel) * WHETHER) >> wp.uint32(8)) / 16777216.0 < ONE_OF:
+        face = wp.int32(place[2])
+        n = wp.float32(INTERVALS)
+        scale = intervals_per_unit(face, cells.rectangle)
+        x = wp.int32(wp.clamp(0.5 * n + place[0] * scale, 0.0, n - 0.5))
+        y = wp.int32(wp.clamp(0.5 * n + place[1] * scale, 0.0, n - 0.5))
+        wp.atomic_add(cells.density, face * INTERVALS + x, 1.0)
+        wp.atomic_add(cells.density, (FACES + face) * INTERVALS + y, 1.0)
 
 
 @wp.func

@@ -12,7 +12,6 @@ import warp as wp
 
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.effects.specialise import effects, specialised
-from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Mesh
 from ....harness.frame.schedule.passes import Pass
 from ...common.pixels import thread_count, tile_pixel
@@ -24,13 +23,7 @@ from ..cube.lights import Light
 from ..queues import BLOCK_DIM, WORDS
 from ..rays.hit_points import PrimaryHits, point_of
 from ..rays.placing import LightRays
-from .planes import Occluder, certain, set_planes, sign_bound
-
-
-@wp.func
-def has_holes(alpha: Alpha, i: wp.int32) -> wp.bool:
-    """Whether triangle i (any number) has holes."""
-    return i >= 0 and i < alpha.masked.shape[0] and alpha.masked[i] != wp.uint8(0)
+from .planes import certain, occluder_of, sign_bound
 
 
 @wp.func
@@ -46,11 +39,8 @@ def certainly_occludes(i: wp.int32, own: wp.int32, h: wp.vec3f, eye: wp.vec3f, l
     if entry(mesh.valid, i) == wp.uint8(0):
         return False
     corners = corners_at(mesh, i)
-    occluder = Occluder()
-    occluder.i = i
-    occluder.bound = sign_bound(wp.max(largest_of(corners), wp.max(largest(h), largest(eye))))
-    occluder.sure = occluder.bound
-    planes = set_planes(occluder, light, corners, False)
+    bound = sign_bound(wp.max(largest_of(corners), wp.max(largest(h), largest(eye))))
+    planes = occluder_of(i, bound, bound, light, corners, False)
     misses, hits = certain(wp.vec4f(h[0], h[1], h[2], 0.0), planes)
     return hits and not misses
 
@@ -85,7 +75,7 @@ def settle_kernel(
         i = remembered - 1
         unsure = point.exact_path
         if wp.static(effects.alpha):
-            unsure = unsure or has_holes(alpha, i)
+            unsure = unsure or (i >= 0 and i < alpha.masked.shape[0] and alpha.masked[i] != wp.uint8(0))
         h = to_float32(point.hit)
         if not unsure and certainly_occludes(
             i, point.triangle, h, camera.eye[0], light.position[light.index], hits.mesh
@@ -96,14 +86,6 @@ def settle_kernel(
             set_entry(last, pixel, 0)
     shadowed[light.index, pixel] = bit
     sought[light.index, pixel] = wp.uint8(wanted)
-
-
-def occluder_arrays(frame: Frame) -> tuple[wp.array, wp.array]:
-    """What the lights of a frame share: the receivers that are sought in the grid, uint8 [lights, pixels], and the last
-    occluders, int32 [lights, pixels], of which none is known yet."""
-    shape = (frame.light_count, frame.pixels)
-    with wp.ScopedDevice(frame.device):
-        return wp.zeros(shape, dtype=wp.uint8), wp.zeros(shape, dtype=wp.int32)
 
 
 class LastOccluder:

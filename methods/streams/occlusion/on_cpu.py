@@ -12,6 +12,7 @@ from ....harness.frame.geometry import Mesh
 from ...common.reads import corners_at
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry
+from ..camera.pixels import sure_of
 from ..cube.cells import RayCells, all_rays_end_before, on_face
 from ..cube.footprint import (
     Sides,
@@ -24,16 +25,16 @@ from ..cube.footprint import (
     in_cube_space,
     last_cell,
     on_bins,
+    sides_on_face,
 )
 from ..cube.lights import Cube, Light, cube_of_light, position_of
 from ..cube.rectangle import BINS, cells_of, faces_of, last_row, max_coordinate_of
 from ..cube.spacing import BIN_SLACK
-from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, rays_found
+from ..eight import EIGHT, Window, boxes_met, boxes_of_eight, on_cpu
 from ..queues import BLOCK_DIM, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box, span_of
 from .closed import turned_away
-from .planes import Occluder, ShadowBits, occluder_of, occludes_none, queue_if_lit, set_shadowed
-from .rows import sides_on_face
+from .planes import Occluder, ShadowBits, bound_of, occluder_of, occludes_none, queue_if_lit, set_shadowed
 from .stream import INLINE_ROWS, MANY
 
 
@@ -53,32 +54,25 @@ def window_of(cube: Cube, face: wp.int32, r: wp.vec4f) -> Window:
     return w
 
 
-@wp.func
-def test_rays_of_row(
-    bits: Any,
-    queue: Queue,
-    cells: Any,
-    along: wp.int32,
-    face: wp.int32,
-    y: wp.int32,
-    ends: wp.vec2i,
-    occluder: Occluder,
-):
-    """Test the rays in cells ends[0]..ends[1] of a row, eight at a time; ``along``: cells along a face."""
-    span = span_of(cells.offset, face, ends[0], ends[1], y, along)
-    at = wp.int32(span[0])
-    while at < span[1]:
-        o = occluder
-        found = rays_found(cells.rays, at, span[1] - at, o.e0, o.e1, o.e2, o.plane, o.bound, o.sure)
-        while found != wp.uint32(0):
-            k = lowest_bit(found)
-            found = without_lowest_bit(found)
-            pixel = wp.cast(entry(cells.rays, at + (k & 7))[3], wp.int32)
-            if k < EIGHT:
-                set_shadowed(bits, pixel, occluder.i)
-            elif entry(bits.triangle, pixel) != occluder.i:
-                queue_if_lit(bits, queue, occluder.i, pixel)
-        at += EIGHT
+@wp.func_native(
+    on_cpu(
+        """
+typedef float entries __attribute__((ext_vector_type(32), aligned(4)));
+entries h = *(const entries*)(rays.data + at);
+floats x = __builtin_shufflevector(h, h, 0, 4, 8, 12, 16, 20, 24, 28);
+floats y = __builtin_shufflevector(h, h, 1, 5, 9, 13, 17, 21, 25, 29);
+floats z = __builtin_shufflevector(h, h, 2, 6, 10, 14, 18, 22, 26, 30);
+auto value = [&](wp::vec_t<4, float> p) { return p[0] * x + (p[1] * y + (p[2] * z + p[3])); };
+floats e0 = value(o.e0), e1 = value(o.e1), e2 = value(o.e2), side = value(o.plane);
+auto outside = (e0 < -o.bound) | (e1 < -o.bound) | (e2 < -o.bound) | (side > o.bound);
+auto inside = (e0 > o.sure) & (e1 > o.sure) & (e2 > o.sure) & (side < -o.sure);
+return packed(inside, number) | packed(~(inside | outside), number) << 8;
+"""
+    )
+)
+def rays_found(rays: wp.array(dtype=wp.vec4f), at: wp.int32, number: wp.int32, o: Occluder) -> wp.uint32:
+    """Of the rays from ``at`` on, ``number`` or at most eight: a bit for each certain hit, and eight places higher one for
+    each undecided ray (:func:`.planes.certain`)."""
 
 
 @wp.func
@@ -120,11 +114,9 @@ def test_triangle(
     if number == 0:
         return
     large = number > inline_rays
-    holes = wp.bool(False)
-    if wp.static(effects.alpha):
-        holes = alpha.masked[i] != wp.uint8(0)
     position = position_of(light)
-    occluder = occluder_of(i, holes, position, corners, row, large)
+    bound = bound_of(row, corners)
+    occluder = occluder_of(i, bound, sure_of(i, bound, alpha), position, corners, large)
     if occludes_none(occluder):
         return
     sides = Sides()
@@ -136,8 +128,21 @@ def test_triangle(
         ends = wp.vec2i(box[0], box[2])
         if large:
             ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
+        span = wp.vec2i(0, 0)
         if ends[1] >= ends[0]:
-            test_rays_of_row(bits, queue, cells, along, face, y, ends, occluder)
+            span = span_of(cells.offset, face, ends[0], ends[1], y, along)
+        at = wp.int32(span[0])
+        while at < span[1]:
+            found = rays_found(cells.rays, at, span[1] - at, occluder)
+            while found != wp.uint32(0):
+                k = lowest_bit(found)
+                found = without_lowest_bit(found)
+                pixel = wp.cast(entry(cells.rays, at + (k & 7))[3], wp.int32)
+                if k < EIGHT:
+                    set_shadowed(bits, pixel, i)
+                elif entry(bits.triangle, pixel) != i:
+                    queue_if_lit(bits, queue, i, pixel)
+            at += EIGHT
         y += 1
 
 

@@ -42,7 +42,9 @@ class Occluder:
 
 
 @wp.func
-def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners, closely: wp.bool) -> Occluder:
+def occluder_of(
+    i: wp.int32, bound: wp.float32, sure: wp.float32, light: wp.vec3f, corners: Corners, closely: wp.bool
+) -> Occluder:
     """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2. What a scale is off is the same
     for all parts of a plane, so it moves none.
 
@@ -50,7 +52,10 @@ def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners, closely: w
     it gets its planes, and one that every ray misses if float64 finds it edge-on, too. That is for large triangles: where
     the light stands in a surface, millions of pairs would be left to float64.
     """
-    o = occluder
+    o = Occluder()
+    o.i = i
+    o.bound = bound
+    o.sure = sure
     facing = facing_to(light, corners, closely)
     o.e0 = edge_plane(light, corners.b, corners.c, facing.toward)
     o.e1 = edge_plane(light, corners.c, corners.a, facing.toward)
@@ -63,7 +68,7 @@ def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners, closely: w
 
 @wp.func
 def occludes_none(o: Occluder) -> wp.bool:
-    """Whether every ray misses a triangle because the light lies in its plane (:func:`set_planes`)."""
+    """Whether every ray misses a triangle because the light lies in its plane (:func:`occluder_of`)."""
     return o.e0[3] == -wp.INF
 
 
@@ -81,19 +86,6 @@ def sign_bound(size: wp.float32) -> wp.float32:
 def bound_of(row: wp.vec4f, corners: Corners) -> wp.float32:
     """:func:`sign_bound` of a triangle and every hit point of a light (:func:`..cube.rectangle.last_row`)."""
     return sign_bound(wp.max(max_coordinate_of(row), largest_of(corners)))
-
-
-@wp.func
-def occluder_of(
-    i: wp.int32, holes: wp.bool, light: wp.vec3f, corners: Corners, row: wp.vec4f, closely: wp.bool
-) -> Occluder:
-    """A triangle, which may have ``holes``, as a light's rays are tested against it; ``row``:
-    :func:`..cube.rectangle.last_row`; ``closely``: :func:`set_planes`."""
-    o = Occluder()
-    o.i = i
-    o.bound = bound_of(row, corners)
-    o.sure = wp.where(holes, wp.INF, o.bound)
-    return set_planes(o, light, corners, closely)
 
 
 class BitFields:

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Corners, Mesh, corners_of
+from ....harness.frame.geometry import Mesh, corners_of
 from ...gpu import prefetch, warps
 from ...gpu.entries import entry, entry_if, set_entry
 from ...gpu.prefetch import FEW_ROWS, shared_entry
@@ -16,12 +16,12 @@ from ...gpu.warps import LANES
 from ..camera.pixels import sure_of
 from ..cube import footprint
 from ..cube.cells import RayCells
-from ..cube.footprint import Flat, Sides, corners_on, in_cube_space, on_bins
-from ..cube.lights import Cube, Light, cube_of_light, position_of
+from ..cube.footprint import Sides, corners_on, in_cube_space, on_bins, sides_on_face
+from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, last_row
 from ..queues import CHUNKS, ITEMS, LARGE, SMALL, UNDECIDED, Queue, claim_chunks, store_chunks
 from ..rays.sort import span_of
-from .planes import Occluder, ShadowBits, certain, occluder_of, occludes_none, set_shadowed
+from .planes import Occluder, ShadowBits, bound_of, certain, occluder_of, occludes_none, set_shadowed
 
 SPLITTERS = wp.constant(2)
 """Threads that share the groups of one large triangle: a single one would store those of the largest one after the other."""
@@ -42,14 +42,6 @@ def places_of(queue: Queue, low: wp.int32, high: wp.int32, number: wp.int32) -> 
     """Reserve places for the groups of rows low to high; a triangle with at most :data:`FEW_ROWS` is a small one."""
     few = high - low < FEW_ROWS
     return reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
-
-
-@wp.func
-def sides_on_face(flat: Flat, light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corners, r: wp.vec4f) -> Sides:
-    """The lines that bound a triangle's cells on a face, from its projection if that is known."""
-    if flat.valid:
-        return footprint.sides_of_flat(flat)
-    return footprint.sides_of_planes(light, cube, face, corners, r)
 
 
 @wp.func
@@ -89,7 +81,8 @@ def split_kernel(threads: wp.int32, light: Light, table: wp.array(dtype=wp.vec4f
             r = entry(table, face)
             flat = on_bins(q, footprint.extent_with_rays(cube, corners, row), r)
             sides = sides_on_face(flat, position, cube, face, corners, r)
-            occluder = occluder_of(i, False, position, corners, row, True)
+            bound = bound_of(row, corners)
+            occluder = occluder_of(i, bound, bound, position, corners, True)
             for g in range(number):
                 y = low + (first + g * SPLITTERS) * LANES
                 set_group(queue.groups, places, g, face, y, low, high, work[2], sides, occluder)

@@ -17,15 +17,16 @@ from ...common.reads import corners_at
 from ...gpu.bits import lowest_bit, without_lowest_bit
 from ...gpu.entries import entry, set_entry
 from ...gpu.reserve import next_number
+from ..cube import footprint
 from ..cube.cells import RayCells, all_rays_end_before, nearest_depth
-from ..cube.footprint import corners_on, depth_slack, extent_with_rays, flat_box, in_cube_space, leaves_out, on_bins
+from ..cube.footprint import corners_on, extent_with_rays, in_cube_space, on_bins, sides_on_face
 from ..cube.lights import Light, cube_of_light, position_of
 from ..cube.rectangle import cells_of, faces_of, last_row
 from ..queues import LARGE, Queue, Share, triangle_of
 from ..rays.sort import rays_in_box
 from .closed import turned_away
-from .planes import ShadowBits, occluder_of, occludes_none, test_rays_of_box
-from .rows import queue_rows, sides_on_face
+from .planes import ShadowBits, bound_of, occluder_of, occludes_none, test_rays_of_box
+from .rows import queue_rows
 
 INLINE_ROWS = wp.constant(16)
 """A triangle over more rows of cells is queued: its thread would read them one after the other."""
@@ -79,7 +80,7 @@ def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
         along = cells_of(row)
         q = in_cube_space(corners, cube)
         extent = extent_with_rays(cube, corners, row)
-        slack = depth_slack(extent, cube)
+        slack = footprint.depth_slack(extent, cube)
         holes = wp.bool(False)
         if wp.static(effects.alpha):
             holes = alpha.masked[i] != wp.uint8(0)
@@ -93,9 +94,9 @@ def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
             faces = without_lowest_bit(faces)
             r = entry(cells.table, face)
             f = corners_on(q, face)
-            if not leaves_out(several, f, slack):
+            if not footprint.leaves_out(several, f, slack):
                 flat = on_bins(f, extent, r)
-                box = flat_box(flat, face, along, cells)
+                box = footprint.flat_box(flat, face, along, cells)
                 number = wp.int32(0)
                 least = nearest_depth(f, slack)
                 if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
@@ -115,7 +116,8 @@ def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
                         position = position_of(light)
                         again = corners_at(mesh, i)
                         sides_here = sides_on_face(flat, position, cube, face, again, r)
-                        large = occluder_of(i, False, position, again, row, True)
+                        bound = bound_of(row, again)
+                        large = occluder_of(i, bound, bound, position, again, True)
                         if not occludes_none(large):
                             queue_rows(queue, i, face, box, sides_here, large)
                     else:
@@ -126,7 +128,10 @@ def make_stream_kernel(splits: bool, counts: bool = True) -> wp.Kernel:
         if wp.static(not splits):
             if here >= 0:
                 # Corners are read again: held until here, they would take the registers of the loop.
-                planes_here = occluder_of(i, holes, position_of(light), corners_at(mesh, i), row, False)
+                again_here = corners_at(mesh, i)
+                bound_here = bound_of(row, again_here)
+                sure = wp.where(holes, wp.INF, bound_here)
+                planes_here = occluder_of(i, bound_here, sure, position_of(light), again_here, False)
                 test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
 
     return stream_kernel

@@ -12,6 +12,7 @@ eye. The bounds of :mod:`..cube.footprint`, :mod:`..occlusion.planes` and :mod:`
 
 import warp as wp
 
+from ....harness.frame.effects.specialise import effects
 from ....harness.frame.geometry import Camera, Mesh
 from ...common.reads import corners_at, ray_at
 from ...exact.hit_point import along, hit_point, plane_distance
@@ -53,8 +54,14 @@ class HitPoint:
 
 
 @wp.func
-def has_hit(hits: PrimaryHits, pixel: wp.int32) -> wp.bool:
-    return entry(hits.nearest, pixel) != wp.uint64(0)
+def has_ray(hits: PrimaryHits, receivers: wp.array2d(dtype=wp.uint8), light: wp.int32, pixel: wp.int32) -> wp.bool:
+    """Whether a pixel has a ray to a light: by its hit, or, where not all hits have one, by the ``receivers``."""
+    wanted = wp.bool(False)
+    if wp.static(effects.receivers):
+        wanted = entry(receivers, light, pixel) != wp.uint8(0)
+    else:
+        wanted = entry(hits.nearest, pixel) != wp.uint64(0)
+    return wanted
 
 
 @wp.func

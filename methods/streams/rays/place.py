@@ -23,8 +23,8 @@ from ...gpu.reserve import number_among
 from ..camera.pixels import index_of
 from ..cube.cells import RayCells
 from ..cube.lights import Aim, Light, aim_of, position_of
-from ..cube.rectangle import BINS, cells_of, last_row, record_place
-from ..cube.spacing import expect_ray, set_edges
+from ..cube.rectangle import BINS, record_place
+from ..cube.spacing import expect_ray
 from .hit_points import HitPoint, PrimaryHits, placed, placed_exactly, point_of
 from .sort import STORED_FACE, count_in_table
 
@@ -74,28 +74,6 @@ def is_receiver(light: Light, facing: wp.bool, ray: Ray, point: HitPoint, mesh: 
         if margin == 0.0:
             corners = corners_at(mesh, point.triangle)
             wanted = receives(light.index, asked, ray, corners, light.position, light.spot)
-    return wanted
-
-
-@wp.func
-def mark_receiver(
-    light: Light,
-    facing: wp.bool,
-    pixel: wp.int32,
-    at: wp.vec2i,
-    point: HitPoint,
-    hits: PrimaryHits,
-    receivers: wp.array2d(dtype=wp.uint8),
-    reached: wp.array(dtype=wp.int32),
-) -> wp.bool:
-    """Mark whether a pixel has a shadow ray to a light, and return it. reached: int32 [1], set to 1 if there is one; or
-    empty."""
-    wanted = wp.bool(False)
-    if point.triangle >= 0:
-        wanted = is_receiver(light, facing, ray_at(hits.camera, at[0], at[1]), point, hits.mesh)
-    set_entry(receivers, light.index, pixel, wp.uint8(wanted))
-    if wanted:
-        note_receiver(reached)
     return wanted
 
 
@@ -159,71 +137,49 @@ def facing_of(hits: PrimaryHits, pixel: wp.int32, facing: wp.array(dtype=wp.uint
     return faces
 
 
-@functools.cache
-def make_map_kernel(receivers: str, keeps: bool = False) -> wp.Kernel:
-    """Places of rays, a thread for each pixel, and what they cover.
-
-    receivers  which pixels have a ray: "hits": all with a hit; "flagged": those that the harness has marked; "marked": those
-               that this kernel decides and marks
-    keeps      of :func:`place_ray`
-    """
-    registers = REGISTERS_OF_MARKING if receivers == "marked" else REGISTERS
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
-    def map_kernel(
-        first: wp.int32,
-        asks_facing: wp.bool,
-        light: Light,
-        hits: PrimaryHits,
-        cells: RayCells,
-        flags: wp.array2d(dtype=wp.uint8),
-        reached: wp.array(dtype=wp.int32),
-        shadowed: wp.array2d(dtype=wp.uint8),
-    ):
-        """Clears the shadow bits, unless the receivers' pass of the harness has; empties ``farthest``. Nothing else is
-        written for pixels without ray.
-
-        first    of an image's threads, the first one here      asks_facing  whether receivers must face the light
-        flags    uint8 [lights, pixels]: receivers               reached  of :func:`mark_receiver`
-        """
-        camera = hits.camera
-        tile = wp.int32(first + wp.tid())
-        while tile < cells.farthest.shape[0]:
-            cells.farthest[tile] = 0
-            tile += tile_threads(camera.width, camera.height)
-        at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-        point = HitPoint()
-        wanted = wp.bool(False)
-        pixel = at[1] * camera.width + at[0]
-        if at[0] >= 0:
-            if wp.static(receivers == "marked"):
-                set_entry(shadowed, light.index, pixel, wp.uint8(0))
-            point = point_of(hits, pixel, at)
-            if wp.static(receivers == "flagged"):
-                wanted = entry(flags, light.index, pixel) != wp.uint8(0)
-            if wp.static(receivers == "hits"):
-                set_entry(shadowed, light.index, pixel, wp.uint8(0))
-                wanted = point.triangle >= 0
-            if wp.static(receivers == "marked"):
-                wanted = mark_receiver(light, asks_facing, pixel, at, point, hits, flags, reached)
-        place_ray(hits, point, wanted, pixel, at, aim_of(light), wp.static(keeps), cells)
-
-    return map_kernel
+@wp.func
+def count_placed(
+    hits: PrimaryHits,
+    point: HitPoint,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    aim: Aim,
+    cone: wp.bool,
+    outside_rays: wp.array(dtype=wp.int32),
+    cells: Any,
+):
+    """Count the ray of a pixel in its cell, where the region is known. One that lies outside that of a ``cone`` gets no
+    slot: it is listed."""
+    found = placed(point, True, aim)
+    if found.place[2] >= 0.0:
+        set_entry(cells.triangle, pixel, point.triangle)
+        count_in_table(pixel, found.place, False, cells)
+        return
+    found = placed_exactly(hits, pixel, at, aim)
+    if cone:
+        if not in_region(found.place, cells):
+            set_entry(cells.slot, pixel, -1)
+            set_entry(cells.triangle, pixel, point.triangle)
+            set_entry(outside_rays, 1 + number_among(outside_rays, 0), pixel)
+            return
+    store_point(pixel, point.triangle, found.h, cells)
+    count_in_table(pixel, found.place, True, cells)
 
 
 @functools.cache
-def make_place_kernel(receivers: str, cone: bool = False) -> wp.Kernel:
-    """Places of rays, a thread for each pixel, and their cells, where what they cover is known. Sets where rows begin.
+def make_place_kernel(receivers: str, region: str, keeps: bool = False) -> wp.Kernel:
+    """Places of rays, a thread for each pixel, and what they cover if their region is found by that; else their cells.
 
-    receivers  which pixels have a ray: "hits": all with a hit; "facing": hits of triangles that are ``facing``; "marked":
-               those that this kernel decides. Both of them are marked
-    cone       whether the region may end before a ray (:mod:`.region`). Such a ray gets no slot
+    receivers  which pixels have a ray: "hits": all with a hit; "flagged": those that the harness has marked; "facing": hits
+               of triangles that are ``facing``; "marked": those that this kernel decides. The last two are marked
+    region     "found", "known" or "cone" (:class:`.placing.ByRays`)      keeps  of :func:`place_ray`
     """
     registers = REGISTERS_OF_MARKING if receivers == "marked" else REGISTERS
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def place_kernel(
         first: wp.int32,
+        asks_facing: wp.bool,
         light: Light,
         hits: PrimaryHits,
         facing: wp.array(dtype=wp.uint8),
@@ -233,48 +189,53 @@ def make_place_kernel(receivers: str, cone: bool = False) -> wp.Kernel:
         shadowed: wp.array2d(dtype=wp.uint8),
         outside_rays: wp.array(dtype=wp.int32),
     ):
-        """As :func:`make_map_kernel`'s.
+        """Clears the shadow bits, unless the receivers' pass of the harness has; empties ``farthest`` where the region is
+        found. Nothing else is written for pixels without ray.
 
+        first         of an image's threads, the first one here     asks_facing  whether receivers must face the light
         facing        uint8 [triangles] (:func:`.region.bounds_kernel`)
+        flags         uint8 [lights, pixels]: receivers             reached      int32 [1]: set to 1 if there is one; or []
         outside_rays  int32 [1 + pixels]: the number of rays outside the region, and their pixels
         """
         camera = hits.camera
-        threads = tile_threads(camera.width, camera.height)
-        set_edges(first + wp.tid(), threads, cells, cells_of(last_row(cells.table)))
+        if wp.static(region == "found"):
+            tile = wp.int32(first + wp.tid())
+            while tile < cells.farthest.shape[0]:
+                cells.farthest[tile] = 0
+                tile += tile_threads(camera.width, camera.height)
         at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-        if at[0] < 0:
-            return
-        pixel = at[1] * camera.width + at[0]
-        set_entry(shadowed, light.index, pixel, wp.uint8(0))
-        faces = wp.uint8(0)
-        if wp.static(receivers == "facing"):
-            # Before the point is computed: the byte is then on its way together with what that reads of the triangle.
-            faces = facing_of(hits, pixel, facing)
-        point = point_of(hits, pixel, at)
-        wanted = point.triangle >= 0
-        if wp.static(receivers == "facing"):
-            wanted = faces != wp.uint8(0)
-            set_entry(flags, light.index, pixel, wp.uint8(wanted))
-            if wanted:
-                note_receiver(reached)
-        if wp.static(receivers == "marked"):
-            wanted = mark_receiver(light, False, pixel, at, point, hits, flags, reached)
-        if not wanted:
-            return
-        aim = aim_of(light)
-        found = placed(point, True, aim)
-        if found.place[2] >= 0.0:
-            set_entry(cells.triangle, pixel, point.triangle)
-            count_in_table(pixel, found.place, False, cells)
-            return
-        found = placed_exactly(hits, pixel, at, aim)
-        if wp.static(cone):
-            if not in_region(found.place, cells):
-                set_entry(cells.slot, pixel, -1)
-                set_entry(cells.triangle, pixel, point.triangle)
-                set_entry(outside_rays, 1 + number_among(outside_rays, 0), pixel)
+        if wp.static(region != "found"):  # else all threads of a block go on
+            if at[0] < 0:
                 return
-        store_point(pixel, point.triangle, found.h, cells)
-        count_in_table(pixel, found.place, True, cells)
+        point = HitPoint()
+        wanted = wp.bool(False)
+        pixel = at[1] * camera.width + at[0]
+        if at[0] >= 0:
+            if wp.static(receivers != "flagged"):
+                set_entry(shadowed, light.index, pixel, wp.uint8(0))
+            faces = wp.uint8(0)
+            if wp.static(receivers == "facing"):
+                # Before the point is computed: the byte is then on its way together with what that reads of the triangle.
+                faces = facing_of(hits, pixel, facing)
+            point = point_of(hits, pixel, at)
+            wanted = point.triangle >= 0
+            if wp.static(receivers == "flagged"):
+                wanted = entry(flags, light.index, pixel) != wp.uint8(0)
+            if wp.static(receivers == "facing"):
+                wanted = faces != wp.uint8(0)
+            if wp.static(receivers == "marked"):
+                if wanted:
+                    asked = asks_facing and wp.static(region == "found")
+                    wanted = is_receiver(light, asked, ray_at(camera, at[0], at[1]), point, hits.mesh)
+            if wp.static(receivers in ("facing", "marked")):
+                set_entry(flags, light.index, pixel, wp.uint8(wanted))
+                if wanted:
+                    note_receiver(reached)
+        if wp.static(region == "found"):
+            place_ray(hits, point, wanted, pixel, at, aim_of(light), wp.static(keeps), cells)
+        else:
+            if not wanted:
+                return
+            count_placed(hits, point, pixel, at, aim_of(light), wp.static(region == "cone"), outside_rays, cells)
 
     return place_kernel

@@ -29,7 +29,7 @@ from ..queues import BLOCK_DIM, WORDS, Queues
 from ..settings import Settings
 from . import sort
 from .hit_points import PrimaryHits
-from .place import make_map_kernel, make_place_kernel
+from .place import make_place_kernel
 from .region import bounds_kernel, cone_kernel
 
 
@@ -66,7 +66,7 @@ class LightRays:
         self.counts = queues.counters(1 + index)
         self.queue = queues.of_stream(1 + index)
         many, few, faces = arrays["cells"]
-        self.spaced = settings.spacing == "rays"
+        self.spaced = (settings.spacing, settings.region) == ("rays", "rays")
         kind: Any = RayCells
         given = {name: array for name, array in arrays.items() if name in kind.vars}
         # Few rays do not repay clearing and summing finer cells.
@@ -125,6 +125,7 @@ class ByRays:
     region   how the region of the rays is had: "found": from their places; "known": from the triangles in view; "cone": and
              from a spot's cone
     outside  int32 [1 + pixels]: rays outside the region of a spot (:mod:`.region`); or [0]
+    facing   uint8 [triangles]: whether those in view face the light, if only then their hits have a ray; or [0]
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
              rays, and where rays bounce: passes that read no receivers would have no condition then
     """
@@ -139,12 +140,13 @@ class ByRays:
         self.marking = marks and effects.has_receivers(rays.index)
         self.flags = frame.receivers if self.marking else rays.receivers
         self.outside = wp.empty(0, dtype=wp.int32, device=frame.device)
+        self.facing = wp.empty(0, dtype=wp.uint8, device=frame.device)
         self.reached = self.outside
         if self.marking and not rays.queues.cuda and not effects.bounces:
             self.reached = reached_by(frame, rays.index, 0)
 
     def receivers(self) -> str:
-        """Of :func:`.place.make_map_kernel`."""
+        """Of :func:`.place.make_place_kernel`."""
         return "marked" if self.marking else "flagged" if self.rays.switches.receivers else "hits"
 
     def passes(self) -> list[Pass]:
@@ -188,25 +190,21 @@ class ByRays:
 
     def _place(self, threads: Threads) -> None:
         r = self.rays
-        inputs = [threads.first, r.effects.facing, r.light, r.hits]
-        outputs = [r.cells, self.flags, self.reached, r.frame.answers.shadowed]
-        r.launch(make_map_kernel(self.receivers(), self.keeps), threads.number, inputs, outputs)
+        inputs = [threads.first, r.effects.facing, r.light, r.hits, self.facing]
+        outputs = [r.cells, self.flags, self.reached, r.frame.answers.shadowed, self.outside]
+        r.launch(make_place_kernel(self.receivers(), self.region, self.keeps), threads.number, inputs, outputs)
 
     def launch_count(self) -> None:
         if not self.rays.queues.cuda:
             self.rays.cells.count.zero_()
-        self.launch_spacing()
+        if self.rays.spaced:
+            self.rays.frame.launch(spacing_kernel, SPACING_THREADS, [], [self.rays.cells])
         self.rays.ranges.run(self._count)
         self.launch_scan()
 
     def _count(self, threads: Threads) -> None:
         r = self.rays
         r.launch(sort.count_kernel, threads.number, [threads.first, r.index, r.hits, r.receivers], [r.cells])
-
-    def launch_spacing(self) -> None:
-        """The spacing of the cells, by the rays that are expected."""
-        if self.rays.spaced:
-            self.rays.frame.launch(spacing_kernel, SPACING_THREADS, [], [self.rays.cells])
 
     def launch_scan(self) -> None:
         """Offsets of the cells from their counts."""
@@ -231,7 +229,6 @@ class ByTriangles(ByRays):
 
     A spot's region is cut by its cone. With ``facing`` a spot has it only if it is known which triangles may face the light.
 
-    facing   uint8 [triangles]: whether those in view face the light, if only then their hits have a ray; or [0]
     alone    whether no other light uses the arrays of the branch. What :meth:`launch_aim` writes belongs to this light:
              with one light the cells' arrays are not shared, so they may be emptied early
     """
@@ -241,7 +238,6 @@ class ByTriangles(ByRays):
         frame, effects = rays.frame, rays.effects
         self.alone = len(effects.shadows) == 1
         self.region = "cone" if rays.spot else "known"
-        self.facing = wp.empty(0, dtype=wp.uint8, device=frame.device)
         if rays.spot:
             self.outside = wp.zeros(1 + frame.pixels, dtype=wp.int32, device=frame.device)
             # Whenever rays are placed again, the list of outside rays must have been emptied.
@@ -256,13 +252,12 @@ class ByTriangles(ByRays):
         super().launch_aim()
         r, f = self.rays, self.rays.frame
         threads = -(-max(1, f.triangle_count) // BLOCK_DIM) * BLOCK_DIM
-        inputs = [threads, int(LANES) if r.queues.cuda else 1, self.alone, r.light, f.camera, f.mesh]
+        inputs = [threads, self.alone, r.light, f.camera, f.mesh]
         outputs = [r.cells, self.facing]
         r.launch(bounds_kernel, threads, inputs, outputs, BLOCK_DIM, receivers=self.facing.size > 0)
         if self.region == "cone":
             f.launch(cone_kernel, 1, [r.light], [r.cells.rectangle, self.outside])
         r.launch(sort.table_kernel, int(FACES) + 1, [], [r.cells])
-        self.launch_spacing()
 
     def launch_place(self) -> None:
         cells = self.rays.cells
@@ -271,12 +266,6 @@ class ByTriangles(ByRays):
         if not self.alone:
             cells.farthest.zero_()
         super().launch_place()
-
-    def _place(self, threads: Threads) -> None:
-        r = self.rays
-        inputs = [threads.first, r.light, r.hits, self.facing]
-        outputs = [r.cells, self.flags, self.reached, r.frame.answers.shadowed, self.outside]
-        r.launch(make_place_kernel(self.receivers(), self.region == "cone"), threads.number, inputs, outputs)
 
     def launch_count(self) -> None:
         self.launch_scan()

@@ -30,7 +30,6 @@ from ..cube.cells import FACES, RayCells, on_face
 from ..cube.footprint import FINEST, beyond_face, corners_on, depth_slack, extent_from, in_cube_space
 from ..cube.lights import CONE, Cube, Light, cube_of_light, turned
 from ..cube.rectangle import EMPTY, FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, from_ordered, ordered
-from ..cube.spacing import expect_triangles
 from .hit_points import FAR
 
 OFF = wp.constant(wp.float32(2.0**-7))
@@ -55,16 +54,8 @@ WIDEST = wp.constant(wp.float64(-0.999))
 
 
 @wp.func
-def lower(words: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float32):
-    """Lower a side of the rectangle to at most x."""
-    word = ordered(x)
-    if word < words[k]:
-        wp.atomic_min(words, k, word)
-
-
-@wp.func
 def rectangle_of(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, extent: wp.float32, before: wp.vec4f) -> wp.vec4f:
-    """The part of a rectangle of face 0 (least u and v, greatest u and v) that the convex hull of four points may cover.
+    """The part of a rectangle of face 0 (least u and v, least -u and -v) that the convex hull of four points may cover.
 
     Points are (along, across, up), and ``extent`` bounds |p - middle|_1 of them; errors are those of
     :func:`..cube.footprint.on_bins`. Where a point lies behind the centre of projection or too near its plane, the
@@ -82,12 +73,7 @@ def rectangle_of(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, d: wp.vec3f, extent: wp.
     most_v = wp.max(v)
     widest = wp.max(wp.max(-least_u, most_u), wp.max(wp.max(-least_v, most_v), FINEST))
     pad = 32.0 * U32 * ((1.0 + widest) * extent / nearest + widest)
-    return wp.vec4f(
-        wp.max(before[0], least_u - pad),
-        wp.max(before[1], least_v - pad),
-        wp.min(before[2], most_u + pad),
-        wp.min(before[3], most_v + pad),
-    )
+    return wp.max(before, wp.vec4f(least_u - pad, least_v - pad, -most_u - pad, -most_v - pad))
 
 
 @wp.func
@@ -199,19 +185,18 @@ def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cub
             if cells.rectangle[FACE + face] != 0:
                 cells.rectangle[FACE + face] = 0
             if face == 0:
-                sides = rectangle_of(q.a, q.b, q.c, q.c, extent, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
+                sides = rectangle_of(q.a, q.b, q.c, q.c, extent, wp.vec4f(-1.0, -1.0, -1.0, -1.0))
                 if in_part:
                     sides = rectangle_of(part.a, part.b, part.c, part.d, part.extent, sides)
-                lower(cells.rectangle, LOW_U, sides[0])
-                lower(cells.rectangle, LOW_V, sides[1])
-                lower(cells.rectangle, HIGH_U, -sides[2])
-                lower(cells.rectangle, HIGH_V, -sides[3])
+                for k in range(4):
+                    word = ordered(sides[k])
+                    if word < cells.rectangle[k]:
+                        wp.atomic_min(cells.rectangle, k, word)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def bounds_kernel(
     threads: wp.int32,
-    lanes: wp.int32,
     empties: wp.bool,
     light: Light,
     camera: Camera,
@@ -220,8 +205,8 @@ def bounds_kernel(
     facing: wp.array(dtype=wp.uint8),
 ):
     """What the triangles in view cover of face 0, with the error of a corner; the faces they touch; the largest coordinate
-    of them, of a large one that of the part in view; and the rays that are expected. Empties ``farthest`` if it ``empties``.
-    One thread per triangle or more, in whole blocks; ``lanes`` of a warp: 32, or 1 on a CPU.
+    of them, of a large one that of the part in view. Empties ``farthest`` if it ``empties``. One thread per triangle or
+    more.
 
     facing: uint8 [triangles]: of those in view, whether their hits have a ray. Only those that do are counted.
     """
@@ -231,7 +216,6 @@ def bounds_kernel(
             cells.farthest[tile] = 0
     o = entry(camera.eye, 0)
     cube = cube_of_light(light)
-    box = wp.vec4i(0, 0, -1, -1)
     if i < mesh.triangles.shape[0] and mesh.valid[i] != wp.uint8(0):
         corners = corners_at(mesh, i)
         box = box_of(corners, o, camera)
@@ -242,9 +226,6 @@ def bounds_kernel(
                 set_entry(facing, i, wp.uint8(wanted))
         if wanted:
             bound_rays(corners, box, o, camera, cube, cells)
-        else:
-            box = wp.vec4i(0, 0, -1, -1)
-    expect_triangles(i, lanes, box, o, camera, cube, mesh, cells)
 
 
 @wp.func
@@ -279,12 +260,6 @@ def cone_sides(f: wp.float64, r: wp.float64, sine: wp.float64) -> wp.vec2d:
     return wp.vec2d((f * r - half) / before, (f * r + half) / before)
 
 
-@wp.func
-def raise_side(rectangle: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float64):
-    """Move a side of the rectangle inwards to x, if it is not there yet."""
-    rectangle[k] = wp.max(rectangle[k], ordered(wp.float32(x)))
-
-
 @wp.kernel(enable_backward=False, grid_stride=False)
 def cone_kernel(light: Light, rectangle: wp.array(dtype=wp.int32), outside_rays: wp.array(dtype=wp.int32)):
     """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside a cone
@@ -306,10 +281,9 @@ def cone_kernel(light: Light, rectangle: wp.array(dtype=wp.int32), outside_rays:
     if cosine > wp.float64(0.0) and axis[0] > sine and rectangle[FACE] == 0:
         across = cone_sides(axis[0], axis[1], sine)
         up = cone_sides(axis[0], axis[2], sine)
-        raise_side(rectangle, LOW_U, across[0])
-        raise_side(rectangle, HIGH_U, -across[1])
-        raise_side(rectangle, LOW_V, up[0])
-        raise_side(rectangle, HIGH_V, -up[1])
+        sides = wp.vec4d(across[0], up[0], -across[1], -up[1])
+        for k in range(4):  # moved inwards, where they are not yet
+            rectangle[k] = wp.max(rectangle[k], ordered(wp.float32(sides[k])))
         wide = from_ordered(rectangle[LOW_U]) < -from_ordered(rectangle[HIGH_U])
         if not (wide and from_ordered(rectangle[LOW_V]) < -from_ordered(rectangle[HIGH_V])):
             rectangle[FACE] = EMPTY  # the cone misses what the triangles cover

@@ -5,7 +5,6 @@ from typing import Any
 
 import warp as wp
 
-from ....harness.frame.effects.specialise import effects
 from ...common.pixels import tile_pixel
 from ...gpu.entries import entry, entry_if, set_entry
 from ...gpu.reserve import number_among
@@ -14,7 +13,7 @@ from ..cube.cells import SPARE, RayCells, place_in_order, raise_from, set_slot, 
 from ..cube.rectangle import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 from ..cube.spacing import in_cells, set_edges
 from ..queues import RAYS
-from .hit_points import PrimaryHits, has_hit, point_of_word
+from .hit_points import PrimaryHits, has_ray, point_of_word
 
 STORED_FACE = wp.constant(8)
 """Added to the face of a place whose ray has its point in ``point``."""
@@ -106,11 +105,7 @@ def count_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * hits.camera.width + at[0]
-    if wp.static(effects.receivers):
-        if entry(receivers, light, pixel) == wp.uint8(0):
-            set_entry(cells.slot, pixel, -1)
-            return
-    elif not has_hit(hits, pixel):
+    if not has_ray(hits, receivers, light, pixel):
         set_entry(cells.slot, pixel, -1)
         return
     count_ray(pixel, entry(cells.place, pixel), cells)
@@ -167,10 +162,7 @@ def make_scatter_kernel(slotted: bool) -> wp.Kernel:
         pixel = at[1] * hits.camera.width + at[0]
         wanted = wp.bool(True)
         if wp.static(not slotted):
-            if wp.static(effects.receivers):
-                wanted = entry(receivers, light, pixel) != wp.uint8(0)
-            else:
-                wanted = has_hit(hits, pixel)
+            wanted = has_ray(hits, receivers, light, pixel)
         if wanted:
             put_ray(hits, pixel, at, entry(cells.slot, pixel), cells)
 

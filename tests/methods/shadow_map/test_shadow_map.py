@@ -33,25 +33,10 @@ def wrong_share(settings, prepared, width=48, height=48, light=0, device="cpu"):
 
 
 @pytest.mark.parametrize("shape", ["aimed", "cube"])
-def test_the_shadow_of_a_square_lies_where_it_must(shape, device):
-    prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)], (0.1, -4.0, 4.0))
-    _, moment, got = trace(NAME, {"size": "512", "shape": shape}, prepared, 64, 64, device)
-    best, t = closest(prepared, moment)
-    place = moment.eye + moment.directions(np.arange(64 * 64)).astype(np.float64) * t[:, None]
-    floor = (best >= 0) & (best < 32)
-    with np.errstate(invalid="ignore"):
-        reach = np.abs(place[:, :2]).max(axis=1)
-    dark = floor & (reach < 0.58)  # the square's shadow has half width 0.625
-    light = floor & (reach > 0.67)
-    assert dark.sum() > 20
-    assert got["shadowed"][0][dark].all()
-    assert not got["shadowed"][0][light].any()
-
-
-def test_error_falls_with_the_size_of_the_map(device):
+def test_error_falls_with_the_size_of_the_map(shape, device):
     vertices, faces = soup(3, 200, size=0.3)
     prepared = make_scene(vertices, faces, [(2.0, 5.0, 3.0)], (0.0, 0.5, 3.0))
-    shares = [wrong_share({"size": size}, prepared, device=device) for size in ("64", "512", "4096")]
+    shares = [wrong_share({"size": size, "shape": shape}, prepared, device=device) for size in ("64", "512", "2048")]
     assert shares[0] > shares[1] > shares[2]
     assert shares[2] < 0.02
 

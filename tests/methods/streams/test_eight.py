@@ -7,10 +7,11 @@ from helpers.brute_force import make_scene, soup
 from shadowbench.harness.frame.frame import AT_ONCE, Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.methods.common.reads import corners_at, direction_at
-from shadowbench.methods.streams.camera.on_cpu import window_of
-from shadowbench.methods.streams.camera.pixels import Planes, least_edge
+from shadowbench.methods.streams.camera.on_cpu import pixels_found, window_of
+from shadowbench.methods.streams.camera.pixels import Candidate, least_edge
 from shadowbench.methods.streams.camera.stream import box_of
-from shadowbench.methods.streams.eight import boxes_met, boxes_of_eight, pixels_found, rays_found
+from shadowbench.methods.streams.eight import boxes_met, boxes_of_eight
+from shadowbench.methods.streams.occlusion.on_cpu import rays_found
 from shadowbench.methods.streams.occlusion.planes import Occluder, certain
 
 WIDTH, HEIGHT = 19, 7
@@ -33,21 +34,23 @@ def found_kernel(
     o.plane = planes[4 * k + 3]
     o.bound = 0.1
     o.sure = 0.2
-    n = Planes()
-    n.n0 = wp.vec3f(o.e0[0], o.e0[1], o.e0[2])
-    n.n1 = wp.vec3f(o.e1[0], o.e1[1], o.e1[2])
-    n.n2 = wp.vec3f(o.e2[0], o.e2[1], o.e2[2])
+    c = Candidate()
+    c.planes.n0 = wp.vec3f(o.e0[0], o.e0[1], o.e0[2])
+    c.planes.n1 = wp.vec3f(o.e1[0], o.e1[1], o.e1[2])
+    c.planes.n2 = wp.vec3f(o.e2[0], o.e2[1], o.e2[2])
+    c.bound = o.bound
+    c.sure = o.sure
     x = k % camera.width
     y = k % camera.height
-    found[0, k] = rays_found(rays, k, number, o.e0, o.e1, o.e2, o.plane, o.bound, o.sure)
-    found[2, k] = pixels_found(camera, x, y, number, n.n0, n.n1, n.n2, o.bound, o.sure)
+    found[0, k] = rays_found(rays, k, number, o)
+    found[2, k] = pixels_found(camera, x, y, number, c)
     for i in range(wp.min(number, 8)):
         misses, hits = certain(rays[k + i], o)
         if hits:
             found[1, k] = found[1, k] | wp.uint32(1 << i)
         elif not misses:
             found[1, k] = found[1, k] | wp.uint32(256 << i)
-        low = least_edge(n, direction_at(camera, x + i, y))
+        low = least_edge(c.planes, direction_at(camera, x + i, y))
         if low > o.sure:
             found[3, k] = found[3, k] | wp.uint32(1 << i)
         elif not (low < -o.bound):

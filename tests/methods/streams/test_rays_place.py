@@ -108,17 +108,3 @@ def test_the_triangles_decide_which_hits_face_a_light(name, device):
     assert (seen[0] != seen[1]).any()
     np.testing.assert_array_equal(seen[0], seen[2])
     assert 0 < np.mean(seen) < 1
-
-
-@pytest.mark.parametrize("region", ["triangles", "rays"])
-def test_a_light_that_nothing_faces_has_no_receivers(region, device):
-    """The eye above a floor, one light below it and one in its plane: of that, float64 does not know the side."""
-    lights = (Light((0.5, -3.0, 0.2)), Light((0.5, FLOOR, 0.2)))
-    floor = np.array([CORNER, (3, FLOOR, -3), (3, FLOOR, 3), (-3, FLOOR, 3)], dtype=np.float64)
-    made = Geometry.static(floor, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
-    prepared = prepare(Scene("floor", "floor", lambda: made, EYE, lights, facing=True))
-    session, _, answers = trace("ray_grids", trial(region=region), prepared, *SIZE, device)
-    hits = answers["triangle"] >= 0
-    assert 0 < hits.sum() < hits.size
-    np.testing.assert_array_equal(session.frame.receivers.numpy() != 0, np.stack([0 * hits, hits]) != 0)
-    assert not answers["shadowed"].any()
