@@ -54,7 +54,7 @@ def test_of_a_named_method_the_parameters_are_listed(call):
     code, text, _ = call("list", "methods", "warp_bvh")
     assert code == 0
     assert "update = " in text
-    assert "Bounding volume hierarchies of Warp" in " ".join(text.split())
+    assert "Warp's bounding volume hierarchies" in " ".join(text.split())
     assert "kdtree" not in text
     (row,) = json.loads(call("list", "methods", "warp_bvh", "--json")[1])
     assert (row["name"], "update" in row["parameters"]) == ("warp_bvh", True)

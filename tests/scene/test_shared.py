@@ -84,14 +84,8 @@ def test_other_mirrors_or_holes_are_another_point(tmp_path: Path) -> None:
         + "".join(f"f {2 * k + 1} {2 * k + 3} {2 * k + 2}\n" for k in range(3))
     )
     told = []
-    for surfaces in (
-        "",
-        "[mirror]\nshare = 0.5\n",
-        "[mirror]\nshare = 0.9\n",
-        "[alpha]\nevery = 1\n",
-        "[alpha]\nevery = 2\n",
-    ):
-        (tmp_path / "scene.toml").write_text('mesh = "grid.obj"\n' + surfaces)
+    for surfaces in ("", "[mirror]\nshare = 0.5", "[mirror]\nshare = 0.9", "[alpha]\nevery = 1", "[alpha]\nevery = 2"):
+        (tmp_path / "scene.toml").write_text(f'mesh = "grid.obj"\n{surfaces}\n')
         prepared = prepare(resolve(tmp_path / "scene.toml"))
         told.append(scene_facts(prepared, {0: prepared.moment(0, 8, 8)}))
     assert len({facts["arrays_sha256"] for facts in told}) == 1
