@@ -16,6 +16,7 @@ from helpers.method_trials import (
     random_trial,
     trace,
 )
+from helpers.streams import trial
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -52,6 +53,9 @@ HARD: list[tuple[str, Settings]] = [
     *(("coherent_grid", {"side": side}) for side in ("3", "8")),
     ("perspective_spherical", {}),
     ("warp_bvh", EXACT_BVH),
+    ("ray_grids", {}),
+    ("visibility_buffer", trial(inline_pixels=0, inline_cells=0)),
+    ("hybrid", {"shadows": "tree"}),
     *(("accuracy_ladder", {"test": test}) for test in ("exact", "float64")),
 ]
 SAME: list[tuple[str, Settings]] = [
@@ -99,12 +103,16 @@ REJECTED: list[tuple[str, Settings, int, str]] = [
     ("two_level_grid", {"top_density": "900"}, 40000, "cells"),
     ("two_level_grid", {"leaf_density": "100"}, 40000, "cells"),
     ("kdtree", {"capacity": "1"}, 8000, "pairs"),
+    ("shadow_map", {"size": "1024"}, 1 << 20, "choose a smaller size"),
+    ("visibility_buffer", trial(cells=1024), 2**20, "map of .* texels"),
     ("perspective_spherical", {"pair_capacity": "1"}, 1000, r"needs [\d,]+ \(triangle, cell\) pairs"),
 ]
 WRONG: dict[str, tuple[str, ...]] = {
     "uniform_grid": ("density=0", "density=nan", "capacity=-1", "cells=3"),
     "two_level_grid": ("top_density=0", "leaf_density=101", "top_capacity=-1", "leaf_capacity=-1"),
     "kdtree": ("small=65", "empty=0", "traversal_cost=nan", "capacity=-1"),
+    "shadow_map": ("size=32", "size=many", "shape=round", "bias=big", "filter=blurred", "amount=nan"),
+    "ray_grids": ("occluders=first",),
     "embree": ("threads=-1", "robust=perhaps", "leaf_size=3", "quality=best", "update=often", "rays=packet8",
                "build_threads=-1", "update=refit quality=low"),
     "warp_bvh": ("update=often", "constructor=bsp", "leaf_size=-1", "update=bvh_rebuild constructor=cubql",
@@ -121,10 +129,10 @@ def test_random_scenes_equal_brute_force(name, seed, device):
     assert_exact(name, {key: str(value) for key, value in settings.items()}, *random_trial(seed), device)
 
 
-@pytest.mark.parametrize("trial", TRIALS)
+@pytest.mark.parametrize("scene", TRIALS)
 @pytest.mark.parametrize(("name", "settings"), HARD, ids=str)
-def test_hard_scenes_equal_brute_force(name, settings, trial, device):
-    assert_exact(name, settings, *TRIALS[trial], "cpu" if name == "coherent_grid" else device)
+def test_hard_scenes_equal_brute_force(name, settings, scene, device):
+    assert_exact(name, settings, *TRIALS[scene], "cpu" if name == "coherent_grid" else device)
 
 
 @pytest.mark.parametrize(("name", "settings"), SAME, ids=str)
@@ -144,11 +152,11 @@ def test_a_library_nearly_equals_brute_force(name, settings, scale):
     assert_same(trace(name, settings, prepared, 41, 29)[2], got, "again")
 
 
-@pytest.mark.parametrize("trial", TRIALS)
+@pytest.mark.parametrize("scene", TRIALS)
 @pytest.mark.parametrize(("name", "settings"), [NEARLY[0], *NEARLY[2:5]], ids=str)
-def test_a_library_survives_hard_scenes(name, settings, trial):
-    prepared, width, height = TRIALS[trial]
-    if trial in LOST or (trial == FLOOR and name == "warp_bvh"):
+def test_a_library_survives_hard_scenes(name, settings, scene):
+    prepared, width, height = TRIALS[scene]
+    if scene in LOST or (scene == FLOOR and name == "warp_bvh"):
         assert_misses(trace(name, settings, prepared, width, height)[2])
     else:
         assert_nearly(name, settings, prepared, width, height, share=0.03)

@@ -7,9 +7,6 @@ import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.devices import needs_gpu
 from helpers.method_trials import TRIALS, assert_misses, box, lattice, trace
-from shadowbench.harness.errors import CapacityRejected, UserError
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.prepared import under
 from shadowbench.harness.scene.scene import Light
 
@@ -119,19 +116,3 @@ def test_queued_strips_draw_what_one_thread_draws():
     expected = trace(NAME, {"size": "1024"}, prepared, 64, 64, "cpu")[2]
     assert session.regrown >= 1
     assert (got["shadowed"] != expected["shadowed"]).mean() < 1e-3
-
-
-def test_a_map_beyond_the_memory_is_rejected():
-    prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)])
-    with pytest.raises(CapacityRejected, match="smaller size"):
-        trace(NAME, {"size": "1024"}, prepared, 8, 8, limits=Limits(memory=1 << 20))
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("size", "32"), ("size", "many"), ("shape", "round"), ("bias", "big"), ("filter", "blurred"), ("amount", "nan")],
-)
-def test_wrong_parameters_are_one_line(key, value):
-    with pytest.raises(UserError, match=key) as caught:
-        make_method(NAME, {key: value})
-    assert "\n" not in str(caught.value)

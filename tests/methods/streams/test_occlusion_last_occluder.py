@@ -9,7 +9,6 @@ from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same
 from helpers.streams import trial
 from numpy.typing import NDArray
-from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -97,8 +96,3 @@ def test_passes_say_that_they_keep_occluders():
         setting = [work for work in session.planned if f"shadowed/{i}" in work.writes]
         assert writers == {work.name for work in setting} - {f"light {i}: map rays"}
     assert not any("occluders/0" in work.writes for work in session_of(plain(), {}).planned)
-
-
-def test_another_value_is_refused():
-    with pytest.raises(UserError, match="none, last"):
-        make_method("ray_grids", {"occluders": "first"})
