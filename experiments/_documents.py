@@ -99,7 +99,7 @@ def exactness(results: Results, folder: str) -> list[str]:
     """Scene by scene what exact answers cost a rebuilt tree, and how many answers are wrong without."""
     points = results.points(folder)
     loose = points[points["label"] == FLOAT32].set_index("title")[["ms", "true_errors"]]
-    both = ratio(results, folder, EXACT, FLOAT32).join(loose, on="title", rsuffix="_float32")
+    both = ratio(results, folder, EXACT, FLOAT32).join(loose.add_suffix("_float32"), on="title")
     return marked({
         "scene": both["title"], "float32, ms": both["ms_float32"],
         "wrong answers": both["true_errors_float32"].map(numbers.count), "exact, ms": both["ms"],

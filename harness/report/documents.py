@@ -18,7 +18,7 @@ from typing import Any
 from ..errors import UserError
 from ..files import write_text
 from ..results.schema import folders_with_records, place_name
-from . import claims, document, ranking
+from . import claims, compare, document, ranking
 from .dataframe import DataFrame
 
 PART = re.compile(r"(?m)^(<!-- drawn: (?P<name>[^>]+?) -->\n)(?P<text>.*?)^(<!-- end -->)$", re.DOTALL)
@@ -32,10 +32,14 @@ class Results:
     def __init__(self, folder: Path):
         self.folder = folder
         self.frames: Callable[[str], DataFrame] = cache(lambda name: document.frames(folder / name))
-        self.points: Callable[[str], DataFrame] = cache(lambda name: document.named(self.frames(name)))
+        self.points: Callable[[str], DataFrame] = cache(lambda name: document.named(self.slim(name)))
         self.part: Callable[..., list[str]] = cache(lambda make, *words: make(self, *words))
         self.data: Callable[[str], claims.Data] = cache(self._data)
-        self.ranked: Callable[[str], DataFrame] = cache(lambda name: ranking.ranked(self.frames(name)))
+        self.ranked: Callable[[str], DataFrame] = cache(lambda name: ranking.ranked(self.slim(name)))
+
+    def slim(self, name: str) -> DataFrame:
+        """The frames of a folder with the columns that parts are drawn from."""
+        return compare.slim(self.frames(name), ("round.", "pass."))
 
     def _data(self, machine: str) -> claims.Data:
         """What claims are judged from: the frames of all folders of a machine."""
