@@ -141,11 +141,11 @@ def line_of(error: Exception) -> str:
 
 def main() -> None:
     """The ``shadowbench`` command."""
-    for name in wanted(sys.argv[1:]):
-        register(name)
     # A name that is not UTF-8 is shown with its bytes as numbers, as on standard error.
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
+        for name in wanted(sys.argv[1:]):
+            register(name)
         app(sorted(spread_values(sys.argv[1:]), key=lambda word: word not in EVERYWHERE), standalone_mode=True)
     except KeyboardInterrupt:
         print("shadowbench: interrupted", file=sys.stderr)

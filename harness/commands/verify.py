@@ -88,7 +88,7 @@ def verify(
         judge = Judge.of(prepared, prepared.moment(frame, width, height), device=place)
         if everything:
             judge = judge.with_random_pixels(judge.pixel_count)
-        shown = f"{name}: {{}} ..." if not as_json and sys.stderr.isatty() else ""
+        shown = name if not as_json and sys.stderr.isatty() else ""
         reports.append(_report(name, view, judge, _verified(judge, entries, place, limit, shown)))
     passed = all(not row["counts_against"] for report in reports for row in report["methods"])
     facts = {"size": [width, height], "frame": frame, "device": place, "passed": passed, "scenes": reports}
@@ -104,7 +104,7 @@ def _verified(
     scored = []
     for entry in entries:
         if progress:
-            say(progress.format(entry.method))
+            say(f"{progress}: {entry.method} ...")
         outcome = answer(entry.method, dict(entry.settings), judge.prepared, judge.moment, device, memory_limit)
         row = outcome.facts("method", "settings", "device", "status", "reason", "known_inexact")
         rows.append({**row, "score": None})

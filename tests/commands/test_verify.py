@@ -1,6 +1,7 @@
 """The commands verify, explain and score, on small meshes and methods made for the purpose."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +54,13 @@ def test_a_wrong_method_fails_unless_it_says_so(capsys, mesh):
     assert bits["lazy"]["invalid"] == 24 * 18, "unwritten bits are found"
     assert scene["triangles"] == len(cases.ball_on_floor().geometry().faces)
     assert len(scene["sha256"]) == 64
+
+
+def test_what_is_being_verified_is_said_on_a_terminal(capsys, mesh, tmp_path, monkeypatch):
+    odd = shutil.copy(mesh, tmp_path / "a{b}.ply")
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert verify([str(odd)], ["right"], size="24x18", device="cpu") == 0
+    assert f"{odd}: right ..." in capsys.readouterr().err
 
 
 def test_one_method_does_not_hide_another(capsys, mesh):
