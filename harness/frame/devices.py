@@ -53,7 +53,9 @@ def cpu_model() -> str:
 @functools.cache
 def cpu_facts() -> dict[str, str]:
     """What Linux says of the first processor, by names in small letters; empty on other systems."""
-    file = Path("/proc/cpuinfo")
-    text = file.read_text(encoding="utf-8") if file.exists() else ""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return {}
     lines = (line.partition(":") for line in text.partition("\n\n")[0].splitlines())
     return {name.strip().lower(): value.strip() for name, _, value in lines}

@@ -113,9 +113,9 @@ class ClusterRun:
             except SchedulerLostError:
                 self.ledger.note("scheduler lost", finished=len(self.keys), shards=self.count)
                 raise self._ended("the connection to the scheduler was lost") from None
-            for one in self.cleaning:
-                with contextlib.suppress(Exception):  # its worker is gone
-                    one.result(timeout=CLEAN_S)
+            end = time.monotonic() + CLEAN_S
+            while time.monotonic() < end and any(one.status == "pending" for one in self.cleaning):
+                time.sleep(POLL_S)
             self.report.doing("updating scores at pixels where several methods differ")
             records = [self.folder.record(key) for number in range(self.count) for key in self.keys[number]]
             return charged_records(self.folder, [record for record in records if record is not None])

@@ -110,7 +110,10 @@ def code_hash() -> str:
 
 def host_id() -> str:
     """A hash that identifies this machine while it runs: on Linux its kernel's, which containers share."""
-    return digest(BOOT.read_text(encoding="ascii").strip() if BOOT.exists() else platform.node())[:8]
+    try:
+        return digest(BOOT.read_text(encoding="ascii").strip())[:8]
+    except OSError:
+        return digest(platform.node())[:8]
 
 
 def card_id(device: str) -> str:

@@ -112,8 +112,8 @@ def fresh(folder: Path, known: Files) -> Files:
     """The files to be delivered: those that were not sent, or that have changed since."""
     patterns = (SCENES, *(f"{part}/disputes-*.npz" if part == "truth" else f"{part}/*" for part in DELIVERED))
     paths = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]
-    files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths if path.name[0] != "."}
-    return {name: content for name, content in files.items() if known.get(name) != content}
+    files = ((path.relative_to(folder).as_posix(), path.read_bytes()) for path in paths if path.name[0] != ".")
+    return {name: content for name, content in files if known.get(name) != content}
 
 
 def allowed(name: str) -> bool:
