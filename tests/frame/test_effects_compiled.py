@@ -28,6 +28,7 @@ from helpers.compiled_twins import (
 from shadowbench.harness.frame.effects import specialise
 from shadowbench.harness.frame.effects.specialise import NAMES, called_by, named, overloads_of, specialised
 from shadowbench.harness.scene.effects import Switches
+from shadowbench.methods.exact import hit_point
 
 kernels = functools.cache(kernels_with_effects)
 """Every kernel that branches on an effect, by its name. Made in the test that asks first: it takes seconds."""
@@ -176,6 +177,15 @@ def test_an_unknown_effect_is_refused():
 
     with pytest.raises(ValueError, match="sparkle"):
         specialise.named.__wrapped__(Named)
+
+
+def test_a_function_with_effects_that_is_called_through_its_module_is_refused():
+    with pytest.raises(ValueError, match="_through_a_module must import is_flat by its name"):
+        specialise.switches_of(_through_a_module)
+
+
+def _through_a_module():
+    return hit_point.is_flat
 
 
 def _unknown():

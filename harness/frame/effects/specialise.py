@@ -65,6 +65,11 @@ def called_by(function: types.FunctionType) -> dict[str, wp.Function]:
     read = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
     space = {name: function.__globals__.get(name) for name in read}
     space |= {name: cell.cell_contents for name, cell in cells}
+    for module in (value for value in space.values() if isinstance(value, types.ModuleType)):
+        for name in {*code.co_names} - read:
+            value = getattr(module, name, None)
+            if isinstance(value, wp.Function) and value.func and switches_of(value.func):
+                raise ValueError(f"{function.__name__} must import {name} by its name: it branches on an effect")
     return {name: value for name, value in space.items() if isinstance(value, wp.Function) and value.func}
 
 
