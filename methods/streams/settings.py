@@ -158,7 +158,8 @@ def chosen(
     )
     settings = replace(settings, **(trial or {}))
     if not any(settings.cells):
-        settings = replace(settings, cells=_cells(triangles, pixels, cuda, settings.spacing))
+        spacing = settings.spacing if settings.region == "rays" else "even"
+        settings = replace(settings, cells=_cells(triangles, pixels, cuda, spacing))
     return settings
 
 

@@ -40,7 +40,7 @@ def texel_index(face: wp.int32, x: wp.int32, y: wp.int32, along: wp.int32) -> wp
     return tile_index(face, x, y, along) * TILE_TEXELS + (y % TILE_SIZE) * TILE_SIZE + x % TILE_SIZE
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, module="unique")
 def insert_kernel(
     light: wp.int32,
     hits: PrimaryHits,

@@ -88,9 +88,10 @@ class TreeRays:
             shares = 1
         self.shares = Shares(frame, shares if cuda else cpu_threads(threads, frame.device))
         # On a GPU, where a bounce is one chain of passes, it is not divided into shares.
-        self.listed_shares = Shares(frame, 1) if cuda else self.shares
+        listing = bool(effects.bounces or effects.orthographic)
+        self.listed_shares = Shares(frame, 1) if cuda and listing else self.shares
         count, bounces = frame.triangle_count, range(effects.bounces + 1)
-        listed = range(self.listed_shares.count) if effects.bounces or effects.orthographic else range(0)
+        listed = range(self.listed_shares.count if listing else 0)
         threads = self.listed_shares.threads
         with wp.ScopedDevice(frame.device):
             self.counts = wp.zeros((len(bounces), frame.light_count + 1, self.shares.count), dtype=wp.int32)
