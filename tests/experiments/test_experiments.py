@@ -124,7 +124,7 @@ def test_an_experiment_without_presets_says_what_to_do():
 CUT = {
     "figure10": (lambda e: True, 1),
     "figure11": (lambda e: e.settings["r"] == "64" and e.settings["clamp"] == "none", 2),
-    "ablation": (lambda e: e.label in ("paper-faithful", CULLED, TREE), 1),
+    "ablation": (lambda e: e.label in ("paper-faithful", "cube map", CULLED, TREE), 1),
     "two_lights": (lambda e: e.label in ("the paper's grids", "mesh rebuilt"), 2),
     "moving": (lambda e: e.method in (_paper.METHOD, "warp_bvh"), 1),
 }
