@@ -1,6 +1,7 @@
 """PLY: headers and rows in all the forms that programs write, triangle strips, and broken files in one line."""
 
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -86,6 +87,17 @@ end_header
     assert loaded.notes == ("elements left out: camera, edge",)
 
 
+def test_a_long_list_that_is_not_read_takes_no_memory(tmp_path):
+    blob = files.ply_binary(polygons=[(0, 1, 2)]).replace(b"end_header", b"property list uint uchar more\nend_header")
+    path = written(tmp_path, "a.ply", blob + struct.pack("<I", 1_000_000) + bytes(1_000_000))
+    tracemalloc.start()
+    try:
+        assert load(path).faces.tolist() == [[0, 1, 2]]
+        assert tracemalloc.get_traced_memory()[1] < 4_000_000
+    finally:
+        tracemalloc.stop()
+
+
 STRIP = """ply
 format ascii 1.0
 element vertex 6
@@ -150,6 +162,7 @@ BINARY = files.ply_binary()
         (files.ply_binary(vertices=4), "truncated or its header wrong"),
         (files.ply_ascii(faces=3), "more rows follow than the header claims: 1"),
         (files.ply_ascii(faces=5), "claims 5 of 'face', but 4 rows follow"),
+        (files.ply_binary(polygons=[], faces=1, count="uint64") + struct.pack("<Q", 1 << 63), "the data end inside the 1"),
         (BINARY[:-1], "truncated"),
         (BINARY[:100], "truncated"),
         (BINARY[:3], "no end_header"),

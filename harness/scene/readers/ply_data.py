@@ -176,18 +176,18 @@ class Records:
                     (number,) = self._taken(element, count_kind, 1)
                     if number < 0:
                         raise broken(self.path, f"a list of {element.name!r} has the length {number}")
+                values.extend(self._taken(element, kind, number, name in _READ))
+                if count_kind:
                     counts.append(number)
-                found = self._taken(element, kind, number)
-                if name in _READ:
-                    values.extend(found)
         return {name: Column(np.array(values), np.array(counts, np.int64)) for name, (values, counts) in read.items()}
 
-    def _taken(self, element: Element, kind: str, number: int) -> tuple[Any, ...]:
+    def _taken(self, element: Element, kind: str, number: int, wanted: bool = True) -> tuple[Any, ...]:
+        """The next values; none if they are not wanted but passed over."""
         start, self.at = self.at, self.at + number * int(kind[1])
         if self.at > len(self.data):
             problem = f"the data end inside the {element.length} of {element.name!r} that the header claims"
             raise broken(self.path, problem, _WRONG)
-        return struct.unpack_from(f"{self.order}{number}{_STRUCT[kind]}", self.data, start)
+        return struct.unpack_from(f"{self.order}{number}{_STRUCT[kind]}", self.data, start) if wanted else ()
 
     def finish(self) -> None:
         """Raise :class:`UserError` if anything but white space is left."""
