@@ -109,6 +109,7 @@ def test_forms_of_off(tmp_path, content):
         (b"OFF\n", "no numbers of vertices and faces"),
         (b"OFF\nmany 1 0\n", "no numbers of vertices and faces"),
         (b"OFF\n-1 1 0\n", "no numbers of vertices and faces"),
+        (b"OFF\ninf 1 0\n", "no numbers of vertices and faces"),
         (b"OFF\n0 0 0\n", "no triangles"),
         (off(first="OFF BINARY\n"), "binary"),
         (off(first="4OFF\n"), "dimensions"),

@@ -92,4 +92,4 @@ def _corners(lines: Sequence[bytes]) -> tuple[I64, I32, Bools]:
 
 
 def _whole(values: F64) -> Bools:
-    return (values >= 0) & (values == np.floor(values))
+    return (values >= 0) & (values < np.inf) & (values == np.floor(values))
