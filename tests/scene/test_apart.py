@@ -102,6 +102,23 @@ def test_a_fault_of_a_reader_is_one_line(small, monkeypatch):
     apart._HELPER.stop()
 
 
+def test_a_reply_with_too_long_a_text_is_one_line_and_the_next_file_is_read(small, fresh, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(helper, "MOST_TEXT", 10)  # of this process alone
+        refused(small, "its reader sent a wrong reply (a text of ", read=resolve)
+    assert len(apart.load(small).faces) == len(files.FACES)
+
+
+def test_a_lack_of_memory_here_is_not_the_readers(small, fresh, monkeypatch):
+    def received(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(helper, "received", received)
+    with pytest.raises(MemoryError):
+        apart.load(small)
+    assert fresh._process is None, "its answer would be taken for the next one's"
+
+
 @pytest.mark.parametrize(
     ("variable", "limit", "patience", "line"),
     [
@@ -167,17 +184,18 @@ def test_files_outside_the_folder_of_the_first_are_named(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "text",
-    [b'{"": "array", "of": ["|O", 1]}', b'{"": "array", "of": ["<f8", -1]}', b'{"": "array", "of": ["<f8", 50]}',
-     b'{"": "array", "of": ["<f8", 2]}', b'{"": "array", "of": ["<f8", 0.5]}', b'{"": "array", "of": []}',
-     b'{"": "os", "of": {}}', b'{"": "Camera", "of": {"eye": 1}}', b"["],
+    ("text", "size"),
+    [*((text, 8) for text in (
+     b'{"": "array", "of": ["|O", 1]}', b'{"": "array", "of": ["<f8", -1]}', b'{"": "array", "of": ["<f8", 2]}',
+     b'{"": "array", "of": ["<f4", 1]}', b"{}", b'{"": "array", "of": ["<f8", 0.5]}', b'{"": "array", "of": []}',
+     b'{"": "os", "of": {}}', b'{"": "Camera", "of": {"eye": 1}}', b"[")),
+     (b'{"": "array", "of": ["<f8", 2]}', 16)],
 )  # fmt: skip
-def test_only_numbers_and_known_classes_are_taken_from_a_reader(text):
+def test_only_numbers_and_known_classes_are_taken_from_a_reader(text, size):
     """A reader that a file has taken over can send what it likes."""
     one, other = Pipe()
     with one, other:
-        one.send_bytes(text)
-        os.write(one.fileno(), bytes(8))
+        os.write(one.fileno(), helper.HEAD.pack(len(text), size) + text + bytes(8))
         one.close()
-        with pytest.raises((ValueError, KeyError, TypeError, EOFError)):
-            helper.received(other, most=100)
+        with pytest.raises((ValueError, KeyError, TypeError)):
+            helper.received(other, most=8)

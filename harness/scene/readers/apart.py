@@ -146,12 +146,11 @@ class _Helper:
                 how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
                 way_out = f"it is damaged, nested too deep, or needs more memory: export it again, or set {MEMORY}"
                 raise broken(path, f"its reader ended by {how} (within {most})", way_out) from None
-            except Exception as error:
+            except BaseException as error:  # the rest of the answer would be taken for the next one's
                 self.stop()
+                if isinstance(error, MemoryError) or not isinstance(error, Exception):  # not the reader's fault
+                    raise
                 raise broken(path, f"its reader sent a wrong reply ({error})") from error
-            except BaseException:  # an interrupted answer would be taken for the next one's
-                self.stop()
-                raise
             finally:
                 clock.cancel()
         if "memory" in reply:

@@ -1,7 +1,8 @@
 """The process that reads files which are not trusted, for :mod:`.readers.apart`; it ends with the one that started it.
 
-A message is a JSON text, then the bytes of each array that it names, in its order. In the text a dataclass, an array and a
-path are objects with the key ``""``, which says what they are; tuples arrive as tuples where they belong to a dataclass.
+A message is two lengths, of a JSON text and of the arrays that it names, then the text and the arrays in its order. In the
+text a dataclass, an array and a path are objects with the key ``""``, which says what they are; tuples arrive as tuples
+where they belong to a dataclass.
 """
 
 import contextlib
@@ -11,6 +12,7 @@ import math
 import os
 import resource
 import signal
+import struct
 import sys
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -23,6 +25,9 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from .. import scene
 from . import checks, load
+
+HEAD = struct.Struct("<QQ")
+"""Bytes of the text and of all arrays."""
 
 MOST_TEXT = 1 << 26
 """Longest text of a message, bytes."""
@@ -95,9 +100,9 @@ def send(line: Connection, value: Any) -> None:
             return {"": type(one).__name__, "of": fields}
         return {"": "path", "of": str(one)} if isinstance(one, Path) else one.item()
 
-    line.send_bytes(json.dumps(value, default=described).encode())
-    for array in arrays:
-        left = array.reshape(-1).view(np.uint8).data
+    text = json.dumps(value, default=described).encode()
+    head = HEAD.pack(len(text), sum(array.nbytes for array in arrays))
+    for left in (memoryview(head + text), *(array.reshape(-1).view(np.uint8).data for array in arrays)):
         while left:
             left = left[os.write(line.fileno(), left) :]
 
@@ -107,7 +112,9 @@ def received(line: Connection, most: int = 0) -> Any:
 
     Raises EOFError or OSError at the end, other errors for a wrong message.
     """
-    left = most
+    text_length, left = HEAD.unpack(_filled(line, bytearray(HEAD.size)))
+    if text_length > MOST_TEXT or left > most:
+        raise ValueError(f"a text of {text_length} bytes with {left} bytes of arrays")
 
     def made(found: dict[str, Any]) -> Any:
         nonlocal left
@@ -125,15 +132,24 @@ def received(line: Connection, most: int = 0) -> Any:
             raise ValueError(f"an array of {dtype} {shape}")
         left -= size
         array = np.empty(shape, dtype)
-        room = array.reshape(-1).view(np.uint8).data
-        while room:  # straight into the array, which may be large
-            got = os.readv(line.fileno(), [room])
-            if not got:
-                raise EOFError
-            room = room[got:]
+        _filled(line, array.reshape(-1).view(np.uint8))
         return array
 
-    return json.loads(line.recv_bytes(MOST_TEXT), object_hook=made)
+    value = json.loads(_filled(line, bytearray(text_length)), object_hook=made)
+    if left:
+        raise ValueError(f"{left} bytes of no array")
+    return value
+
+
+def _filled(line: Connection, room: Any) -> Any:
+    """A buffer of bytes, after filling it with the next ones."""
+    left = memoryview(room)
+    while left:
+        got = os.readv(line.fileno(), [left])
+        if not got:
+            raise EOFError
+        left = left[got:]
+    return room
 
 
 def _tuples(value: Any) -> Any:
