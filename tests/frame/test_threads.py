@@ -1,4 +1,5 @@
-"""Threads of a CPU: parts of a pass run at the same time, give the same bits, and are told in the record."""
+"""Threads of a CPU: which pixels they take (``common/pixels.py``); parts of a pass run at the same time, give the same
+bits, are told in the record, and lose nothing that they write to the same words (``gpu/entries.py``, ``reserve.py``)."""
 
 import functools
 import gc
@@ -17,7 +18,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.common.bands import ThreadRanges
-from shadowbench.methods.common.pixels import thread_count
+from shadowbench.methods.common.pixels import pixel_of, thread_count
 from shadowbench.methods.gpu.entries import raise_entry
 from shadowbench.methods.gpu.reserve import number_among, raise_to
 from shadowbench.methods.streams.cube.rectangle import EMPTY, LARGEST, RECTANGLE_WORDS, record_rays
@@ -160,6 +161,21 @@ def test_ranges_hold_every_thread_of_an_image_once(width, height, threads):
     assert held == list(range(thread_count(width, height)))
     assert all(part.number and part.first % 32 == 0 for part in parts)
     assert len(parts) <= threads
+
+
+@wp.kernel(enable_backward=False)
+def pixels_kernel(width: wp.int32, height: wp.int32, taken: wp.array(dtype=wp.int32)):
+    wp.atomic_add(taken, 1 + pixel_of(wp.tid(), width, height), 1)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (8, 4), (21, 18), (300, 7)])
+def test_every_pixel_has_one_thread(width, height):
+    """The first entry is of threads beyond the image's edges."""
+    taken = wp.zeros(1 + width * height, dtype=wp.int32, device="cpu")
+    wp.launch(pixels_kernel, thread_count(width, height), [width, height], [taken], device="cpu")
+    spare, *of_pixels = taken.numpy().tolist()
+    assert of_pixels == [1] * (width * height)
+    assert spare == thread_count(width, height) - width * height
 
 
 ROWS = 64

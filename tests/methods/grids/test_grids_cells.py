@@ -1,4 +1,5 @@
-"""Rays through the cells of one grid: what they test, and frame after frame."""
+"""Rays through the cells of one grid (``walk.py``): what they test, and the same answers through one cell and through
+many."""
 
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same, trace
@@ -17,3 +18,13 @@ def test_counted_tests_are_those_of_the_cells_walked():
     assert counters["primary tests"] == 30 * 256
     assert 0 < counters["shadow tests"] < 30 * 256
     assert_same(session.frame.answers.to_host(), before)
+
+
+def test_walks_through_many_cells_find_what_one_cell_holds():
+    """From within the grid; the middle pixel's ray runs along an axis."""
+    prepared = make_scene(*soup(5, 600, size=0.05), [(0.0, 0.0, 9.0), (0.1, 0.2, 0.3)], (0.0, 0.0, 0.05), fov=120.0)
+    (one, _, expected), (many, _, got) = (
+        trace(NAME, {"density": density}, prepared, 17, 17) for density in ("0.001", "100")
+    )
+    assert_same(got, expected)
+    assert many.method.counters()["primary tests"] < one.method.counters()["primary tests"] / 4

@@ -1,4 +1,5 @@
-"""Rows and columns of the camera's pixels, cut to a triangle: no pixel that it may cover is cut off, and groups hold all."""
+"""Boxes of pixels (``screen.py``), and their rows and columns cut to a triangle: no pixel that it may cover is cut
+off, and groups hold all."""
 
 import numpy as np
 import pytest
@@ -24,7 +25,8 @@ def ends_kernel(
     may_cover: wp.array3d(dtype=wp.uint8),
     queue: Queue,
 ):
-    """Of triangle i: its box, the ends of every row and of every column, which pixels it may cover, and its groups."""
+    """Of triangle i: its box, the ends of every row and of every column, which pixels it may cover (1) or covers (2), and
+    its groups."""
     i = wp.tid()
     o = camera.eye[0]
     corners = corners_at(mesh, i)
@@ -40,9 +42,8 @@ def ends_kernel(
         ends[0, i, y] = ends_of_line(rows, y, box[0], box[2], camera)
         for x in range(camera.width):
             ends[1, i, x] = ends_of_line(columns, x, box[1], box[3], camera)
-            may_cover[i, y, x] = wp.uint8(
-                not (least_edge(candidate.planes, direction_at(camera, x, y)) < -candidate.bound)
-            )
+            least = least_edge(candidate.planes, direction_at(camera, x, y))
+            may_cover[i, y, x] = wp.uint8(not (least < -candidate.bound)) + wp.uint8(least > candidate.bound)
     if box[2] >= box[0] and box[3] >= box[1]:
         queue_rows(queue, box, candidate, camera)
 
@@ -66,8 +67,9 @@ def test_lines_and_groups_hold_every_pixel_that_may_be_covered(size):
     items = queue.items.numpy()[: queue.counts.numpy()[ITEMS]]
     some = 0
     for i, (x0, y0, x1, y1) in enumerate(boxes.numpy()):
-        covered = may_cover.numpy()[i].astype(bool)
+        covered = may_cover.numpy()[i] > 0
         covered[:y0], covered[y1 + 1 :], covered[:, :x0], covered[:, x1 + 1 :] = False, False, False, False
+        assert covered[may_cover.numpy()[i] == 2].all(), "a pixel that is hit lies outside the box"
         some += covered.sum()
         for lines, (low, high), (first, last) in zip(
             (covered, covered.T), ((y0, y1), (x0, x1)), ends.numpy()[:, i].transpose(0, 2, 1), strict=True

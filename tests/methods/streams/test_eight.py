@@ -1,4 +1,5 @@
-"""Eight rays or pixels at once, and boxes of eight triangles: what one after the other gives."""
+"""Eight rays (``occlusion/on_cpu.py``) or pixels (``camera/on_cpu.py``) at once, the bits of those found
+(``bits.py``), and boxes of eight triangles: what one after the other gives."""
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from helpers.brute_force import make_scene, soup
 from shadowbench.harness.frame.frame import AT_ONCE, Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.methods.common.reads import corners_at, direction_at
+from shadowbench.methods.gpu.bits import lowest_bit, without_lowest_bit
 from shadowbench.methods.streams.camera.on_cpu import pixels_found, window_of
 from shadowbench.methods.streams.camera.pixels import Candidate, least_edge
 from shadowbench.methods.streams.camera.stream import box_of
@@ -70,6 +72,18 @@ def boxes_kernel(
     box[i] = box_of(corners_at(mesh, i), camera.eye[0], camera)
 
 
+@wp.kernel(enable_backward=False)
+def bits_kernel(words: wp.array(dtype=wp.uint32), places: wp.array2d(dtype=wp.int32)):
+    """Column by column the places of the bits that are set, and -1."""
+    i = wp.tid()
+    bits = words[i]
+    for k in range(32):
+        places[i, k] = -1
+        if bits != wp.uint32(0):
+            places[i, k] = lowest_bit(bits)
+        bits = without_lowest_bit(bits)
+
+
 def frame_of(size: float) -> Frame:
     """Triangles of a size around the eye."""
     prepared = make_scene(*soup(3, 500, size=size), [], eye=(0.1, -0.2, 0.3))
@@ -93,6 +107,15 @@ def test_eight_at_once_are_found_as_one_by_one(number: int) -> None:
     np.testing.assert_array_equal(pixels_at_once[2:], pixels_one_by_one[2:])
     assert (at_once[:2] == (256 << min(number, 8)) - 256).all()
     assert np.unique(at_once).size >= 3
+
+
+def test_bits_come_from_the_lowest_on() -> None:
+    words = np.array([0, 1, 2**31, 2**32 - 1, 0b101100, 0xA5A50000], dtype=np.uint32)
+    places = wp.zeros((len(words), 32), dtype=wp.int32, device="cpu")
+    wp.launch(bits_kernel, dim=len(words), inputs=[wp.array(words, device="cpu")], outputs=[places], device="cpu")
+    for word, found in zip(words.tolist(), places.numpy().tolist(), strict=True):
+        expected = [k for k in range(32) if word >> k & 1]
+        assert found == expected + [-1] * (32 - len(expected))
 
 
 @pytest.mark.parametrize("size", [0.01, 1.0, 1000.0])

@@ -1,0 +1,49 @@
+"""Axes of vectors (``axes.py``), and their casts, sums and largest coordinates (``vectors.py``), as Python runs them."""
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.harness.frame.vectors import largest, to_float32, to_float64, total
+from shadowbench.methods.common.axes import axes_along, brought_nearer, longest_axis
+
+
+@pytest.mark.parametrize("kind", [wp.vec3f, wp.vec3d])
+@pytest.mark.parametrize("axis", range(3))
+def test_the_largest_coordinate_and_the_sum_count_no_sign(kind, axis):
+    values = np.roll([-4.0, 1.0, -2.0], axis)
+    assert float(largest(kind(*values))) == 4.0
+    assert float(total(kind(*values))) == 7.0
+
+
+def test_casts_round_once_and_to_float32_only():
+    rounded = np.array([0.1, -0.2, 0.3], dtype=np.float32).tolist()
+    assert list(to_float64(wp.vec3f(0.1, -0.2, 0.3))) == rounded
+    assert list(to_float32(wp.vec3d(0.1, -0.2, 0.3))) == rounded
+
+
+@pytest.mark.parametrize(("vector", "axis"), [((1, 2, 2), 1), ((1, 3, 2), 1), ((1, 2, 3), 2), ((2, 2.5, 3), 2)])
+def test_the_first_of_the_longest_axes(vector, axis):
+    """Axis 0 is left to kernels: Python does not index by Warp's integers."""
+    assert longest_axis(wp.vec3f(*vector)) == axis
+
+
+def test_a_light_is_brought_nearer_along_its_direction():
+    place, most = wp.vec3f(3.0e30, -1.0e30, 7.0e20), 1.0e19
+    near = brought_nearer(place, most)
+    assert most / 4 < float(largest(near)) <= most
+    share = np.array(place) / np.array(near)
+    assert len(set(share)) == 1
+    assert np.log2(share[0]) % 2 == 0
+    assert brought_nearer(near, most) == near
+    assert np.isinf(brought_nearer(wp.vec3f(wp.INF, 1.0, 0.0), most)[0])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_axes_along_a_direction_are_a_rotation(seed):
+    forward = np.eye(3)[seed] if seed < 3 else np.random.default_rng(seed).normal(size=3)
+    forward = forward / np.linalg.norm(forward)
+    axes = np.array(axes_along(wp.vec3d(*forward))).reshape(3, 3)
+    np.testing.assert_array_equal(axes[0], forward)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(np.cross(axes[1], axes[0]), axes[2], atol=1e-15)
+    assert axes[2, 1] >= 0 or abs(forward[1]) > 0.8, "y points up"
