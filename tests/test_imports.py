@@ -1,6 +1,11 @@
-"""The order of the packages: each imports only those before it, nothing imports in a circle, no harness names a method."""
+"""The order of the packages: each imports only those before it, nothing imports in a circle, no harness names a method. And
+that a test of each file of kernels is found by its name."""
 
 import ast
+import functools
+import re
+from collections.abc import Mapping
+from pathlib import PurePosixPath
 
 import pytest
 from helpers.import_graph import ROOT, circles, imports, modules
@@ -123,3 +128,80 @@ def test_an_import_against_the_order_is_found(tmp_path, file, line, found):
 
 def test_a_circle_is_found():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
+
+
+def words_of(path: PurePosixPath) -> str:
+    return "_" + re.sub(r"\W", "_", str(path)) + "_"
+
+
+def without_a_test(kernels: list[PurePosixPath], tests: Mapping[PurePosixPath, str]) -> list[PurePosixPath]:
+    """Files of kernels that no test is found by. ``tests``: the first paragraph of each, by its path.
+
+    A test's path holds the file's package and stem, and its folder where others of the package have that stem; or its first
+    paragraph names the file. Of an ``__init__`` the package's own name stands for the stem.
+    """
+    units = {file: file.parent if file.stem == "__init__" else file.with_suffix("") for file in kernels}
+    named = {mention for paragraph in tests.values() for mention in re.findall(r"[\w/]+\.py", paragraph)}
+    lacking = []
+    for file, unit in units.items():
+        package = unit.parts[:2]
+        alike = [other for other in units.values() if other.parts[:2] == package and other.name == unit.name]
+        asked = [package[1], unit.name] + [unit.parent.name] * (len(alike) > 1)
+        found = any(all(f"_{word}_" in words_of(test) for word in asked) for test in tests)
+        if not found and not any(file.match(mention) for mention in named):
+            lacking.append(file)
+    return lacking
+
+
+@functools.cache
+def first_paragraphs() -> dict[PurePosixPath, str]:
+    files = (ROOT / "tests").rglob("test_*.py")
+    docstrings = {file: ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "" for file in files}
+    return {PurePosixPath(file.relative_to(ROOT)): text.partition("\n\n")[0] for file, text in docstrings.items()}
+
+
+def test_a_test_of_each_file_of_kernels_is_found_by_name():
+    kernels = [
+        PurePosixPath(file.relative_to(ROOT))
+        for module, file in modules().items()
+        if not module.startswith("experiments") and re.search(r"@wp\.(kernel|func)", file.read_text(encoding="utf-8"))
+    ]
+    assert len(kernels) > 100
+    assert without_a_test(kernels, first_paragraphs()) == []
+
+
+def test_a_file_that_a_test_names_is_one_file():
+    """With its folder, where another file has the same name."""
+    files = [
+        PurePosixPath(file.relative_to(ROOT))
+        for top in ("harness", "methods", "tests")
+        for file in (ROOT / top).rglob("*.py")
+    ]
+    unclear = {
+        f"{test}: {mention}": found
+        for test, paragraph in first_paragraphs().items()
+        for mention in re.findall(r"[\w/]+\.py", paragraph)
+        for found in [[str(file) for file in files if file.match(mention)]]
+        if len(found) != 1
+    }
+    assert unclear == {}
+
+
+@pytest.mark.parametrize(
+    ("test", "paragraph", "found"),
+    [
+        ("tests/methods/grids/test_far_walk.py", "", ["kdtree/walk", "grids/near/walk"]),
+        ("tests/methods/test_kdtree_walk.py", "", ["grids/near/walk", "grids/far/walk"]),
+        ("tests/methods/test_kdtree_walks.py", "", ["kdtree/walk", "grids/near/walk", "grids/far/walk"]),
+        ("tests/test_steps.py", "Steps (``far/walk.py``).", ["kdtree/walk", "grids/near/walk"]),
+        (
+            "tests/methods/grids/test_grids_walk.py",
+            "In r/walk.py.",
+            ["kdtree/walk", "grids/near/walk", "grids/far/walk"],
+        ),
+    ],
+)
+def test_a_file_of_kernels_without_a_test_is_found(test, paragraph, found):
+    kernels = [PurePosixPath(f"methods/{name}.py") for name in ("kdtree/walk", "grids/near/walk", "grids/far/walk")]
+    lacking = without_a_test(kernels, {PurePosixPath(test): paragraph})
+    assert [str(file.relative_to("methods").with_suffix("")) for file in lacking] == found

@@ -1,4 +1,5 @@
-"""The GPU's side of every exact method, run on a CPU: hard cases, orders of the lanes, and snippets that were broken."""
+"""The GPU's side of every exact method, run on a CPU: hard cases through ``camera/rows.py``, orders of the lanes
+(``warps.py``), and snippets that were broken, also in ``prefetch.py``."""
 
 import os
 import re

@@ -1,4 +1,5 @@
-"""Triangles with holes: the rule against rational brute force, and every method that can."""
+"""Triangles with holes: the rule (``frame/alpha.py``, ``exact/holes.py``) against rational brute force, and every
+method that can."""
 
 from dataclasses import replace
 from fractions import Fraction

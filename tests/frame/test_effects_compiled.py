@@ -1,4 +1,5 @@
-"""An effect that is off costs nothing: a kernel compiles to the code of its twin, which never heard of the effect."""
+"""An effect that is off costs nothing (``specialise.py``): a kernel compiles to the code of its twin, which never
+heard of the effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Mirrored rays are right, and every method that takes part says the same of them."""
+"""Mirrored rays (``effects/mirrors.py``, ``frame/geometry.py``) are right, and every method that takes part says the
+same of them."""
 
 import dataclasses
 

@@ -1,4 +1,5 @@
-"""Spotlights: one rule for which hit points receive a light, and the paper's method keeps to it under every knob."""
+"""Spotlights: one rule for which hit points receive a light (``effects/receivers.py``), and the paper's method keeps
+to it under every knob."""
 
 import numpy as np
 import pytest

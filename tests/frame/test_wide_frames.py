@@ -1,4 +1,4 @@
-"""Wide frames: the session plans again, every kernel has the digits, and these are exact."""
+"""Wide frames: the session plans again, every kernel has the digits (``digits.py``), and these are exact."""
 
 from dataclasses import replace
 from fractions import Fraction

@@ -1,4 +1,5 @@
-"""The referee against plain rational brute force, and errors planted for it to find."""
+"""The referee (``filters.py``, ``filter_kernels.py``) against plain rational brute force, and errors planted for it to
+find."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""What float32 decides is so, in every unit from 1e-36 to 1e36 and where these meet in one mesh.
+"""What float32 decides (``exact/planes.py``, ``ray_tests.py``, ``camera/tiles.py``, ``footprint.py``) is so, in every
+unit from 1e-36 to 1e36 and where these meet in one mesh.
 
 Products of two lengths leave float32 from 2e19 on and below 1e-19, those of three from 7e12 and 2e-13. A test may then
 decide nothing, but it may not decide wrongly. Each verdict of a kernel's test is compared with exact arithmetic, and

@@ -1,4 +1,5 @@
-"""How many triangles each primary ray is tested against, of the methods that count it apart from their frames."""
+"""How many triangles each primary ray is tested against, of the methods that count it apart from their frames
+(``camera/passes.py``)."""
 
 from dataclasses import replace
 

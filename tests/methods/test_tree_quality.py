@@ -1,4 +1,5 @@
-"""How good trees of Warp and the kd-tree are said to be: against sums over triangles' own boxes, and over regions."""
+"""How good trees of Warp (``warp_bvh/quality.py``) and the kd-tree are said to be: against sums over triangles' own
+boxes, and over regions."""
 
 import numpy as np
 import pytest

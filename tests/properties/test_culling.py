@@ -1,4 +1,5 @@
-"""Back-face culling: legal on closed surfaces seen from outside by the exact test, refused where it would lose hits."""
+"""Back-face culling (``culling.py``): legal on closed surfaces seen from outside by the exact test, refused where it
+would lose hits."""
 
 import dataclasses
 

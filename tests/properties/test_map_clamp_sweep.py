@@ -1,4 +1,5 @@
-"""Every map with every clamp on whole scenes, lit from within and from up to 1e7 radii away: answers of an exact BVH.
+"""Every map with every clamp (``light/rectangle.py``) on whole scenes, lit from within and from up to 1e7 radii away:
+answers of an exact BVH.
 
 The stand-ins of the six scenes, and the real meshes of a folder beside the repository where there is one. They take the
 pairs of map and clamp in turns, so that each map meets each distance; a small mesh is traced under every combination of

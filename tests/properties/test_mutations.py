@@ -1,4 +1,5 @@
-"""Errors that ray tracers really have, planted one at a time in the real kernels: a named hard case catches each.
+"""Errors that ray tracers really have, planted one at a time in the real kernels, such as ``ray_queries.py``: a named
+hard case catches each.
 
 A function's source is changed by one substitution and put in its place; only the modules that use it are compiled
 anew. The same case must pass before and after, so that the case, not the planting, is what shows the error.

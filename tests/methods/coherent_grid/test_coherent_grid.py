@@ -1,4 +1,5 @@
-"""Packets of every size against float64 brute force, and against the bits of the uniform grid."""
+"""Packets (``coherent_grid/packets.py``) of every size against float64 brute force, and against the bits of the
+uniform grid."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Embree as a method: embreex's bits, nearly brute force, settings and threads that change nothing, a library that lacks."""
+"""Embree as a method (``embree/packets.py``): embreex's bits, nearly brute force, shadow rays that start off their
+surface (``offset.py``), settings and threads that change nothing, a library that lacks."""
 
 import ctypes
 

@@ -1,4 +1,5 @@
-"""Rays exactly through vertices of triangles seen from very far: what float64 is proven to do, and what it does beyond.
+"""Rays exactly through vertices of triangles seen from very far, and shadows there (``exact/segment.py``): what
+float64 is proven to do, and what it does beyond.
 
 A ray o + t d with o = -D d meets the origin exactly, with every bit of d in use; the fan about the origin has corners
 with bits of their own. Its closed triangles hold the ray, so that missing all of them is a hole.

@@ -1,4 +1,4 @@
-"""Which cells a triangle is listed in: all that it meets, and few others."""
+"""Which cells a triangle is listed in (``grids/pairs.py``): all that it meets, and few others."""
 
 import numpy as np
 import pytest

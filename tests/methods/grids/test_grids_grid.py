@@ -1,4 +1,5 @@
-"""Where a grid lies: its cells are as many as there is room for, whatever the shape of the scene."""
+"""Where a grid lies: its cells (``grids/build.py``) are as many as there is room for, whatever the shape of the
+scene."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The kd-tree: short stacks miss nothing, nor do leaves; bounded depth and memory."""
+"""The kd-tree (``large.py``, ``small.py``, ``clip.py``, ``kdtree/nodes.py``, ``kdtree/traversal.py``): short stacks
+miss nothing, nor do leaves; bounded depth and memory."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""Where rays and triangles lie in a light's rectangle (mapping, bounds, sphere): bounds right, and wrong on purpose; float32
-that stays right."""
+"""Where rays (``light/rays.py``) and triangles (``light/bounds.py``, ``sphere.py``) lie in a light's rectangle: bounds
+right, and wrong on purpose (``variants/bounds.py``); float32 that stays right."""
 
 import functools
 

@@ -1,4 +1,5 @@
-"""Rays to blocks: Algorithm 1 as section 4.3 and Figure 8 describe it, and the direct way to the same chunks."""
+"""Rays to blocks: Algorithm 1 (``algorithm1.py``) as section 4.3 and Figure 8 describe it, and the direct way to the
+same chunks."""
 
 import itertools
 

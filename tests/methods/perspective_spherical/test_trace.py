@@ -1,4 +1,5 @@
-"""The tracing kernels: those that stage triangles give the bits of those that do not, and what they count adds up."""
+"""The tracing kernels (``camera/trace.py``, ``light/trace.py``): those that stage triangles (``staging.py``) give the
+bits of those that do not, and what they count adds up."""
 
 import pytest
 import warp as wp

@@ -1,4 +1,5 @@
-"""The streamed dual against float64 brute force, under all settings."""
+"""The streamed dual against float64 brute force, under all settings: every answer as ``camera/resolve.py`` writes
+it."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The shadow map: exact primary rays, shadows that approach the exact ones with the map's size, lights in and out."""
+"""The shadow map (``projection.py``, ``shadow_map/raster.py``, ``lookup.py``): exact primary rays, shadows that
+approach the exact ones with the map's size, lights in and out."""
 
 from dataclasses import replace
 

@@ -1,4 +1,5 @@
-"""Pixels of the camera against triangles: what float32 calls certain is so, and words order hits."""
+"""Pixels of the camera against triangles, as ``reads.py`` reads them: what float32 calls certain is so, and words
+order hits."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""Cells of a light's cube: slots that hold cell and rank of a ray in 32 bits, whatever the numbers; and farthest receivers:
-what lies beyond them is left out of the light's work, and nothing else is."""
+"""Cells of a light's cube: slots that hold cell and rank of a ray in 32 bits, whatever the numbers (``rays/sort.py``);
+and farthest receivers: what lies beyond them is left out of the light's work, and nothing else is."""
 
 import itertools
 

@@ -1,4 +1,5 @@
-"""What the rays cover of a cube: which faces are in use, and how many cells these have; no answer depends on it."""
+"""What the rays cover of a cube aimed at the scene (``cube/lights.py``): which faces are in use, and how many cells
+these have; no answer depends on it."""
 
 import itertools
 

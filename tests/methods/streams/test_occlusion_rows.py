@@ -1,4 +1,5 @@
-"""Groups of rows of a light's larger triangles: small ones apart from large ones, in one array."""
+"""Groups of rows of a light's larger triangles, as a pass or the stream (``occlusion/stream.py``) stores them: small
+ones apart from large ones, in one array."""
 
 import numpy as np
 import pytest

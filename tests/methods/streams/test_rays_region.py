@@ -1,4 +1,5 @@
-"""The region of a light's rays that follows from the triangles in view: it holds every ray, and little else."""
+"""The region of a light's rays that follows from the triangles in view: it holds every ray, and little else; rays
+outside it are decided by ``occlusion/undecided.py``."""
 
 from dataclasses import replace
 

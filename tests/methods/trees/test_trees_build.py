@@ -1,4 +1,5 @@
-"""The tree itself: every triangle once, boxes that hold their children, depth, leaves, the same tree on every device."""
+"""The tree itself (``keys.py``, ``climb.py``, ``refit.py``): every triangle once, boxes that hold their children,
+depth, leaves, the same tree on every device."""
 
 from typing import Any
 

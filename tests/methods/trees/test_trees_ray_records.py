@@ -1,4 +1,5 @@
-"""Mirrored rays of the tree: what float32 accepts and rejects is float64's verdict, and float32 decides nearly all."""
+"""Mirrored rays of the tree (``records/rays.py``, ``closest.py``): what float32 accepts and rejects is float64's
+verdict, and float32 decides nearly all."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The box of a frame's triangles, and the padding of the boxes in it."""
+"""The box of a frame's triangles, and the padding of the boxes in it (``trees/nodes.py``)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The traversal: what float32 must leave, more of it than a ray keeps or than there is room for, and boxes near infinity."""
+"""The traversal by rays of the eye and of shadows (``trace/shadow.py``): what float32 must leave, more of it than a
+ray keeps or than there is room for, and boxes near infinity."""
 
 import dataclasses
 

@@ -1,5 +1,5 @@
-"""Two levels: the answers of brute force and of other exact methods, however bodies lie and move; and what does not move as
-bodies do."""
+"""Two levels: the answers of brute force and of other exact methods, however bodies lie and move (``poses.py``); and
+what does not move as bodies do."""
 
 from dataclasses import replace
 

@@ -1,4 +1,5 @@
-"""The rasteriser against float64 brute force, under every setting."""
+"""The rasteriser (``visibility_buffer/raster.py``, ``visibility_buffer/shadow.py``) against float64 brute force, under
+every setting."""
 
 import numpy as np
 import pytest
