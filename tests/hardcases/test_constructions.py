@@ -82,7 +82,7 @@ def test_one_tile_holds_all_rays_but_a_column() -> None:
     trial = judged("S16").trial
     method = make_method("perspective_spherical")
     Session(method, trial.prepared, 512, 256, "cpu").answers(trial.moment)
-    tiles = method.lights[0].rays.lengths()
+    tiles = method.lights[0].sorted.lengths()
     assert tiles.max() == 511 * 256 > np.iinfo(np.uint16).max
     assert np.count_nonzero(tiles) < 256 < len(tiles)
 

@@ -260,7 +260,7 @@ def cone_sides(f: wp.float64, r: wp.float64, sine: wp.float64) -> wp.vec2d:
     return wp.vec2d((f * r - half) / before, (f * r + half) / before)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+@wp.kernel(enable_backward=False, grid_stride=False)
 def cone_kernel(light: Light, rectangle: wp.array(dtype=wp.int32), outside_rays: wp.array(dtype=wp.int32)):
     """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside a cone
     that is wholly before its centre. One thread. A spot of another kind, or of nearly all directions, keeps all. Empties
