@@ -35,6 +35,13 @@ def pinned(path: str) -> dict[str, str]:
     return {name_of(line): line for line in text.splitlines() if line and line[0] != "#"}
 
 
+def test_the_files_of_the_smoke_test_exist():
+    smoke = re.search(r'^SMOKE="(.*?)"', (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    files = smoke[1].split()
+    assert len(files) > 5
+    assert [file for file in files if not (ROOT / file).is_file()] == []
+
+
 def test_a_release_has_one_number():
     import shadowbench
 
