@@ -39,6 +39,7 @@ def named(kernel: wp.Kernel) -> tuple[str, ...]:
 @functools.cache
 def switches_of(function: types.FunctionType) -> frozenset[str]:
     """The same of a function, given as Python's."""
+    refuse_hidden(function)
     called = (overload for other in called_by(function).values() for overload in overloads_of(other))
     return own_switches(function).union(*(switches_of(overload.func) for overload in called))
 
@@ -59,18 +60,27 @@ def is_effects(node: ast.AST) -> bool:
 
 def called_by(function: types.FunctionType) -> dict[str, wp.Function]:
     """The functions written in Python that a kernel or a function names, by their names there."""
+    named = globals_of(function).items()
+    return {name: value for name, value in named if isinstance(value, wp.Function) and value.func}
+
+
+def globals_of(function: types.FunctionType) -> dict[str, Any]:
+    """What a kernel or a function names of its module and of the functions around it."""
     code = function.__code__
     cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
     # Not all of co_names: among these are attributes, which may have the name of a function of the module.
     read = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
-    space = {name: function.__globals__.get(name) for name in read}
-    space |= {name: cell.cell_contents for name, cell in cells}
-    for module in (value for value in space.values() if isinstance(value, types.ModuleType)):
-        for name in {*code.co_names} - read:
+    return {name: function.__globals__.get(name) for name in read} | {name: cell.cell_contents for name, cell in cells}
+
+
+def refuse_hidden(function: types.FunctionType) -> None:
+    """Raise ValueError for a function with effects that is called through its module, where no variant would replace it."""
+    named = globals_of(function)
+    for module in (value for value in named.values() if isinstance(value, types.ModuleType)):
+        for name in {*function.__code__.co_names} - named.keys():
             value = getattr(module, name, None)
             if isinstance(value, wp.Function) and value.func and switches_of(value.func):
                 raise ValueError(f"{function.__name__} must import {name} by its name: it branches on an effect")
-    return {name: value for name, value in space.items() if isinstance(value, wp.Function) and value.func}
 
 
 def overloads_of(function: wp.Function) -> list[wp.Function]:
