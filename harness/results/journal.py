@@ -64,8 +64,7 @@ class _Sampled(TypedDict, total=False):
     regrown: Required[Count]
     memory_bytes: Required[Bytes]
     memory_source: Required[str]
-    submitted_ms: list[Ms]
-    row_ms: list[Ms]
+    submitted_ms: Ms
     costs: Costs
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
 PER_FRAME = (
-    "total_ms q1_ms q3_ms iqr_ms wall_ms submitted_ms row_ms build_ms trace_ms light_build_ms shadow_ms "
+    "total_ms q1_ms q3_ms iqr_ms wall_ms submitted_ms build_ms trace_ms light_build_ms shadow_ms "
     "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms flip"
 ).split() + costs.NUMBERS
 SERIES = ("pass.", "counter.", "primary.", "shadow.", "round.")

@@ -164,8 +164,9 @@ class Frame:
     """One frame of a point: its samples, what it needed, and the judge's score of its answers.
 
     total_ms     samples of the whole frame on the device's clock; ``wall_ms`` on the host's; ``round``: whose they are
-    submitted_ms  of frames that are no graph on a GPU, the host's time to submit one, one sample per round; ``row_ms``: the
-                 device's time for one of several in a row
+    submitted_ms  of frames that are no graph on a GPU, the host's time to submit one, one sample per round
+    row_ms       of such frames in earlier records, whose ``total_ms`` were taken from an idle device: one of several in a
+                 row, one per round; it becomes ``total_ms``
     passes       samples pass by pass, measured apart; ``stage_round``: the round of each sample of a pass
     started      when the frame's samples began, seconds since the epoch, one per round; ``stopped_by``: what ended them
     counters     work counters by name
@@ -202,6 +203,11 @@ class Frame:
         for name in ("wall_ms", "round"):
             if len(getattr(self, name)) != len(self.total_ms):
                 raise ValueError(f"{name} has {len(getattr(self, name))} entries, total_ms {len(self.total_ms)}")
+        if self.row_ms is not None:
+            if len(self.row_ms) != len(set(self.round)):
+                raise ValueError(f"row_ms has {len(self.row_ms)} entries for {len(set(self.round))} rounds")
+            of_round = dict(zip(sorted(set(self.round)), self.row_ms, strict=True))
+            self.total_ms, self.row_ms = [of_round[number] for number in self.round], None
         for step in self.passes:
             if len(step.ms) != len(self.stage_round):
                 raise ValueError(f"{step.name} has {len(step.ms)} samples, stage_round {len(self.stage_round)}")
@@ -340,9 +346,8 @@ def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, Frame]:
             frame.total_ms += part["total_ms"]
             frame.wall_ms += part["wall_ms"]
             frame.round += [event["round"]] * len(part["total_ms"])
-            for name in ("submitted_ms", "row_ms"):
-                if name in part:
-                    setattr(frame, name, [*(getattr(frame, name) or ()), *part[name]])
+            if "submitted_ms" in part:
+                frame.submitted_ms = [*(frame.submitted_ms or ()), part["submitted_ms"]]
             frame.started.append(part["started"])
             frame.stopped_by.append(part["stopped_by"])
             frame.regrown = max(frame.regrown, part["regrown"])

@@ -46,7 +46,7 @@ COUNTS = (
 """Columns of whole numbers: ``Int64``, ``<NA>`` where not known."""
 
 NUMBERS = (
-    "light_distance light_turns compile_s first_frame_s total_ms q1_ms q3_ms iqr_ms wall_ms submitted_ms row_ms "
+    "light_distance light_turns compile_s first_frame_s total_ms q1_ms q3_ms iqr_ms wall_ms submitted_ms "
     "build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
     "excused_share flip started"
 ).split() + [*costs.NUMBERS, *costs.LATENCIES]
@@ -104,8 +104,7 @@ def tidy(folder: Path | str) -> DataFrame:
     total_ms            float     median of the samples of the whole frame, on the device's clock
     q1_ms, q3_ms, iqr_ms  float   their quartiles, and the range between them
     wall_ms             float     the same median on the host's clock
-    submitted_ms, row_ms  float   of frames that are no graph on a GPU: median of the host's time to submit one, and of the
-                                  device's time for one of up to 20 in a row
+    submitted_ms        float     of frames that are no graph on a GPU: median of the host's time to submit one
     samples             Int64     how many there are
     build_ms, trace_ms, light_build_ms, shadow_ms  float  the parts: sums of the medians of their passes
     build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's passes
@@ -320,7 +319,7 @@ def _times(frame: Frame) -> dict[str, Any]:
         "q3_ms": float(high),
         "iqr_ms": float(high - low),
         "wall_ms": float(np.median(frame.wall_ms)),
-        **{name: _median(getattr(frame, name)) for name in ("submitted_ms", "row_ms")},
+        "submitted_ms": _median(frame.submitted_ms),
         "samples": len(frame.total_ms),
         "memory_bytes": frame.memory_bytes,
         "regrown": frame.regrown,

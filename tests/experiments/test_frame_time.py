@@ -19,9 +19,9 @@ OURS, MESH = Entry("ray_grids", {}, "ray grids"), Entry("warp_bvh", {}, "mesh re
 def test_the_part_of_the_host_is_told_of_frames_that_are_no_graph(tmp_path):
     made = [record_of("frame_time", OURS, ms=1.0), record_of("frame_time", MESH, ms=10.0)]
     assert "the host launches" not in report_of("frame_time", tmp_path / "graphs", made)
-    made[1]["frames"][0] |= {"row_ms": [7.0, 8.0], "submitted_ms": [2.0, 3.0]}
+    made[1]["frames"][0]["submitted_ms"] = [2.0, 3.0]
     text = report_of("frame_time", tmp_path / "launched", made)
-    (row,) = [line for line in text[text.index("the host launches") :].splitlines() if "| 7.50 | 2.50 |" in line]
+    (row,) = [line for line in text[text.index("the host launches") :].splitlines() if "| 2.50 |" in line]
     assert "mesh rebuilt" in row
 
 

@@ -112,11 +112,9 @@ def test_counts_of_samples(device, capturable):
     assert measured.stopped_by == "samples"
     assert abs(measured.started - time.time()) < 60
     if device == "cpu" or capturable:
-        assert measured.row == {}
+        assert measured.submitted_ms is None
     else:  # the part of the host is told apart where it launches pass by pass
-        assert {name: len(ms) for name, ms in measured.row.items()} == {"submitted_ms": 1, "row_ms": 1}
-        assert 0 < measured.row["submitted_ms"][0] < max(measured.wall_ms)
-        assert measured.row["row_ms"][0] > 0
+        assert 0 < measured.submitted_ms < max(measured.wall_ms)
 
 
 def test_passes_of_a_captured_frame_that_has_too_many_are_not_timed_one_by_one(device, monkeypatch):

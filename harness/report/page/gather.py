@@ -37,8 +37,7 @@ PARTS = {name: (part, "") for part, name in PART_COLUMNS.items()}
 MB = 1e6
 TEXTS = {
     **{f"{name}_ms": (f"{name}_ms", f"{name}_spread", numbers.TIME) for name in PARTS},
-    **{name: (name, "", numbers.TIME) for name in "spread q1_ms q3_ms between_ms wall_ms compile_s".split()},
-    **{name: (name, "", numbers.TIME) for name in ("submitted_ms", "row_ms")},
+    **{name: (name, "", numbers.TIME) for name in "spread q1_ms q3_ms between_ms wall_ms submitted_ms compile_s".split()},
     **{f"{name}_mrays_per_s": (f"{name}_mrays_per_s", "rate", "") for name in ("primary", "shadow", "frame")},
     "memory_bytes": ("memory_mb", "", ""), "wrong_per_frame": ("wrong_per_frame", "", numbers.COUNT),
     **{name: (name, "", "") for name in "flip p95_ms p99_ms pair_ms energy_mj idle_w sah_cost expected_tests".split()},

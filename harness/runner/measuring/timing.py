@@ -1,11 +1,10 @@
 """Time samples of one frame: whole frames without instrumentation and, separately, single passes.
 
-CPU: a clock around the whole frame; in other samples, a clock around each pass. CUDA: the whole frame is one graph with
-events outside it. It is replayed back to back, so that the queue is never empty and launch latency is not counted. Wall
-time, from an idle device to an idle device, is measured in separate samples. The time of a pass is the difference of two
-prefix graphs (passes 0..k from a reset state), so that the passes add up to the whole frame. Methods that cannot be
-captured are launched directly between synchronisations; how long the host takes to submit a frame, and frames in a row,
-tell the host's part apart.
+CPU: a clock around the whole frame; in other samples, a clock around each pass. CUDA: frames follow one another with one
+ahead and events between them, so that the queue is not empty and launch latency is not counted. Wall time, from an idle
+device to an idle device, is measured in separate samples. A frame is a graph, and the time of a pass is the difference of
+two prefix graphs (passes 0..k from a reset state), so that the passes add up to the whole frame. What cannot be captured is
+launched by the host, pass by pass: a frame that takes the host longer to submit than the device to run waits for the host.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ MOST_PREFIXES = 150
 """Passes of a captured frame up to which each is timed: the prefixes of n passes launch n^2 / 2. With 842 passes, of a frame
 with 64 lights, they took 100 seconds."""
 
-ROW = 20
-"""Most frames that :func:`_row` launches."""
+SUBMITTED = 20
+"""Frames launched one after another, of which the host's time to submit one is the median."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,8 @@ class FrameSamples:
     """The samples of one frame in one round, milliseconds, rounded to nanoseconds, which is finer than any clock used.
 
     ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair per sample.
-    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``. ``row``: see :func:`_row`. ``spent_s``: seconds of
-    all samples.
+    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``. ``submitted_ms``: the host's time to submit a frame
+    that is no graph on a GPU; None of others. ``spent_s``: seconds of all samples.
     """
 
     total_ms: list[float] = field(default_factory=list)
@@ -69,7 +68,7 @@ class FrameSamples:
     stopped_by: str = ""
     started: float = field(default_factory=time.time)
     spent_s: float = 0.0
-    row: dict[str, list[float]] = field(default_factory=dict)
+    submitted_ms: float | None = None
 
     def add(self, pairs: list[tuple[float, float]]) -> None:
         self.total_ms += [round(total, 6) for total, _ in pairs]
@@ -92,7 +91,7 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
             batch = min(sampling.samples, sampling.most - len(result.total_ms))
             done = _take_batch(take, batch, deadline, result)
             result.stopped_by = stop_reason(result.total_ms, sampling, done)
-        result.row = _row(session, sampling.budget_s, result.wall_ms[-1])
+        result.submitted_ms = _submitted_ms(session, 0.25 * sampling.budget_s)
         result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
         deadline = time.perf_counter() + 0.25 * sampling.budget_s
         prefixes = len(session.passes) if session.replays else 0
@@ -138,9 +137,8 @@ def _whole_frames(session: PassRunner) -> Take:
     device = wp.get_device(session.device)
     if not device.is_cuda:
         return lambda count: [(ms, ms) for ms in (_clock(session.run) for _ in range(count))]
-    if session.replays:
-        return partial(_replay_whole, device, partial(wp.capture_launch, session.graph()))
-    return lambda count: [_eager_whole(device, session) for _ in range(count)]
+    launch = partial(wp.capture_launch, session.graph()) if session.replays else session.run
+    return partial(_in_a_row, device, launch)
 
 
 def _clock(launch: Callable[[], None]) -> float:
@@ -162,43 +160,28 @@ def _between_events(device: Any, launches: Sequence[Callable[[], None]], ahead: 
         return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
 
 
-def _replay_whole(device: Any, replay: Callable[[], None], count: int) -> list[tuple[float, float]]:
-    # One replay ahead keeps the queue full, so that no idle time lies between the events.
-    total = _between_events(device, [replay] * count, replay)
+def _in_a_row(device: Any, launch: Callable[[], None], count: int) -> list[tuple[float, float]]:
+    # One frame ahead keeps the queue full, so that no idle time lies between the events.
+    total = _between_events(device, [launch] * count, launch)
 
     def alone() -> None:
-        replay()
+        launch()
         wp.synchronize_device(device)
 
     with wp.ScopedDevice(device):
         return [(ms, _clock(alone)) for ms in total]
 
 
-def _eager_whole(device: Any, session: PassRunner) -> tuple[float, float]:
-    with wp.ScopedDevice(device):
-        before, after = (wp.Event(device, enable_timing=True) for _ in range(2))
-        wp.synchronize_device(device)
-        start = time.perf_counter()
-        wp.record_event(before)
-        session.run()
-        wp.record_event(after)
-        wp.synchronize_device(device)
-        wall = (time.perf_counter() - start) * 1e3
-        return wp.get_event_elapsed_time(before, after, synchronize=False), wall
-
-
-def _row(session: PassRunner, budget_s: float, lasts_ms: float) -> dict[str, list[float]]:
-    """Of frames that the host launches pass by pass on a GPU, milliseconds of one: ``submitted_ms`` of the host, to submit
-    it; ``row_ms`` of the device, where :data:`ROW` follow one another without a wait. Of other frames: nothing."""
+def _submitted_ms(session: PassRunner, budget_s: float) -> float | None:
+    """The host's time to submit a frame that it launches pass by pass on a GPU; None of other frames."""
     device = wp.get_device(session.device)
     if not device.is_cuda or session.replays:
-        return {}
-    count = max(1, min(ROW, int(0.25e3 * budget_s / max(lasts_ms, 1e-3))))
-    submitted: list[float] = []
-    launch = partial(submitted.extend, (_clock(session.run) for _ in range(count)))
-    # With a frame ahead the device is at work when the first event comes.
-    (row,) = _between_events(device, [launch], session.run)
-    return {"submitted_ms": [round(sum(submitted) / count, 6)], "row_ms": [round(row / count, 6)]}
+        return None
+    taken, deadline = [], time.perf_counter() + budget_s
+    while len(taken) < SUBMITTED and (not taken or time.perf_counter() < deadline):
+        taken.append(_clock(session.run))
+    wp.synchronize_device(device)
+    return round(float(np.median(taken)), 6)
 
 
 def _stages(session: PassRunner) -> list[float]:
@@ -207,7 +190,7 @@ def _stages(session: PassRunner) -> list[float]:
         with wp.ScopedDevice(device):
             return [_clock(launch) for launch in launches]
     if not session.replays:
-        return _between_events(device, launches, partial(wp.synchronize_device, device))
+        return _between_events(device, launches, session.run)
     graphs = [partial(wp.capture_launch, session.graph(upto=k)) for k in range(1, len(launches) + 1)]
 
     def upload() -> None:

@@ -22,7 +22,6 @@ function openDetails(p) {
         ["latency", known(p["text.p95_ms"]) ? `95 % of the frames within ${textOf(p, "p95_ms")} ms, 99 % within ${textOf(p, "p99_ms")} ms` : ""],
         ["two frames in flight", known(p["text.pair_ms"]) ? `${textOf(p, "pair_ms")} ms a frame` : ""],
         ["submitted by the host in", known(p["text.submitted_ms"]) ? `${textOf(p, "submitted_ms")} ms` : ""],
-        ["one of 20 in a row", known(p["text.row_ms"]) ? `${textOf(p, "row_ms")} ms` : ""],
         ["compiled in", known(p["text.compile_s"]) ? `${textOf(p, "compile_s")} s` : ""], ["stopped by", p.stopped_by]]),
       stageBars(p)),
       p.done && el("section", {}, el("h3", {}, "Answers"), facts([
