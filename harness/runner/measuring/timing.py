@@ -177,7 +177,8 @@ def _submitted_ms(session: PassRunner, budget_s: float) -> float | None:
     device = wp.get_device(session.device)
     if not device.is_cuda or session.replays:
         return None
-    taken, deadline = [], time.perf_counter() + budget_s
+    taken: list[float] = []
+    deadline = time.perf_counter() + budget_s
     while len(taken) < SUBMITTED and (not taken or time.perf_counter() < deadline):
         taken.append(_clock(session.run))
     wp.synchronize_device(device)
