@@ -70,6 +70,14 @@ hard(
 
 
 @hard(
+    "V long {axis}", "a light 1e38 away from a scene as large", "one over a number beyond 2^126 flushed to 0", axes("xyz"),
+)  # fmt: skip
+def long_way(turn: int) -> Trial:
+    """A ball on a floor, 3e37 in size: one part of the way to the light is beyond 2^126, and the others are not."""
+    return view(ball_on_floor(), [(0.5, 4.0, 0.4), (0.3, 3.5, -1.0)], *BESIDE, (24, 24), turn=turn, scale=3e37)
+
+
+@hard(
     "V far {radii:g}", "light {radii:g} radii away", "directions and distances from a light far away",
     rows("radii turn", (1e10, 0), (1e15, 1), (1e20, 2), (1e30, 0), (1e38, 1)),
 )  # fmt: skip

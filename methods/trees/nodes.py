@@ -108,6 +108,7 @@ auto aim = [&](float x, float y, float z, float dx, float dy, float dz) {
     float least = largest * 9.0949470e-13f + tiny;
     auto slope = [&](float x) { return shrink * inverse_of(size(x) > least ? x : (x < 0.0f ? -least : least)); };
     ix = slope(dx), iy = slope(dy), iz = slope(dz);
+    if (ANY && !(size(dx) + size(dy) + size(dz) < 8.0e37f)) ix = iy = iz = 0.0f;
     ox = x * ix, oy = y * iy, oz = z * iz, jx = size(ix), jy = size(iy), jz = size(iz);
 };
 aim(o[0], o[1], o[2], d[0], d[1], d[2]);
@@ -128,4 +129,5 @@ auto children_of = [&](unsigned int node) {
 """
 """``aim``: sets up the ray, at first (o, d). ``children_of(node)``: the references to both children, where the ray enters
 them, and whether it meets them between 0 and ``limit``, in units of t times ``shrink``. ``tiny`` > 0: the least part of a
-direction whose inverse, and a coordinate times that, float32 still holds."""
+direction whose inverse, and a coordinate times that, float32 still holds. The way to a light may be so long that it
+overflows, or that a GPU takes the inverse of one part for 0 and of another not: such a ray meets every box."""

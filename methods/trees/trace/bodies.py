@@ -62,8 +62,6 @@ auto go_in = [&]() {{
     auto along = [&](Quad row, float a, float b, float c) {{ return fused(row.z, c, fused(row.y, b, row.x * a)); }};
     float dx = along(x, d[0], d[1], d[2]), dy = along(y, d[0], d[1], d[2]), dz = along(z, d[0], d[1], d[2]);
     aim(along(x, o[0], o[1], o[2]) + x.w, along(y, o[0], o[1], o[2]) + y.w, along(z, o[0], o[1], o[2]) + z.w, dx, dy, dz);
-    // The way to a light may be so long that it overflows as it is turned: such a ray meets every box.
-    if (!(size(dx) + size(dy) + size(dz) < 3.0e38f)) ix = iy = iz = ox = oy = oz = jx = jy = jz = 0.0f;
     push(BACK);
     now = bits(load16(tree.bodies.data, at + 3).x);
     inside = away = true;
