@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,10 +83,19 @@ Answered = tuple[dict[str, Any], Exact | None]
 """Answers by name, and the referee's that they were made from."""
 
 
+_SCENES: WeakKeyDictionary[Referee, Any] = WeakKeyDictionary()
+"""Embree's scenes of meshes that do not move, by their referees: all moments of such a mesh share one."""
+
+
 def embree_reference(
-    prepared: Prepared, moment: Moment, effects: Effects | None = None, folder: Path | str | None = None
+    prepared: Prepared,
+    moment: Moment,
+    effects: Effects | None = None,
+    folder: Path | str | None = None,
+    referee: Referee | None = None,
 ) -> Reference:
     """Trace a moment with Embree. ``folder``: store the answers there as .npz, named by the hash of all inputs.
+    ``referee``: the mesh's, under which Embree's scene is kept for other moments if the mesh does not move.
 
     Lights without shadows (by ``effects``, default the scene's) get rows of zeros.
     """
@@ -99,7 +109,7 @@ def embree_reference(
         "processor": processor(),
         **input_hashes(prepared, moment),
     }
-    return _stored(folder, facts, lambda: _trace(prepared, moment, shadows))
+    return _stored(folder, facts, lambda: _trace(prepared, moment, shadows, referee))
 
 
 def exact_reference(
@@ -141,7 +151,7 @@ def reference_for(
     """Embree's answers; the referee's own where Embree is not installed, or where triangles have holes."""
     if effects.alpha or not embree_installed():
         return exact_reference(prepared, moment, referee, effects, folder)
-    return embree_reference(prepared, moment, effects, folder)
+    return embree_reference(prepared, moment, effects, folder, referee)
 
 
 def embree_installed() -> bool:
@@ -212,11 +222,20 @@ def _misses(moment: Moment) -> dict[str, Any]:
     }
 
 
-def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> Answered:
+def _scene(prepared: Prepared, moment: Moment, referee: Referee | None) -> Any | None:
+    """A new Embree scene of a moment's mesh, or the one that is kept."""
+    if referee is None or prepared.moves:
+        return make_scene(moment.points, prepared.faces, moment.valid)
+    if referee not in _SCENES:
+        _SCENES[referee] = make_scene(moment.points, prepared.faces, moment.valid)
+    return _SCENES[referee]
+
+
+def _trace(prepared: Prepared, moment: Moment, shadows: Sequence[bool], referee: Referee | None) -> Answered:
     answers = _misses(moment)
     triangle, t, u, v, shadowed = answers.values()
     pixels = len(triangle)
-    scene = make_scene(moment.points, prepared.faces, moment.valid)
+    scene = _scene(prepared, moment, referee)
     if scene is not None:
         # The first query commits the scene: alone, before the threads.
         scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import one_line, warn
+from ..frame.schedule.threads import processors
 from ..results.disputes import charged_records
 from ..results.folder import ResultsFolder
 from ..results.record import SCORING_FAILED, Record, as_read
@@ -36,8 +37,9 @@ from .workers.handle import WorkerError, WorkerLostError
 from .workers.pool import GRADER, Workers, grader_name
 from .workers.protocol import grade_command, load_command, picture_of
 
-GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
-"""Number of workers that score at the same time, before the timing of a scene. Each has the scene in memory."""
+GRADERS = max(1, min(8, processors() // 2))
+"""Number of workers that score at the same time, before the timing of a scene, by the cores that this process may use.
+Each has the scene in memory."""
 
 GRADERS_LOST = 3
 """How many scoring processes may be killed with the answers of one point before it stays without a score. The first may have

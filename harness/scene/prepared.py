@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -191,16 +192,23 @@ def under(prepared: Prepared, scene: Scene) -> Prepared:
 
 
 def rounded(geometry: Geometry, faces: I32, centre: F64) -> Callable[[int], tuple[F32, U8]]:
-    """The float32 positions and validity flags of each frame, by its index. The last frame used is cached."""
+    """The float32 positions and validity flags of each frame, by its index. The last frame is kept, and any other whose
+    arrays something else still holds, as moments do; a mesh that does not move has one frame's."""
+    held: tuple[WeakValueDictionary[int, F32], WeakValueDictionary[int, U8]]
+    held = WeakValueDictionary(), WeakValueDictionary()
 
     @lru_cache(maxsize=1)
-    def points(frame: int) -> tuple[F32, U8]:
-        positions = np.asarray(geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
-        with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
-            made = np.ascontiguousarray((positions - centre).astype(np.float32))
-        return made, valid_triangles(made, faces)
+    def made(frame: int) -> tuple[F32, U8]:
+        points, valid = held[0].get(frame), held[1].get(frame)
+        if points is None or valid is None:
+            positions = np.asarray(geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
+            with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
+                points = np.ascontiguousarray((positions - centre).astype(np.float32))
+            valid = valid_triangles(points, faces)
+            held[0][frame], held[1][frame] = points, valid
+        return points, valid
 
-    return points
+    return lambda frame: made(frame if geometry.moves else 0)
 
 
 def mirror_of(scene: Scene, geometry: Geometry) -> U8:
@@ -266,14 +274,15 @@ def valid_triangles(points: F32, faces: I32) -> U8:
     if not len(faces):
         return np.zeros(0, dtype=np.uint8)
     with np.errstate(invalid="ignore", over="ignore"):
-        a, b, c = (points[faces[:, i]].astype(np.float64) for i in range(3))
-        finite = np.take(np.isfinite(points).all(axis=1), faces).all(axis=1)
+        # Coordinates first: numpy reduces a short last axis several times as slowly.
+        a, b, c = (np.ascontiguousarray(points[corner].T, dtype=np.float64) for corner in faces.T)
+        finite = np.take(np.isfinite(points).all(axis=1), faces.T).all(axis=0)
         e, f = b - a, c - a
-        normal = np.abs(np.cross(e, f)).max(axis=1)
+        normal = np.abs(np.cross(e, f, axis=0)).max(axis=0)
         # A difference, a product and their difference each round once, by at most 2^-53 of their size.
-        size = np.maximum(np.abs(e), np.abs(f)).max(axis=1)
+        size = np.maximum(np.abs(e), np.abs(f)).max(axis=0)
         bound = 16 * 2.0**-53 * size * size
-        same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
+        same = (a == b).all(axis=0) | (b == c).all(axis=0) | (c == a).all(axis=0)
     result = finite & (normal > bound)
     for i in np.nonzero(finite & ~result & ~same)[0]:
         result[i] = not _zero_area_exact(*(points[faces[i]]))

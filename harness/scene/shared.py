@@ -18,7 +18,8 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
 
     The first frame is always kept: trees that are refitted are built there. Its positions are passed on unchanged, too:
     rules that choose triangles (:mod:`.scene.surface_rules`) use it, and must make the same choice in every process.
-    Where it has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none.
+    Where it has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none. Of a
+    mesh that does not move the first stands for all.
     """
     arrays = {name: getattr(prepared, name) for name in ("faces", "mirror", "weld", "centre", "middle")}
     arrays["numbers"] = np.array([prepared.radius, prepared.frame_count, prepared.geometry.still])
@@ -27,7 +28,9 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     motion = prepared.geometry.motion
     if motion is not None and motion.bodies is not None:
         arrays["bodies"] = np.asarray(motion.bodies)
-    if not prepared.points(0)[1].all():
+    if not prepared.moves:
+        frames = ()
+    elif not prepared.points(0)[1].all():
         frames = range(prepared.frame_count)
     for frame in sorted({0, *frames}):
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
@@ -43,17 +46,18 @@ def read_stored(path: Path, scene: Scene) -> Prepared:
     with np.load(path) as kept:
         arrays = {name: kept[name] for name in kept.files}
     centre, first = arrays["centre"], arrays["first"]
+    radius, frame_count, still = arrays["numbers"].tolist()
     frames = sorted(int(name.removeprefix("points_")) for name in arrays if name.startswith("points_"))
 
     def points(frame: int) -> tuple[F32, U8]:
-        if frame not in frames:
+        stored = 0 if still else frame
+        if stored not in frames:
             raise UserError(f"{scene.name}: frame {frame} was not stored; there are {frames}")
-        return arrays[f"points_{frame}"], arrays[f"valid_{frame}"]
+        return arrays[f"points_{stored}"], arrays[f"valid_{stored}"]
 
     def positions(frame: int) -> F64:
-        return first if frame == 0 else points(frame)[0].astype(np.float64) + centre
+        return first if still or frame == 0 else points(frame)[0].astype(np.float64) + centre
 
-    radius, frame_count, still = arrays["numbers"].tolist()
     motion = Moves("rigid", bodies=arrays["bodies"]) if "bodies" in arrays else None
     faces, weld, middle, mirror = (arrays[name] for name in ("faces", "weld", "middle", "mirror"))
     geometry = Geometry(faces, positions, int(frame_count), motion, bool(still))

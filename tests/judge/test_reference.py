@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
-from shadowbench.harness.judge import consistency
+from shadowbench.harness.judge import consistency, context
 from shadowbench.harness.judge import reference as references
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import embree_reference
 from shadowbench.harness.judge.score import score_answers
+from shadowbench.harness.runner.workers.grader import Grader, hand_over, handed_path
 from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Light
 
@@ -34,6 +36,34 @@ def test_reference_equals_the_exact_answer_on_an_ordinary_scene(ball):
     assert (reference.triangle == -1).sum() > 100
     assert (reference.triangle > 1).sum() > 100
     assert (reference.shadowed.sum(axis=1) > 100).all()
+
+
+def test_a_moving_light_over_a_mesh_at_rest_has_one_referee_and_one_scene_of_embree(monkeypatch, tmp_path):
+    """Both were made for each of the light's places: half of the time of a check on a million triangles."""
+    made = {"Referee": 0, "make_scene": 0}
+
+    def counting(module, name):
+        whole = getattr(module, name)
+
+        def one(*given):
+            made[name] += 1
+            return whole(*given)
+
+        monkeypatch.setattr(module, name, one)
+
+    light = Lighting("moved", frames=3, turns=1.0)
+    prepared = light.applied(prepare(light.longer(cases.ball_on_floor())))
+    moments = {frame: prepared.moment(frame, 36, 27) for frame in range(3)}
+    right = {frame: embree_reference(prepared, moment).answers() for frame, moment in moments.items()}
+    assert not np.array_equal(right[0]["shadowed"], right[1]["shadowed"])
+    counting(context, "Referee"), counting(references, "make_scene")
+    for frame, answers in right.items():
+        hand_over(handed_path(tmp_path, "key", frame), answers)
+    grader = Grader(prepared, moments, "ball", tmp_path, "cpu", {})
+    frames = grader.grade("key", False, True, str(tmp_path / "ball.png"), "ball")
+    assert made == {"Referee": 1, "make_scene": 1}
+    assert [frame["score"]["primary"]["disputed"] for frame in frames] == [0, 0, 0]
+    assert [frame["score"]["shadow"][0]["disputed"] for frame in frames] == [0, 0, 0]
 
 
 def test_a_light_without_shadows_gets_zeros(ball):

@@ -7,7 +7,6 @@ ratio between methods, and that needs one card. The Dask worker has one thread, 
 
 import dataclasses
 import functools
-import os
 import platform
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ import warp as wp
 
 from ...files import digest
 from ...frame.devices import device_title
+from ...frame.schedule.threads import processors
 from ...frame.warp_init import start_warp
 from ..machine.lock import MACHINE, MachineLock
 from ..planning.run_options import Options
@@ -167,7 +167,7 @@ def measure(shard: Shard) -> Outcome:
     options = dataclasses.replace(shard.options, out=folder)
     relay, lock = Relay(shard, card), MachineLock(of=card)
     lock.say = relay.note
-    graders = max(1, min(GRADERS, (os.cpu_count() or 1) // 2 // shard.beside))
+    graders = max(1, min(GRADERS, processors() // 2 // shard.beside))
     before = after = None
     with lock.exclusive():
         spool.fill(folder, shard.known)

@@ -35,7 +35,8 @@ class Grader:
     """Scores the answers of every method to the frames of one scene with one lighting.
 
     scene_argument  as on the command line
-    referees        by frame, from other lightings of the scene; they are used again where the mesh is the same
+    referees        by frame, from other lightings of the scene; they are used again where the mesh is the same. A mesh
+                    that does not move has that of frame 0
     """
 
     def __init__(
@@ -95,10 +96,11 @@ class Grader:
             missing = f"no exact reference: {error.name or error} is not installed"
             return {"score": None, "unscored": f"{missing}; shadowbench score adds it on a machine that has it"}
         if frame not in self._judges:
-            given = self.effects, self.folder / "truth", self.device, self.referees.get(frame)
+            mesh = frame if self.prepared.moves else 0
+            given = self.effects, self.folder / "truth", self.device, self.referees.get(mesh)
             self._judges[frame] = Judge.of(self.prepared, self.moments[frame], *given)
+            self.referees[mesh] = self._judges[frame].referee
         judge = self._judges[frame]
-        self.referees[frame] = judge.referee
         looks: dict[str, Any] = {}
         if wrong_map:
             scored, looks = keep_wrong(self.folder, key, frame, judge, answers)
