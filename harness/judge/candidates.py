@@ -10,20 +10,23 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32, I64, Bools, Ints
+from ..arrays import F32, F64, I32, I64, Bools
 from ..frame.alpha import device_alpha
 from ..frame.geometry import filled
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
 from .arithmetic import in_plane, integers
-from .filter_kernels import LEAF, Tree
-from .lists import Lists, Segments, parts_of
+from .filter_kernels import LEAF, Found, Tree
+from .lists import Lists, Segments
 
 BATCH = 8192
 """Rays decided at once: bounds the memory of candidate lists."""
 
 SEGMENTS = 1 << 18
 """Segments of one launch."""
+
+MOST = 1 << 22
+"""Candidates of one launch, unless one ray has more."""
 
 
 def build_tree(points: F32, faces: I32, valid: NDArray, device: str, mask: AlphaMask | None) -> Tree:
@@ -105,12 +108,8 @@ class Candidates:
             best = wp.full(stop - start, 1.0e300, dtype=wp.float64, device=self.device)
             if nearest:
                 self._launch(kernels.find_nearest, stop - start, [o, d], [best])
-            counts, _ = self._counted(kernels.collect_hits, [o, d, best], stop - start)
-            for part in parts_of(counts):
-                yield (
-                    range(start + part.start, start + part.stop),
-                    self._written(kernels.collect_hits, [o, d, best], np.arange(part.start, part.stop), counts[part]),
-                )
+            for part, lists in self._collected(kernels.collect_hits, [o, d, best], range(stop - start), []):
+                yield range(start + part.start, start + part.stop), lists
 
     def between(
         self, starts: F64, own: I32, lights: F32, segments: Segments, every: bool, margin: F64 | None = None
@@ -142,14 +141,13 @@ class Candidates:
                 *shared,
                 *(wp.array(part, dtype=wp.int32, device=self.device) for part in (batch.row, batch.light)),
             ]
-            counts, certain = self._counted(kernels.collect_between, inputs, len(batch), outputs=1)
-            if not every:
-                counts[certain >= 0] = 0
-            for part in parts_of(counts):
-                wanted = np.arange(part.start, part.stop)
-                lists = self._written(kernels.collect_between, inputs, wanted, counts[part], outputs=1)
-                held = self._hold(lists.found, batch.light[part][lists.of], lights)
-                yield slice(first + part.start, first + part.stop), lists.without(held), certain[part]
+            found = wp.empty(len(batch), dtype=wp.int32, device=self.device)
+            for part, lists in self._collected(kernels.collect_between, inputs, range(len(batch)), [found]):
+                certain = found.numpy()[part.start : part.stop].copy()
+                if not every:
+                    lists = lists.without(certain[lists.of] >= 0)
+                held = self._hold(lists.found, batch.light[part.start : part.stop][lists.of], lights)
+                yield slice(first + part.start, first + part.stop), lists.without(held), certain
 
     def _hold(self, triangles: I32, which: I32, lights: F32) -> Bools:
         """Which triangles [n] have in their planes the lights of the given numbers [n]."""
@@ -157,25 +155,23 @@ class Candidates:
         light, triangle = np.divmod(pairs, max(1, len(self._corners)))
         return in_planes(self._corners[triangle], lights[light])[place]
 
-    def _counted(self, kernel: wp.Kernel, inputs: Sequence, count: int, outputs: int = 0) -> tuple[I32, I32]:
-        """Run a collecting kernel to count the candidates of each ray: their numbers, and its last output."""
-        todo = wp.array(np.arange(count), dtype=wp.int32, device=self.device)
-        given = [wp.empty(count, dtype=wp.int32, device=self.device) for _ in range(1 + outputs)]
-        nothing = wp.zeros(1, dtype=wp.int32, device=self.device)
-        self._launch(kernel, count, [*inputs, todo, todo, 0], [given[0], nothing, *given[1:]])
-        return given[0].numpy().copy(), given[-1].numpy()
-
-    def _written(self, kernel: wp.Kernel, inputs: Sequence, rays: Ints, counts: I32, outputs: int = 0) -> Lists:
-        """Run a collecting kernel to write the candidates of some rays, of which there are so many."""
-        lists = Lists(np.zeros(int(counts.sum()), dtype=np.int32), counts)
-        some = np.nonzero(counts)[0]
-        if not len(some):
-            return lists
-        todo, starts = (wp.array(part[some], dtype=wp.int32, device=self.device) for part in (rays, lists.starts))
-        written = wp.array(lists.found, dtype=wp.int32, device=self.device)
-        given = [wp.empty(len(some), dtype=wp.int32, device=self.device) for _ in range(1 + outputs)]
-        self._launch(kernel, len(some), [*inputs, todo, starts, 1], [given[0], written, *given[1:]])
-        return Lists(written.numpy(), counts)
+    def _collected(
+        self, kernel: wp.Kernel, inputs: Sequence, rays: range, outputs: Sequence, room: int = 0
+    ) -> Iterator[tuple[range, Lists]]:
+        """The candidates of some rays by a collecting kernel: in halves where they are more than :data:`MOST`."""
+        with wp.ScopedDevice(self.device):
+            pairs, count = wp.empty(room or MOST, dtype=wp.vec2i), wp.zeros(1, dtype=wp.int64)
+            found = filled(Found, pairs=pairs, count=count)
+        self._launch(kernel, len(rays), [rays.start, *inputs], [found, *outputs])
+        total = int(count.numpy()[0])
+        if total <= len(pairs):
+            ray, triangle = pairs[:total].numpy().T
+            yield rays, Lists.of_pairs(ray - rays.start, triangle, len(rays))
+        elif len(rays) == 1:
+            yield from self._collected(kernel, inputs, rays, outputs, room=total)
+        else:
+            for half in (rays[: len(rays) // 2], rays[len(rays) // 2 :]):
+                yield from self._collected(kernel, inputs, half, outputs)
 
     def _launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, outputs: Sequence) -> None:
         wp.launch(kernel, dim=n, inputs=[self._tree, *inputs], outputs=list(outputs), device=self.device)

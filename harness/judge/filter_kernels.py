@@ -23,12 +23,12 @@ class Tree:
     leaves     a power of two
     """
 
-    low: wp.array(dtype=wp.vec3f)
-    high: wp.array(dtype=wp.vec3f)
-    order: wp.array(dtype=wp.int32)
+    low: wp.array[wp.vec3f]
+    high: wp.array[wp.vec3f]
+    order: wp.array[wp.int32]
     leaves: wp.int32
-    points: wp.array(dtype=wp.vec3f)
-    triangles: wp.array(dtype=wp.vec3i)
+    points: wp.array[wp.vec3f]
+    triangles: wp.array[wp.vec3i]
     alpha: Alpha
 
 
@@ -72,6 +72,39 @@ def after(node: wp.int32) -> wp.int32:
     return n + 1
 
 
+@wp.func
+def next_leaf(tree: Tree, first: wp.int32, o: wp.vec3d, d: wp.vec3d, pad: wp.float64, limit: wp.float64) -> wp.int32:
+    """The first leaf from a node on, in depth-first order, that a ray may meet by :func:`slab`; 0 at the end."""
+    node = first
+    while node > 0:
+        if not slab(o, d, tree.low[node], tree.high[node], pad, limit):
+            node = after(node)
+        elif node < tree.leaves:
+            node = 2 * node
+        else:
+            return node
+    return node
+
+
+@wp.struct
+class Found:
+    """Candidates in the order in which they are found: of one ray in that of the tree, of several in any.
+
+    pairs  the ray and the triangle of each, as many as there is room for
+    count  int64 [1]: how many there are, also of those without room
+    """
+
+    pairs: wp.array[wp.vec2i]
+    count: wp.array[wp.int64]
+
+
+@wp.func
+def put(found: Found, ray: wp.int32, triangle: wp.int32):
+    place = wp.atomic_add(found.count, 0, wp.int64(1))
+    if place < wp.int64(found.pairs.shape[0]):
+        found.pairs[place] = wp.vec2i(ray, triangle)
+
+
 @wp.kernel
 def find_nearest(tree: Tree, origins: wp.array[wp.vec3d], directions: wp.array[wp.vec3d], best: wp.array[wp.float64]):
     """best [n]: an upper bound of the closest t of each ray, from its certain hits; FAR where there is none."""
@@ -80,76 +113,52 @@ def find_nearest(tree: Tree, origins: wp.array[wp.vec3d], directions: wp.array[w
     d = directions[i]
     zero = wp.float64(0.0)
     limit = wp.float64(1.0e300)
-    node = wp.int32(1)
-    while node > 0:
-        if not slab(o, d, tree.low[node], tree.high[node], wp.float64(0.0), limit):
-            node = after(node)
-        elif node < tree.leaves:
-            node = 2 * node
-        else:
-            for k in range(LEAF):
-                triangle = tree.order[(node - tree.leaves) * LEAF + k]
-                if triangle >= 0:
-                    a, b, c = corners_of(tree, triangle)
-                    r = filter_ray(o, d, a, b, c)
-                    if (
-                        r[0] == wp.float64(1.0)
-                        and opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1
-                    ):
-                        limit = wp.min(limit, r[2])
-            node = after(node)
+    leaf = next_leaf(tree, 1, o, d, zero, limit)
+    while leaf > 0:
+        for k in range(LEAF):
+            triangle = tree.order[(leaf - tree.leaves) * LEAF + k]
+            if triangle >= 0:
+                a, b, c = corners_of(tree, triangle)
+                r = filter_ray(o, d, a, b, c)
+                if r[0] == wp.float64(1.0) and opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1:
+                    limit = wp.min(limit, r[2])
+        leaf = next_leaf(tree, after(leaf), o, d, zero, limit)
     best[i] = limit
 
 
 @wp.kernel
 def collect_hits(
     tree: Tree,
+    first: wp.int32,
     origins: wp.array[wp.vec3d],
     directions: wp.array[wp.vec3d],
     best: wp.array[wp.float64],
-    todo: wp.array[wp.int32],
-    offsets: wp.array[wp.int32],
-    write: wp.int32,
-    counts: wp.array[wp.int32],
-    found: wp.array[wp.int32],
+    found: Found,
 ):
-    """Every triangle that may be hit at t <= best: counted, and written from offsets on if ``write``.
-
-    ``todo``: the rays of the launch; ``offsets`` and ``counts`` are by their places in it.
-    """
-    place = wp.tid()
-    i = todo[place]
+    """Every triangle that may be hit at t <= best, by the rays from the ``first`` on."""
+    i = first + wp.tid()
     o = origins[i]
     d = directions[i]
     zero = wp.float64(0.0)
-    limit = best[i]
-    count = wp.int32(0)
-    node = wp.int32(1)
-    while node > 0:
-        if not slab(o, d, tree.low[node], tree.high[node], wp.float64(0.0), limit):
-            node = after(node)
-        elif node < tree.leaves:
-            node = 2 * node
-        else:
-            for k in range(LEAF):
-                triangle = tree.order[(node - tree.leaves) * LEAF + k]
-                if triangle >= 0:
-                    a, b, c = corners_of(tree, triangle)
-                    r = filter_ray(o, d, a, b, c)
-                    seen = r[0] > zero and r[1] <= limit
-                    if r[0] == wp.float64(1.0) and seen:
-                        seen = opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
-                    if seen:
-                        if write == 1:
-                            found[offsets[place] + count] = triangle
-                        count += 1
-            node = after(node)
-    counts[place] = count
+    leaf = next_leaf(tree, 1, o, d, zero, best[i])
+    while leaf > 0:
+        for k in range(LEAF):
+            triangle = tree.order[(leaf - tree.leaves) * LEAF + k]
+            if triangle >= 0:
+                a, b, c = corners_of(tree, triangle)
+                r = filter_ray(o, d, a, b, c)
+                seen = r[0] > zero and r[1] <= best[i]
+                if r[0] == wp.float64(1.0) and seen:
+                    seen = opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
+                if seen:
+                    put(found, i, triangle)
+        leaf = next_leaf(tree, after(leaf), o, d, zero, best[i])
 
 
 @wp.kernel
 def collect_between(
     tree: Tree,
+    first: wp.int32,
     starts: wp.array[wp.vec3d],
     errors: wp.array[wp.float64],
     own: wp.array[wp.int32],
@@ -159,53 +168,39 @@ def collect_between(
     every: wp.int32,
     row: wp.array[wp.int32],
     target: wp.array[wp.int32],
-    todo: wp.array[wp.int32],
-    offsets: wp.array[wp.int32],
-    write: wp.int32,
-    counts: wp.array[wp.int32],
-    found: wp.array[wp.int32],
+    found: Found,
     certain: wp.array[wp.int32],
 ):
     """Triangles but ``own`` that may meet the open segment from starts[row] to lights[target]; one certain occluder, or -1.
 
-    ``todo``: the segments of the launch; ``offsets``, ``counts`` and ``certain`` are by their places in it.
-    With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0 triangles within that distance of the
-    segment are collected too, and some beyond it.
+    Of the segments from the ``first`` on. With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0
+    triangles within that distance of the segment are collected too, and some beyond it.
     """
-    place = wp.tid()
-    i = row[todo[place]]
-    light = lights[target[todo[place]]]
+    s = first + wp.tid()
+    i = row[s]
+    light = lights[target[s]]
     p = starts[i]
     d = light - p
     wide = margin[i]
-    count = wp.int32(0)
     sure = wp.int32(-1)
-    node = wp.int32(1)
-    while node > 0:
-        if not slab(p, d, tree.low[node], tree.high[node], pad + wide, wp.float64(1.0)):
-            node = after(node)
-        elif node < tree.leaves:
-            node = 2 * node
-        else:
-            for k in range(LEAF):
-                triangle = tree.order[(node - tree.leaves) * LEAF + k]
-                if triangle >= 0 and triangle != own[i]:
-                    a, b, c = corners_of(tree, triangle)
-                    status = filter_segment(p, light, a, b, c, errors[i])
-                    if status == 1:
-                        status = opacity(tree.alpha, triangle, d, a - p, b - p, c - p, errors[i], errors[i])
-                    if status == 1 and sure < 0:
-                        sure = triangle
-                    if wide > wp.float64(0.0) and status == 0:
-                        near = not beside(d, a - p, b - p, c - p, errors[i], wp.float64(2.0) * wide)
-                    else:
-                        near = status > 0
-                    if near:
-                        if write == 1:
-                            found[offsets[place] + count] = triangle
-                        count += 1
-            node = after(node)
-            if sure >= 0 and every == 0:
-                node = wp.int32(0)
-    counts[place] = count
-    certain[place] = sure
+    leaf = next_leaf(tree, 1, p, d, pad + wide, wp.float64(1.0))
+    while leaf > 0:
+        for k in range(LEAF):
+            triangle = tree.order[(leaf - tree.leaves) * LEAF + k]
+            if triangle >= 0 and triangle != own[i]:
+                a, b, c = corners_of(tree, triangle)
+                status = filter_segment(p, light, a, b, c, errors[i])
+                if status == 1:
+                    status = opacity(tree.alpha, triangle, d, a - p, b - p, c - p, errors[i], errors[i])
+                if status == 1 and sure < 0:
+                    sure = triangle
+                if wide > wp.float64(0.0) and status == 0:
+                    near = not beside(d, a - p, b - p, c - p, errors[i], wp.float64(2.0) * wide)
+                else:
+                    near = status > 0
+                if near:
+                    put(found, s, triangle)
+        if sure >= 0 and every == 0:
+            break
+        leaf = next_leaf(tree, after(leaf), p, d, pad + wide, wp.float64(1.0))
+    certain[s] = sure

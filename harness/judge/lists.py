@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import I32, I64, Bools, Ints
-
-MOST = 1 << 22
-"""Candidates of one launch, unless one ray has more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +20,11 @@ class Lists:
 
     found: I32
     counts: I32
+
+    @staticmethod
+    def of_pairs(ray: I32, triangle: I32, rays: int) -> Lists:
+        """The lists of so many rays, from pairs in any order of rays."""
+        return Lists(triangle[np.argsort(ray, kind="stable")], np.bincount(ray, minlength=rays).astype(np.int32))
 
     def __getitem__(self, ray: int) -> I32:
         start = self.starts[ray]
@@ -72,13 +73,3 @@ class Segments:
 
     def __getitem__(self, part: slice | NDArray) -> Segments:
         return Segments(self.row[part], self.light[part])
-
-
-def parts_of(counts: I32) -> Iterator[slice]:
-    """Slices of rays with at most :data:`MOST` candidates together, or of one ray."""
-    ends, first = np.cumsum(counts, dtype=np.int64), 0
-    while first < len(counts):
-        before = int(ends[first] - counts[first])
-        stop = max(first + 1, int(np.searchsorted(ends, before + MOST, side="right")))
-        yield slice(first, stop)
-        first = stop

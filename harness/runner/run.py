@@ -30,7 +30,7 @@ from .planning.experiment import Entry
 from .planning.planned_point import describe_method, orders, seed_of
 from .planning.run_options import Job, Options, dealt
 from .planning.survey import announcement, survey
-from .planning.time_estimate import Estimate, Unit, expected_work, points_of, steps_of
+from .planning.time_estimate import Estimate, expected_work, guess_of_scene, points_of, steps_of
 from .progress import Silent
 from .workers import scratch
 from .workers.handle import WorkerError, WorkerLostError
@@ -82,7 +82,7 @@ class Run:
             parts = options.preset.parts()
             self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
             self.estimate = Estimate(
-                [Unit.of(scene, part) for part in parts for scene in part.scenes],
+                [guess_of_scene(scene, part, options.device) for part in parts for scene in part.scenes],
                 lambda: time.monotonic() - MACHINE.waited,
             )
             records: list[Record] = []
@@ -106,7 +106,8 @@ class Run:
     def _scene(self, name: str, methods: Described) -> list[Record]:
         """The records of a scene with every lighting; also updates the estimate of the remaining time."""
         lightings = self.options.preset.lightings
-        self.estimate.begin(Unit.of(name, self.options.preset))
+        guessed = guess_of_scene(name, self.options.preset, self.options.device)
+        self.estimate.begin(guessed, len(lightings) * len(methods))
         jobs: list[Job] = []
         waiting: list[Job] = []
         for done, lighting in enumerate(lightings, 1):

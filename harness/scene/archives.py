@@ -5,11 +5,10 @@ import gzip
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import IO
+from typing import Any
 
 from ..errors import UserError, one_line
 
@@ -24,15 +23,6 @@ BROKEN = (
 """Exceptions of Python for an archive that is damaged, encrypted or of an unknown kind."""
 
 
-@dataclass(frozen=True)
-class Member:
-    """A file of an archive: its name there, and whether it is a plain file."""
-
-    name: str
-    plain: bool
-    handle: zipfile.ZipInfo | tarfile.TarInfo | Path
-
-
 def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYTES) -> list[Path]:
     """Write the members whose names match ``pattern``, or one of several that spaces separate, into ``folder``, by their
     last name; the files, sorted. A gzip file of one file is an archive of that file.
@@ -43,24 +33,23 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
     made: list[Path] = []
     left = most_bytes
     try:
-        with _opened(archive) as (members, read):
-            for count, member in enumerate(members, 1):
-                if count > MOST_MEMBERS:
-                    raise UserError(f"{archive}: more than {MOST_MEMBERS} files; it is not unpacked")
-                path = PurePosixPath(member.name.replace("\\", "/"))
-                if path.is_absolute() or ".." in path.parts or ":" in path.parts[0:1]:
-                    raise UserError(f"{archive}: the path {member.name!r} leaves its folder; it is not unpacked")
-                if not any(fnmatch.fnmatch(str(path).lower(), one) for one in pattern.split()):
-                    continue
-                if not member.plain:
-                    raise UserError(f"{archive}: {member.name!r} is a link or no file; it is not unpacked")
-                made.append(folder / path.name)
-                with read(member) as source, made[-1].open("xb") as target:
-                    while block := source.read(BLOCK):
-                        left -= len(block)
-                        if left < 0:
-                            raise UserError(f"{archive}: unpacks to more than {most_bytes:,} bytes; it is not unpacked")
-                        target.write(block)
+        for count, (name, plain, opened) in enumerate(_members(archive), 1):
+            if count > MOST_MEMBERS:
+                raise UserError(f"{archive}: more than {MOST_MEMBERS} files; it is not unpacked")
+            path = PurePosixPath(name.replace("\\", "/"))
+            if path.is_absolute() or ".." in path.parts or ":" in path.parts[0:1]:
+                raise UserError(f"{archive}: the path {name!r} leaves its folder; it is not unpacked")
+            if not any(fnmatch.fnmatch(str(path).lower(), one) for one in pattern.split()):
+                continue
+            if not plain:
+                raise UserError(f"{archive}: {name!r} is a link or no file; it is not unpacked")
+            made.append(folder / path.name)
+            with opened() as source, made[-1].open("xb") as target:
+                while block := source.read(BLOCK):
+                    left -= len(block)
+                    if left < 0:
+                        raise UserError(f"{archive}: unpacks to more than {most_bytes:,} bytes; it is not unpacked")
+                    target.write(block)
     except FileExistsError as error:
         raise UserError(f"{archive}: holds two files {made[-1].name!r}; it is not unpacked") from error
     except BROKEN as error:
@@ -70,30 +59,22 @@ def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYT
     return sorted(made)
 
 
-@contextmanager
-def _opened(archive: Path) -> Iterator:
-    """The members of an archive in order, and a function that opens one of them."""
+def _members(archive: Path) -> Iterator[tuple[str, bool, Callable[[], Any]]]:
+    """The files of an archive in order: the name of each there, whether it is a plain file, and what opens it."""
     with archive.open("rb") as stream:
         beginning = stream.read(40)
-    if beginning.startswith(GZIP) and not tarfile.is_tarfile(archive):
-        yield [Member(archive.name.removesuffix(".gz"), True, archive)], lambda member: gzip.GzipFile(member.handle)
-        return
-    if not (zipfile.is_zipfile(archive) or tarfile.is_tarfile(archive)):
-        text = beginning.decode(errors="replace")
-        raise UserError(f"{archive}: no archive but {text!r}; the server may have sent a page instead")
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as packed:
-            # ZipInfo.is_dir fails where a name is empty.
-            infos = [info for info in packed.infolist() if not info.filename.endswith("/")]
-            members = (Member(i.filename, (i.external_attr >> 28) in (0, 8), i) for i in infos)
-            yield members, lambda member: packed.open(member.handle)
-        return
-    with tarfile.open(archive) as tape:
-
-        def read(member: Member) -> IO[bytes]:
-            assert isinstance(member.handle, tarfile.TarInfo)
-            found = tape.extractfile(member.handle)
-            assert found is not None
-            return found
-
-        yield (Member(info.name, info.isfile(), info) for info in tape if not info.isdir()), read
+            for info in packed.infolist():
+                if not info.filename.endswith("/"):  # ZipInfo.is_dir fails where a name is empty
+                    yield info.filename, (info.external_attr >> 28) in (0, 8), partial(packed.open, info)
+    elif tarfile.is_tarfile(archive):
+        with tarfile.open(archive) as tape:
+            for entry in tape:
+                if not entry.isdir():
+                    yield entry.name, entry.isfile(), partial(tape.extractfile, entry)
+    elif beginning.startswith(GZIP):
+        yield archive.name.removesuffix(".gz"), True, partial(gzip.open, archive)
+    else:
+        text = beginning.decode(errors="replace")
+        raise UserError(f"{archive}: no archive but {text!r}; the server may have sent a page instead")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.second_opinion import random_trial
 from shadowbench.harness import api
-from shadowbench.harness.judge import candidates, lists
+from shadowbench.harness.judge import candidates
 from shadowbench.harness.judge.arithmetic import edge_bound
 from shadowbench.harness.judge.distances import triangle_distance
 from shadowbench.harness.judge.referee import Referee
@@ -31,7 +31,7 @@ def test_lights_judged_together_have_the_verdicts_of_each_alone(monkeypatch, see
     classes = [referee.classify_shadow(hits, *given) for given in zip(lights, bits, strict=True)]
     assert {int(Verdict.ACNE), int(Verdict.LEAK), int(Verdict.INVALID)} <= set(np.unique(classes).tolist())
     monkeypatch.setattr(candidates, "SEGMENTS", 37)
-    monkeypatch.setattr(lists, "MOST", 3)
+    monkeypatch.setattr(candidates, "MOST", 3)
     wanted = np.arange(len(lights)) != 2
     found = referee.answers(origins, directions, lights, wanted).occluders
     np.testing.assert_array_equal(found, np.where(wanted[:, None], alone, -1))
@@ -61,15 +61,6 @@ def test_no_triangle_within_the_bound_of_a_lit_segment_is_left_out(seed):
             assert classes[i] == (Verdict.EDGE if near else Verdict.ACNE)
             seen.add(bool(near))
     assert seen == {True, False}
-
-
-def test_parts_hold_every_ray_once(monkeypatch):
-    monkeypatch.setattr(lists, "MOST", 4)
-    counts = np.int32([0, 1, 3, 0, 9, 0, 0, 2, 2, 1])
-    parts = list(lists.parts_of(counts))
-    assert [i for part in parts for i in range(part.start, part.stop)] == list(range(len(counts)))
-    assert all(counts[part].sum() <= 4 or np.count_nonzero(counts[part]) == 1 for part in parts)
-    assert list(lists.parts_of(np.int32([]))) == []
 
 
 def test_a_referee_is_used_for_another_lighting_of_the_same_mesh():

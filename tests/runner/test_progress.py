@@ -7,8 +7,8 @@ from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import checked
 from shadowbench.harness.runner import progress
-from shadowbench.harness.runner.planning.experiment import Entry
-from shadowbench.harness.runner.planning.time_estimate import PIXEL, Estimate, Unit, expected_work
+from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
+from shadowbench.harness.runner.planning.time_estimate import Estimate, expected_work, guess_of_scene, points_of
 from shadowbench.harness.runner.progress import Bar, Silent, counted
 from shadowbench.harness.runner.run import Run
 from shadowbench.harness.scene.catalogue import resolve
@@ -78,49 +78,46 @@ def test_the_estimate_is_said_once_there_is_one_and_a_point_with_its_time_or_wha
     ]
 
 
-def test_the_estimate_has_a_fixed_time_and_one_in_proportion_to_the_work():
-    """Seconds of a point: 2 + work / 10, of which the samples take at most 20."""
-    units = [Unit(float(work), 4, 20.0) for work in (10, 100, 1000, 10, 100)]
+def test_the_estimate_is_what_was_guessed_by_how_much_longer_it_took():
     now = [0.0]
-    estimate = Estimate(units, lambda: now[0])
+    estimate = Estimate([10.0, 20.0, 40.0, 10.0], lambda: now[0])
 
-    def finished(unit: int, measured: int, seconds: float) -> float | None:
-        estimate.begin(units[unit])
+    def finished(guessed: float, measured: int, seconds: float) -> float | None:
+        estimate.begin(guessed, 4)
         now[0] += seconds
         estimate.finish(measured)
         return estimate.left()
 
     assert estimate.left() is None
-    assert finished(3, 0, 0.0) is None
-    assert finished(0, 4, 4 * 3.0) == pytest.approx(4 * 3.0 * (2 * 10**0.5 + 10.0))
-    assert finished(1, 2, 2 * 12.0) == pytest.approx(4 * 12.0 + 4 * 22.0)
-    estimate.begin(units[4])
+    assert finished(10.0, 0, 0.0) is None
+    assert finished(20.0, 2, 30.0) == pytest.approx(50.0 * 3.0)  # of half its points
+    estimate.begin(10.0, 4)
     now[0] += 47.0
     estimate.once = 7.0  # of starting a process
-    assert estimate.left_within(4, 8.0) == pytest.approx(8.0 + 4 * 22.0)
-    now[0] += 8.0
+    assert estimate.left_within(4, 10.0) == pytest.approx(10.0 + 40.0 * 80.0 / 20.0)
+    now[0] += 10.0
     estimate.finish(4)
-    assert finished(2, 4, 88.0) == 0.0
+    assert finished(40.0, 4, 88.0) == 0.0
 
 
-@pytest.mark.parametrize("seconds", [lambda w: 0.4 + w / 5e5, lambda w: 0.7, lambda w: 0.02 + w**0.7 / 3e3])
-def test_the_estimate_holds_within_a_factor_of_two(seconds):
-    """The work of a sweep over triangles and pixels, smallest first, as experiments with further presets have it."""
-    work = [2.0 * (n + PIXEL * side * side) for side in (64, 128, 256) for n in (1e3, 1e4, 1e5)]
-    units = [Unit(one, 5) for one in work]
-    now = [0.0]
-    estimate, rest = Estimate(units, lambda: now[0]), sum(5 * seconds(one) for one in work)
-    for place, unit in enumerate(units[:-1]):
-        took = 5 * seconds(unit.work)
-        estimate.begin(unit)
-        now[0] += took / 2
-        if place > 1:
-            assert 0.5 < estimate.left_within(5, took / 2) / (rest - took / 2) < 2.0
-        now[0] += took / 2
-        estimate.finish(5)
-        rest -= took
-        if place > 0:
-            assert 0.5 < estimate.left() / rest < 2.0
+@pytest.mark.parametrize("slower", [0.25, 1.0, 4.0])
+@pytest.mark.parametrize("device", ["cpu", "cuda:0"])
+def test_the_estimate_of_another_machine_holds_within_a_factor_of_two(device, slower):
+    """The scenes of an experiment, smallest first; on the other machine a scene takes ``slower`` times as long, and a point
+    a second more."""
+    (part,) = find_experiment("table1").presets["paper"].parts()
+    scenes = sorted(part.scenes, key=lambda name: expected_work(name, part))
+    guesses, points = [guess_of_scene(name, part, device) for name in scenes], points_of(part) // len(scenes)
+    now, took = [0.0], [slower * one + points for one in guesses]
+    estimate = Estimate(guesses, lambda: now[0])
+    for place, guessed in enumerate(guesses[:-1]):
+        estimate.begin(guessed, points)
+        now[0] += took[place] / 2
+        rest = took[place] / 2 + sum(took[place + 1 :])
+        assert 0.5 < estimate.left_within(points, took[place] / 2) / rest < 2.0
+        now[0] += took[place] / 2
+        estimate.finish(points)
+        assert 0.5 < estimate.left() / sum(took[place + 1 :]) < 2.0
 
 
 def test_a_run_has_an_estimate_at_every_step_and_measures_small_scenes_first(tmp_path):

@@ -41,7 +41,7 @@ class Calibration:
 
 
 @wp.kernel
-def multiply_add(steps: int, result: wp.array(dtype=wp.float32)):  # type: ignore[valid-type]
+def multiply_add(steps: int, result: wp.array[wp.float32]):
     """A chain of multiply-adds whose length the compiler does not know."""
     i = wp.tid()
     x = wp.float32(i & 1023)
@@ -51,7 +51,7 @@ def multiply_add(steps: int, result: wp.array(dtype=wp.float32)):  # type: ignor
 
 
 @wp.kernel
-def copy_plus_one(values: wp.array(dtype=wp.float32), result: wp.array(dtype=wp.float32)):  # type: ignore[valid-type]
+def copy_plus_one(values: wp.array[wp.float32], result: wp.array[wp.float32]):
     """Every word is read once and written once."""
     i = wp.tid()
     result[i] = values[i] + wp.float32(1.0)

@@ -23,7 +23,7 @@ PLACE = "SHADOWBENCH_SHARDS"
 """The environment variable that gives the folder in which the folder of all shards of a machine is made."""
 
 PREFIX = "shadowbench-shards"
-"""The name of that folder; without the variable, how it begins: the rest is random, as others may write beside it."""
+"""The name of that folder; without the variable, how it begins: the user's number follows."""
 
 NAME = re.compile("[0-9a-f]{16}")
 """The names of shards, see :func:`name_of`."""
@@ -41,29 +41,18 @@ Files = dict[str, bytes]
 def root() -> Path:
     """The folder of all shards of this machine and user. Nothing outside it is written to or removed.
 
-    Raises :class:`UserError` where no such folder can be made that is closed to others.
+    Raises :class:`UserError` where it is not closed to others: anybody may have made one of its name before.
     """
     given = os.environ.get(PLACE)
-    place, pattern = Path(os.path.abspath(given or tempfile.gettempdir())), PREFIX if given else f"{PREFIX}-*"
-    if given:
-        (place / PREFIX).mkdir(mode=0o700, parents=True, exist_ok=True)
-    elif not _own(place, pattern):
-        tempfile.mkdtemp(prefix=f"{PREFIX}-{time.time_ns():020}-")
-    own = _own(place, pattern)
-    if not own:
-        raise UserError(f"{place}: it has no folder {PREFIX} that is closed to others; set {PLACE} to another folder")
-    return own[0]  # the oldest: two workers that begin at the same time have one
-
-
-def _own(place: Path, pattern: str) -> list[Path]:
-    """The folders of this user, closed to others and no links, by name."""
-    found = []
-    for path in sorted(place.glob(pattern)):
-        with contextlib.suppress(FileNotFoundError):
-            here = path.lstat()
-            if stat.S_ISDIR(here.st_mode) and here.st_uid == os.getuid() and not here.st_mode & 0o077:
-                found.append(path)
-    return found
+    folder = Path(os.path.abspath(given or tempfile.gettempdir())) / (PREFIX if given else f"{PREFIX}-{os.getuid()}")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    here = folder.lstat()
+    if not stat.S_ISDIR(here.st_mode) or here.st_uid != os.getuid() or here.st_mode & 0o077:
+        name, place = folder.name, folder.parent
+        raise UserError(f"{place}: it has no folder {name} that is closed to others; set {PLACE} to another folder")
+    return folder
 
 
 def shard_folder(name: str) -> Path:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
 from pathlib import Path
-
-import numpy as np
 
 from ...scene.names import ANIMATED, TRIANGLES
 from ...scene.standins import balls
@@ -96,6 +92,11 @@ def guess(scene: str, preset: Preset, lights: int, device: str, rate: float | No
     return ONCE_S + shared / max(1, len(preset.methods)) + own
 
 
+def guess_of_scene(scene: str, preset: Preset, device: str) -> float:
+    """Seconds of all points of a scene: of every method with every lighting."""
+    return sum(len(preset.methods) * guess(scene, preset, one.targets, device) for one in preset.lightings)
+
+
 def points_of(preset: Preset) -> int:
     """Points of a preset, without the presets that follow it."""
     return len(preset.scenes) * len(preset.lightings) * len(preset.methods)
@@ -106,74 +107,39 @@ def steps_of(preset: Preset) -> int:
     return preset.rounds + 2
 
 
-@dataclass(frozen=True)
-class Unit:
-    """The points of a scene, of all methods with all lightings: work of each (:func:`expected_work`), how many there are,
-    and the most seconds that the samples of one may take, from its budget."""
-
-    work: float
-    points: int
-    most_s: float = math.inf
-
-    @classmethod
-    def of(cls, scene: str, part: Preset) -> Unit:
-        points = len(part.methods) * len(part.lightings)
-        return cls(expected_work(scene, part), points, OVERHEAD * part.budget_s)
-
-
 class Estimate:
-    """Estimates the time of the remaining units from the times of those already measured.
+    """Estimates the time of the scenes to come: what :func:`guess` says of them, by how much longer or shorter those already
+    measured took than it says.
 
-    A point takes a fixed time (its scene is made, it is prepared, its answers are checked) and a time in proportion to
-    its work, which its budget limits. Both are fitted to what was measured.
-
-    to_do  the units to be measured, in any order
+    to_do  the guesses of the scenes to be measured, seconds each, in any order
     clock  seconds, in which waiting for other runs does not count
-    once   seconds of the unit under way that are spent once for all: starting processes, compiling; they do not count
+    once   seconds of the scene under way that are spent once for all: starting processes, compiling; they do not count
     """
 
-    def __init__(self, units: Sequence[Unit], clock: Callable[[], float] = time.monotonic):
-        self.to_do, self.clock, self.once = list(units), clock, 0.0
-        self._measured: list[tuple[Unit, float]] = []
+    def __init__(self, guesses: Iterable[float], clock: Callable[[], float] = time.monotonic):
+        self.to_do, self.clock, self.once = list(guesses), clock, 0.0
+        self._guessed = self._took = 0.0
 
-    def begin(self, unit: Unit) -> None:
-        self.to_do.remove(unit)
-        self._unit, self._began, self.once = unit, self.clock(), 0.0
+    def begin(self, guessed: float, points: int) -> None:
+        """``points``: how many the scene has."""
+        self.to_do.remove(guessed)
+        self._each, self._began, self.once = guessed / points, self.clock(), 0.0
 
     def spent(self) -> float:
-        """Seconds that the unit under way has taken."""
+        """Seconds that the scene under way has taken."""
         seconds = self.clock() - self._began
         return max(seconds - self.once, 0.1 * seconds)
 
     def finish(self, measured: int) -> None:
-        """``measured`` points of the unit under way were measured; its others had their records."""
+        """``measured`` points of the scene under way were measured; its others had their records."""
         if measured:
-            self._measured.append((replace(self._unit, points=measured), self.spent()))
+            self._guessed, self._took = self._guessed + measured * self._each, self._took + self.spent()
 
     def left(self) -> float | None:
-        """Seconds of the units to be measured, or None before anything was measured."""
-        return self._total(self._measured) if self._measured else None
+        """Seconds of the scenes to be measured, or None before anything was measured."""
+        return sum(self.to_do) * self._took / self._guessed if self._guessed else None
 
     def left_within(self, measured: int, rest: float) -> float:
-        """Seconds, while ``measured`` points of the unit under way are measured, expected to take ``rest`` more."""
-        return rest + self._total([*self._measured, (replace(self._unit, points=measured), self.spent() + rest)])
-
-    def _total(self, known: Sequence[tuple[Unit, float]]) -> float:
-        seconds = fitted([(unit.work, seconds / unit.points) for unit, seconds in known])
-        return sum(unit.points * seconds(unit.work, unit.most_s) for unit in self.to_do)
-
-
-def fitted(known: Sequence[tuple[float, float]]) -> Callable[[float, float], float]:
-    """The seconds of a point from its work and the most seconds of its samples, from pairs of work and seconds: a fixed
-    time and one in proportion to the work, neither negative, with the least sum of squares of relative errors.
-
-    Points of one work do not tell the two apart: then the time grows with the square root of the work.
-    """
-    work, seconds = (np.array(column, dtype=np.float64) for column in zip(*known, strict=True))
-    seconds = np.maximum(seconds, 1e-3)
-    if np.ptp(work) < 0.01 * work.max():
-        return lambda one, most: float(seconds.mean() * (one / work.mean()) ** 0.5)
-    from scipy.optimize import nnls  # imported here because it takes a third of a second
-
-    fixed, rate = nnls(np.stack([1.0 / seconds, work / seconds], axis=1), np.ones(len(work)))[0].tolist()
-    return lambda one, most: fixed + min(rate * one, most)
+        """Seconds, while ``measured`` points of the scene under way are measured, expected to take ``rest`` more."""
+        took, guessed = self._took + self.spent() + rest, self._guessed + measured * self._each
+        return rest + sum(self.to_do) * took / guessed
