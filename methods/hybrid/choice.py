@@ -27,9 +27,9 @@ SHARED = 48
 lights are enclosed: found at 4 and 16 lights in rooms of 82 to 285 thousand triangles at 1024x1024 on one H200. In open
 scenes a walk takes longer than a grid, so that no number of lights pays for the build."""
 
-SPARSE = 3.5
+SPARSE = 4.0
 """Pixels per triangle below which no number of enclosed lights pays for the tree: a walk to each light then takes longer
-than its grid (found in rooms at 512x512 with 4 to 64 targets, on one H200)."""
+than its grid (found in rooms with 4 to 64 targets at 512x512 on one H200, and 16 to 64 lights at 1024x1024 on one H100)."""
 
 LOOKED_FROM = 4
 """Lights from which triangles are looked at, at most."""

@@ -92,7 +92,7 @@ CHOICES = [
     (lambda: shells(3, 1), (64, 23), (64, 24)),
     (lambda: ENCLOSED(2), (64, 5), (64, 6)),  # 48 pixels a triangle over the number of lights
     (lambda: ENCLOSED(4), (64, 2), (64, 3)),
-    (lambda: ENCLOSED(20), (55, 1), (56, 1)),  # never below three and a half pixels a triangle
+    (lambda: ENCLOSED(20), (63, 1), (64, 1)),  # never below four pixels a triangle
     (lambda: hall_of_mirrors(1), None, (2, 2)),  # a tree that mirrors need takes the shadow rays, too
 ]
 
