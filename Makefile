@@ -7,18 +7,21 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 # Tests run side by side: processes, one for each of the two cores that are asked for.
 JOBS ?= 2
+# Which part of what takes long is tested: a number, or all.
+TURN ?= 0
 TEST_STAMP := $(VENV)/.test-installed
 LINT_STAMP := $(VENV)/.lint-installed
 DOCS_STAMP := $(VENV)/.docs-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help install table1 test fuzz lint docs format lock clean
+.PHONY: help install table1 test test-all fuzz lint docs format lock clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make install  set everything up in .venv; the command is .venv/bin/shadowbench"
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests (half an hour on two cores, less with compiled kernels; JOBS=8 where there are more)"
+	@echo "make test     set everything up, run the tests; what takes long takes turns, TURN=1, 2, ... (JOBS=8 where there are more cores)"
+	@echo "make test-all every test, and every exact method on every hard case"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
 	@echo "make lint     ruff and mypy"
 	@echo "make docs     the documentation as a site: build/site/index.html"
@@ -33,7 +36,10 @@ table1: $(STAMP)
 	$(BIN)/shadowbench run table1 $(ARGS)
 
 test: $(TEST_STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
+	SHADOWBENCH_TURN=$(TURN) $(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
+
+test-all: TURN := all
+test-all: test
 
 fuzz: $(TEST_STAMP)
 	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties \

@@ -11,10 +11,16 @@ import tempfile
 
 import pytest
 from helpers.devices import DEVICES
+from helpers.kept import PLACE
+from helpers.turns import PARTS, in_turn
 from shadowbench.harness.runner.machine.lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
 os.environ[FOLDER] = _turns.name
+
+if PLACE not in os.environ:  # the first of the test processes
+    _session = tempfile.TemporaryDirectory(prefix="shadowbench-session-")
+    os.environ[PLACE] = _session.name
 
 # A program that is started in the background has this signal ignored, and so would have the runs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -25,6 +31,18 @@ sys.dont_write_bytecode = False
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    leave_to_other_turns(items)
+    begin_with_the_longest(items)
+
+
+def leave_to_other_turns(items: list[pytest.Item]) -> None:
+    """Slow tests that have their turn another time (:mod:`helpers.turns`) are skipped, which is told."""
+    for place, item in enumerate(item for item in items if item.get_closest_marker("slow")):
+        if not in_turn(place, PARTS):
+            item.add_marker(pytest.mark.skip(reason="has another turn (make test-all)"))
+
+
+def begin_with_the_longest(items: list[pytest.Item]) -> None:
     """What takes the longest, or compiles the most, stands first in each half of the tests: of two processes each begins
     with one half, and takes from the end of the other's when it is done."""
     emulated, hard, others = [], [], []

@@ -68,9 +68,10 @@ class ResultsFolder:
                 raise UserError(f"{self.path}: another run is writing there; wait or choose another --out") from error
             self.remove_partial()
             yield
+            self.remove_partial()  # of a worker that was killed, while the run went on
 
     def remove_partial(self) -> None:
-        """Remove files that a run was writing when it was killed. Only while no other run writes there."""
+        """Remove files that a process was writing when it was killed. Only while no other run writes there."""
         for place in (self.path, *(self.path / name for name in PARTS)):
             for path in place.glob(".*"):
                 if PARTIAL.fullmatch(path.name) and path.is_file() and not path.is_symlink():

@@ -131,6 +131,7 @@ CUT = {
 """Which entries and how many lightings are run of an experiment that has many."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OWN)
 def test_each_experiment_runs_and_draws(name, tmp_path):
     declared = find_experiment(name)

@@ -138,6 +138,7 @@ def test_exact_methods_are_right_and_alike(name, settings):
     assert np.count_nonzero(plain["shadowed"] != answers["shadowed"]) > 20
 
 
+@pytest.mark.slow
 def test_triangles_staged_in_shared_memory_have_the_same_holes(monkeypatch):
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
     settings = {"tile": "4", "k": "2", "r": "40", "staging": "shared", "triangle_chunk": "5"}

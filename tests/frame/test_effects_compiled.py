@@ -69,6 +69,7 @@ def test_off_generates_the_code_of_the_twin_and_on_does_not():
             assert code[replace(switches, **{effect: True}), ""] != off, (name, effect)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["cpu", "cuda"])
 def test_the_same_generated_code_is_the_same_machine_code(target, tmp_path):
     """What the comparison leaves out of generated code is in no binary. With the effect on, the binary shows the difference
@@ -101,6 +102,7 @@ def functions_with_effects(function):
     return found
 
 
+@pytest.mark.slow
 def test_an_effect_of_functions_generates_nothing_where_it_is_off():
     """Of each function that branches on an effect, a kernel that calls it, and its twin whose functions do not."""
     left = {}

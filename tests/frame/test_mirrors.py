@@ -118,6 +118,7 @@ def test_float32_methods_trace_the_same_rays_nearly_without_error(name, settings
     assert all(one.rays > 100 for one in score.bounces)
 
 
+@pytest.mark.slow
 @needs_embree
 @pytest.mark.parametrize(
     ("name", "plain", "width", "height"), list(hard_trials()), ids=lambda x: x if isinstance(x, str) else ""

@@ -6,7 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.judged_hard_cases import CASES, EVERYTHING, LONG, exact_methods, judged, settings_of
+from helpers.judged_hard_cases import (
+    CASES,
+    EVERYTHING,
+    LONG,
+    cases_of,
+    exact_methods,
+    families,
+    family,
+    judged,
+    settings_of,
+)
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.registry import make_method, method_class
 from shadowbench.harness.frame.session import Session
@@ -33,47 +43,39 @@ def skip_where_it_cannot_run(name: str, device: str) -> None:
         pytest.skip(f"{name} does not run on {device}")
 
 
-@pytest.mark.parametrize(("name", "settings"), EXACT, ids=str)
-def test_exact_methods_name_the_lowest_of_equal_triangles(name, settings) -> None:
-    """P06: the index itself, not only a member of the tie."""
-    for case in [case.name for case in CASES if case.name.startswith("P06")]:
-        one = judged(case)
-        moment = one.trial.moment
-        method = make_method(name, settings)
-        if one.trial.prepared.alpha is not None and "alpha" not in method.simulates:
-            continue
-        session = Session(method, one.trial.prepared, moment.width, moment.height, "cpu")
-        np.testing.assert_array_equal(session.answers(moment)["triangle"], one.exact["triangle"], case)
-        assert one.exact["triangle"].max() < len(one.trial.prepared.faces) / 3
-
-
 @pytest.mark.parametrize(("name", "given"), METHODS, ids=str)
 def test_exact_methods_pass_every_case(name, given, device) -> None:
-    """No true error on any case, little excused. A case that runs twice, on poisoned answers, must give the same bits.
+    """No true error, little excused, and of triangles at one distance the lowest (P06).
 
-    Settings of a method take turns over the cases; each case has all of them where :data:`.judged_hard_cases.EVERYTHING`
-    holds. On a CPU every third case runs twice, each method's own third, and a long case has a third of the methods.
+    On a CPU the methods take turns over the cases of each family (:func:`.judged_hard_cases.cases_of`), and their settings
+    over their cases. Every second case runs twice, on poisoned answers, and must give the same bits.
     """
     skip_where_it_cannot_run(name, device)
     settings, wrong, outside = settings_of(name, given), {}, collections.Counter[str]()
-    third = METHODS.index((name, given)) % 3
-    for number, case in enumerate(CASES):
-        own = EVERYTHING or device != "cpu" or number % 3 == third
-        if case.name.startswith(LONG) and not own:
-            continue
-        for turn in settings if EVERYTHING else (settings[number % len(settings)],):
-            twice = own and (EVERYTHING or not case.name.startswith(LONG))
-            finding = judge_case(judged(case.name), make_method(name, turn), device, twice=twice)
-            excused = set(finding.classes) - {"tie"}
-            if finding.status in ("error", "excused") or (excused and not case.name.startswith(EXCUSED)):
-                wrong[case.name, str(turn)] = (finding.classes, finding.reason, finding.examples[:1])
+    everything = EVERYTHING or device != "cpu"
+    cases = [case.name for case in CASES] if everything else cases_of(METHODS.index((name, given)))
+    for number, case in enumerate(cases):
+        ties = case.startswith("P06")
+        for turn in settings if everything or ties else (settings[number % len(settings)],):
+            twice = everything or (number % 2 == 0 and not case.startswith(LONG))
+            finding = judge_case(judged(case), make_method(name, turn), device, twice=twice)
+            excused = set(finding.classes) - (set() if ties else {"tie"})
+            if finding.status in ("error", "excused") or (excused and not case.startswith(EXCUSED)):
+                wrong[case, str(turn)] = (finding.classes, finding.reason, finding.examples[:1])
             elif finding.status == "outside":
                 outside[finding.reason] += 1
     assert wrong == {}
     effects = {reason.partition(":")[0] for reason in outside}
     assert effects <= {*EFFECTS}
     assert not effects & {*method_class(name).simulates}, outside
-    assert sum(outside.values()) < 0.15 * len(CASES)
+    assert sum(outside.values()) < 0.25 * len(cases)
+
+
+def test_methods_in_turn_answer_every_case_and_each_of_them_every_family() -> None:
+    for method in range(len(METHODS)):
+        assert {family(name) for name in cases_of(method)} == set(families())
+    assert {name for method in range(3) for name in cases_of(method)} == {case.name for case in CASES}
+    assert len(families()) > 130
 
 
 @pytest.mark.parametrize("precision", ["float32", "float32-centred"])

@@ -2,18 +2,39 @@
 
 import functools
 import os
+import re
+from collections import defaultdict
 
+from helpers.kept import kept
+from helpers.turns import in_turn
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.hardcases import all_cases, find_case
 from shadowbench.harness.hardcases.judge import Judged
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.reference import exact_reference
+from shadowbench.harness.scene.effects import Effects
 
 CASES = [case for case in all_cases() if not case.refused]
+
+
+class JudgedOnce(Judged):
+    """A trial whose exact answers are worked out by one of the test processes."""
+
+    @functools.cached_property
+    def judge(self) -> Judge:
+        prepared, moment = self.trial.prepared, self.trial.moment
+        effects = Effects.of(prepared.scene)
+        referee = Referee(moment.points, prepared.faces, moment.valid, mask=prepared.alpha)
+        name = f"exact answers of {self.case.name}"
+        reference = kept(name, lambda: exact_reference(prepared, moment, referee, effects))
+        return Judge(prepared, moment, effects, referee, reference, random_pixels=0)
 
 
 @functools.cache
 def judged(name: str) -> Judged:
     case = find_case(name)
-    return Judged(case, case.make())
+    return JudgedOnce(case, case.make())
 
 
 EVERYTHING = os.environ.get("SHADOWBENCH_SWEEP") == "all"
@@ -21,6 +42,27 @@ EVERYTHING = os.environ.get("SHADOWBENCH_SWEEP") == "all"
 
 LONG = ("P17 1023x769", "P29", "P31", "P52", "S16", "S31", "S35")
 """Cases, by how their names begin, that take a third of the time of all: they run once where the others run twice."""
+
+
+@functools.cache
+def families() -> dict[str, list[str]]:
+    """The names of the cases that vary one idea, as P34 or "V scale", by the first word that they share."""
+    found = defaultdict(list)
+    for case in CASES:
+        found[family(case.name)].append(case.name)
+    return dict(found)
+
+
+def family(name: str) -> str:
+    return re.match(r"V \w+|[A-Z]+\d*", name)[0]
+
+
+def cases_of(method: int) -> list[str]:
+    """The cases that an exact method of this number answers in this turn: of each family a third, of a small one at least
+    one."""
+    turns = ((names, min(3, len(names))) for names in families().values())
+    return [name for names, every in turns for i, name in enumerate(names) if in_turn(i + method, every)]
+
 
 EXACT_SETTINGS: dict[str, dict[str, str]] = {"warp_bvh": {"update": "bvh_rebuild"}, "hybrid": {"shadows": "tree"}}
 """Settings that make a method exact whose defaults are not; or that take the way for which these cases are meant."""

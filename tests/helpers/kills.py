@@ -54,7 +54,8 @@ class Kills:
 
 
 class Killed:
-    """Runs in a folder of their own. ``cluster``: on a Dask worker of this machine."""
+    """Runs in a folder of their own. ``cluster``: on a Dask worker of this machine. ``haste``: how many kills are meant for
+    the time that an undisturbed run takes."""
 
     def __init__(
         self,
@@ -64,8 +65,9 @@ class Killed:
         found: Kills,
         scenes: Sequence[str] = SCENES,
         methods: Sequence[str] = METHODS,
+        haste: int = 1,
     ):
-        self.place, self.cluster, self.found, self.methods = place, cluster, found, methods
+        self.place, self.cluster, self.found, self.methods, self.haste = place, cluster, found, methods, haste
         self.random = random.Random(seed)
         self.kinds = ("parent", "worker", "grader", "guard", *(["Dask worker"] if cluster else []))
         self.mark, environment = marked_environment()
@@ -138,7 +140,7 @@ class Killed:
     def _kill_one(self, process: subprocess.Popen[bytes]) -> bool:
         """Kill a process at a random moment, of the kind that was killed least; False if the run has ended."""
         kind = min(self.kinds, key=lambda one: (self.found.of(one), self.random.random()))
-        if not self._wait(process, self.random.uniform(0.0, self.seconds)):
+        if not self._wait(process, self.random.uniform(0.0, self.seconds / self.haste)):
             return False
         while kind not in (there := self._there(process)):
             if not self._wait(process, self.random.uniform(0.0, 0.5)):

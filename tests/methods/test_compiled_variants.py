@@ -123,6 +123,7 @@ def test_plain_kernels_are_those_listed_whatever_is_drawn(made):
     nothing_else_was_made(made)
 
 
+@pytest.mark.slow
 def test_effects_and_blocks_make_none_but_those_listed(made, monkeypatch):
     """Also in blocks of more than one thread, on a CPU too: then staged kernels are made, of several sizes."""
     random = np.random.default_rng(78)

@@ -55,6 +55,7 @@ STORIES = {"followed": followed(SUN), "outgrown": outgrown()}
 JUDGING = {name: Judging(story) for name, story in STORIES.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("player", PLAYERS, ids=lambda player: "-".join([player[0], *player[1].values()]))
 @pytest.mark.parametrize("name", STORIES)
 def test_shadows_are_right_where_a_mesh_changes_its_size(player: Player, name: str, device: str) -> None:

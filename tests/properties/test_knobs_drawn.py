@@ -33,6 +33,7 @@ def test_no_knob_changes_a_bit(triangle_test: str, example: Example) -> None:
     assert_same_as_plainest(example, triangle_test)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("triangle_test", "chunk"), list(zip(TRIANGLE_TESTS, "013", strict=True)))
 @some(8)
 @given(EXAMPLES)

@@ -108,11 +108,13 @@ def check(name: str, turn: int) -> None:
 STAND_INS = [name for name in catalogue.NAMES if EVERYTHING or name != LARGEST]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STAND_INS)
 def test_a_stand_in_has_no_error_under_any_map_and_clamp(name):
     check(name, STAND_INS.index(name))
 
 
+@pytest.mark.slow
 @needs_real
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_a_real_mesh_has_no_error_under_any_map_and_clamp(path):

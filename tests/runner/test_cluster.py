@@ -83,6 +83,7 @@ def updated_at_once(client):
     return race
 
 
+@pytest.mark.slow
 def test_records_and_answers_are_those_of_a_run_on_one_machine(place, monkeypatch):
     scene, wanted = [str(place / "tetra.obj")], {"save_answers": True, "frames": 1}
     alone = Run(options(place / "alone", scene, ["warp_bvh", "raises"], **wanted), Silent()).go()
@@ -192,6 +193,7 @@ def keyed(place, monkeypatch):
     dask.config.refresh()
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(place, keyed):
     chosen = slow(place)
     with contextlib.closing(Cluster(place, os.environ["PYTHONPATH"], scheme="tls")) as cluster:
@@ -212,6 +214,7 @@ def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(
     assert started.run.run in {one["run"] for one in record.rounds}, "the rounds that were taken are kept"
 
 
+@pytest.mark.slow
 def test_workers_that_are_lost_are_told_and_others_take_their_points(place):
     """One is killed. The network of another is cut, where a namespace may be made for it; elsewhere it is frozen."""
     with contextlib.ExitStack() as stack:

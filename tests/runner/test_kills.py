@@ -10,9 +10,10 @@ from helpers.kills import Killed, Kills, files
 pytest.importorskip("embreex", reason="scores are compared")
 
 
+@pytest.mark.slow
 def test_a_few_kills_leave_every_record_whole_and_nothing_behind(tmp_path: Path) -> None:
     found = Kills()
-    runs = Killed(tmp_path / "runs", 1, False, found, scenes=("first",), methods=("uniform_grid",))
+    runs = Killed(tmp_path / "runs", 1, False, found, scenes=("first",), methods=("uniform_grid",), haste=4)
     while found.count < 4:
         runs.until_finished(f"out{found.finished}", 4 - found.count)
     assert not found.findings

@@ -23,6 +23,7 @@ def entry(how: str, then: str) -> Entry:
     return Entry("forks", {"how": how, "then": then}, f"{how} {then}")
 
 
+@pytest.mark.slow
 def test_a_worker_that_ends_or_hangs_takes_what_it_started_along(
     package: Path, scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -59,6 +60,7 @@ def started(out: Path, scene: str, environment: dict[str, str], how: str) -> Ite
         process.wait()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "number"), [("orphan", signal.SIGINT), ("copy", signal.SIGTERM), ("program", signal.SIGKILL)]
 )
@@ -70,6 +72,7 @@ def test_a_run_that_is_ended_leaves_none(package: Path, scene: str, tmp_path: Pa
     assert not gone(mark)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_though_a_process_that_nobody_can_find_holds_the_pipe(
     package: Path, scene: str, tmp_path: Path
 ) -> None:

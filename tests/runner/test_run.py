@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.kept import kept, session_folder
 from helpers.tiny_runs import go, options, write_scene
 from shadowbench.harness.commands.render import render
 from shadowbench.harness.commands.run import shown
@@ -20,16 +21,18 @@ from shadowbench.harness.runner.workers.pool import GRADER, Workers, grades
 
 
 @pytest.fixture(scope="module")
-def troubled(package, scene, tmp_path_factory):
-    """One run of every method of the package: its folder and its records by label."""
-    out = tmp_path_factory.mktemp("troubled")
+def troubled(package, scene):
+    """One run of every method of the package: its folder and its records by label. No test may write there."""
+    out = session_folder() / "troubled"
     alike = "talker late once slow_start fickle rejects skips grows varies broken".split()
     entries = [Entry("steady", {"like": name}, name) for name in alike]
     entries += [Entry(name, {}, name) for name in ("steady", "raises", "hangs", "exits", "greedy", "hoards")]
     # A second point of a method whose worker was lost is measured by a new worker.
     entries += [Entry("hangs", {"ms": "1"}, "hangs again"), Entry("of_a_library", {}, "of_a_library")]
     entries.append(Entry("of_a_library", {"holds": "-1"}, "of less than nothing"))
-    return out, go(options(out, [scene], entries, timeout_s=6.0))
+    return out, kept(
+        "the run of every method of the package", lambda: go(options(out, [scene], entries, timeout_s=6.0))
+    )
 
 
 UNSTEADY = "the timed frames gave other answers than the frame that was judged"

@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from helpers.tiny_runs import go, options, write_scene
@@ -67,11 +68,20 @@ def test_files_that_a_killed_run_was_writing_are_removed_and_no_others(tmp_path)
     others = (".gitignore .notes.original .a.json.abcdefgh a.json.abcdefgh.partial .a.json.abcdefgh.partial.d/").split()
     for name in others:
         (tmp_path / "records" / name).mkdir() if name[-1] == "/" else (tmp_path / "records" / name).touch()
-    for place in (tmp_path, tmp_path / "records"):
+
+    def partial_files(place: Path) -> int:
+        return len(list(place.glob(".a.json.*.partial")))
+
+    def killed_as_it_writes(place: Path) -> None:
         program = "from shadowbench.harness.files import replacing; from pathlib import Path; import os, signal\n"
         program += f"with replacing(Path({str(place / 'a.json')!r})): os.kill(os.getpid(), signal.SIGKILL)"
         subprocess.run([sys.executable, "-c", program])
-        assert len(list(place.glob(".a.json.*.partial"))) == 1
+        assert partial_files(place) == 1
+
+    killed_as_it_writes(tmp_path)
+    killed_as_it_writes(tmp_path / "records")
     with folder.locked():
-        assert not list(tmp_path.glob(".a*"))
+        assert partial_files(tmp_path) == 0
         assert {path.name for path in (tmp_path / "records").iterdir()} == {name.strip("/") for name in others}
+        killed_as_it_writes(tmp_path)
+    assert partial_files(tmp_path) == 0, "a worker was killed, and the run went on to its end"

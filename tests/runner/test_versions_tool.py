@@ -40,6 +40,7 @@ def planted(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_version_and_a_variant_are_timed_in_turns(tmp_path):
     out = tmp_path / "times.json"
     done = versions(
@@ -55,12 +56,14 @@ def test_a_version_and_a_variant_are_timed_in_turns(tmp_path):
     assert "!" not in done.stdout
 
 
+@pytest.mark.slow
 def test_other_answers_are_marked(planted):
     done = versions("--version", f"now={ROOT}", "--version", f"planted={planted}", "--scene", "balls-300@16:count=2")
     assert done.returncode == 1
     assert done.stdout.count("!") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

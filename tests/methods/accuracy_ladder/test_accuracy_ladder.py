@@ -10,6 +10,7 @@ from shadowbench.harness.frame.registry import make_method
 NAME = "accuracy_ladder"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("test", ["moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes"])
 def test_float32_tests_are_right_on_an_ordinary_scene_and_say_that_they_need_not_be(test):
     vertices, faces = soup(21, 150, size=0.2)
@@ -55,6 +56,7 @@ def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     assert (make_method(NAME, settings).known_inexact is None) == (origin == "hit_point")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["padding", "fast_math"])
 def test_ways_of_building_change_little_and_are_declared(key):
     value = {"padding": "none", "fast_math": "true"}[key]

@@ -14,6 +14,7 @@ from shadowbench.methods.perspective_spherical.parameters import TRIANGLE_TESTS
 from tools.kernel_report import uses_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
 def test_staged_kernels_give_the_bits_of_their_twins(triangle_test, monkeypatch):
     """Blocks of more than one thread on a CPU: tracing tiles that do not fill a block, or need several."""
