@@ -28,7 +28,7 @@ class Build:
     update      "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of one frame of the
                 animation, its boxes refitted each frame; "static": that tree, for geometry that does not move
     builder     of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al.
-                2024); "auto": lbvh below 50,000 triangles
+                2024); "auto": lbvh below 70,000 triangles
     tree_frame  of a refitted tree: the frame that it is made of, 0 is the first
     """
 
@@ -50,7 +50,7 @@ class Trace:
                same tree as it is usually traced, with its errors. Scenes with holes, rays of an orthographic
                camera and shadow rays of a directional light are traced exactly in either case
     primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own; "auto":
-               packets in float32 where there is less than one triangle for every four pixels
+               packets where there is less than one triangle for every four pixels in float32, for every 14 exactly
     threads    of a CPU: each traces a share of the pixels; 0: one for each core that this process may use, at most 16
     """
 
@@ -83,8 +83,8 @@ class BinaryTree(TreeMethod):
         trace = self.trace
         if trace.primary != "auto":
             return trace.precision, trace.primary == "packet"
-        loose = trace.precision == "float32" and constants.PACKETS * frame.triangle_count < frame.pixels
-        return trace.precision, loose
+        pixels = constants.PACKETS if trace.precision == "float32" else constants.EXACT_PACKETS
+        return trace.precision, pixels * frame.triangle_count < frame.pixels
 
     def counters(self) -> dict[str, int]:
         counts = super().counters()

@@ -49,7 +49,7 @@ class Build:
     update   "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of the animation's
              first frame, its boxes refitted each frame; "static": that tree, for geometry that does not move
     builder  of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et al.
-             2024); "auto": lbvh below 50,000 triangles
+             2024); "auto": lbvh below 70,000 triangles
     shadows  "tree": the tree, which all lights share; "grid": a grid of each light, as in ray_grids; the tree is then built
              for mirrored rays only; "auto": the grid where the mesh has more than one triangle for every 600 pixels (if a
              ray of a light crosses more than 1.05 triangles of the first frame on average: for every 64 with one light,

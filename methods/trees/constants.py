@@ -4,7 +4,7 @@ In brackets: where other values were measured, in whole frames on an H200, resul
 or results/notebook.md ("pairs", "exact"). Without: the value was taken from the source named in the code, or never varied.
 """
 
-MANY_TRIANGLES = 50_000  # from which on H-PLOC makes the tree, below LBVH [small]
+MANY_TRIANGLES = 70_000  # from which on H-PLOC makes the tree, below LBVH, and blocks are sorted [small]
 KEY_BITS = 24  # of the Morton keys that leaves are sorted by [tried]
 RADIUS = 2  # places on either side, where H-PLOC looks for a cluster to merge [tried]
 SHARED_AREA = 1.25  # ratio of a common box to both boxes, up to which a leaf is shared [pairs]
@@ -16,6 +16,7 @@ RECORD_REGISTERS = 64  # of a thread of the kernels that make records, which mem
 SHARES = 2  # parts of the pixels that a GPU traces at once [tried, exact]
 TOGETHER = True  # whether rays to a single light and the eye's are traced at once [small]
 PACKETS = 4  # pixels for a triangle, above which primary rays in float32 are packets [small]
+EXACT_PACKETS = 14  # ... exact ones [small]
 MOST_KEPT = 14  # undecided triangles that a ray keeps before it enters them in a list
 UNDECIDED = 262_144  # pairs that there is room for at first, or half the pixels
 SORT_THREADS = 256  # of a block that sorts

@@ -160,11 +160,14 @@ def test_no_setting_of_ray_grids_changes_an_answer(given, cases):
     assert "0 with true errors" in checked("ray_grids", given, cases)
 
 
-def test_cells_where_few_and_many_faces_have_other_numbers():
-    tests = EMULATED.parent / "methods" / "streams" / "test_cube_rectangle.py"
-    done = emulated(str(EMULATED / "run_tests.py"), str(tests))
+@pytest.mark.parametrize(
+    ("tests", "passed"), [("streams/test_cube_rectangle.py", 12), ("trees/test_trees_shares.py", 11)]
+)
+def test_what_lanes_find_together_is_what_one_thread_finds(tests, passed):
+    """Cells where few and many faces have other numbers; the order of blocks."""
+    done = emulated(str(EMULATED / "run_tests.py"), str(EMULATED.parent / "methods" / tests))
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "12 passed" in done.stdout
+    assert f"{passed} passed" in done.stdout
 
 
 @pytest.mark.slow

@@ -98,6 +98,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: triangles, rays": "shadowbench.methods.trees.records.rays",
         "bvh2: primary": closest.make_eye_kernel(True, False).module,
         "bvh2: primary and shadow": shadow.make_together_kernel(True, False).module,
+        "bvh2: primary and shadow, packets": shadow.make_together_kernel(True, True).module,
         "bvh2: primary and shadow, float32": shadow.make_together_kernel(False, False).module,
         "bvh2: primary, holes": specialised(closest.make_eye_kernel(True, False), holes).module,
         "bvh2: primary, packets": closest.make_eye_kernel(True, True).module,

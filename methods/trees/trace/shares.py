@@ -1,8 +1,9 @@
 """The pixels of a frame in shares that are traced at the same time: by a GPU's streams, or by threads of a CPU.
 
 While the last rays of one share end, the rays of another continue. A share is every n-th block of threads; each has a
-list of undecided pairs of its own. A GPU begins with the blocks in the middle of the image, in an ellipse twice as wide as
-high: most scenes have their longest rays there, and nothing is left to do beside those that begin last.
+list of undecided pairs of its own. A block has 16 x 8 pixels, so that its warps have ways of like length. Blocks come
+square by square from the middle of the image outwards, in an ellipse twice as wide as high: most scenes have their longest
+rays there. Of a small mesh a GPU sorts the squares in each frame (:mod:`.order`).
 """
 
 import functools
@@ -19,33 +20,58 @@ from ....harness.frame.schedule.threads import Launch, at_once
 from ..constants import BLOCK
 
 WARPS = BLOCK // 32
+MOST_SQUARES = 2048
 
 
-def blocks_of(width: int, height: int, middle_first: bool) -> NDArray[np.int32]:
-    """The tiles of an image as :class:`Shares` has them, [blocks, warps], row by row, or nearest to the middle first."""
-    rows, columns = np.divmod(np.arange(-(-width // 8) * -(-height // 4)), -(-width // 8))
-    tiles = np.pad(columns | rows << 16, (0, -len(rows) % WARPS), constant_values=-1).reshape(-1, WARPS)
-    if middle_first:
-        away = (8 * columns - width // 2) ** 2 + (8 * rows - height) ** 2
-        tiles = tiles[np.argsort(away[::WARPS], kind="stable")]
-    return tiles.astype(np.int32)
+def side_of(width: int, height: int) -> int:
+    """Pixels along a side of the squares of an image: 32, or twice as many until there are at most MOST_SQUARES."""
+    side = 32
+    while -(-width // side) * -(-height // side) > MOST_SQUARES:
+        side *= 2
+    return side
+
+
+def squares_of(width: int, height: int) -> NDArray[np.int32]:
+    """The squares of an image, nearest to the middle first: column | row << 16."""
+    side = side_of(width, height)
+    columns, rows = -(-width // side), -(-height // side)
+    column, row = np.arange(columns), np.arange(rows)[:, None]
+    away = (2 * column + 1 - columns) ** 2 + (2 * (2 * row + 1 - rows)) ** 2
+    return (column | row << 16).ravel()[np.argsort(away, axis=None, kind="stable")].astype(np.int32)
+
+
+def tiles_of(squares: NDArray[np.int32], side: int) -> NDArray[np.int32]:
+    """The tiles of squares, [squares, side^2 / 32], four of 16 x 8 pixels after another: column | row << 16 of 8 x 4
+    pixels."""
+    four, k = np.divmod(np.arange(side * side // 32), 4)
+    row, column = np.divmod(four, side // 16)
+    tiles = 2 * column + k % 2 | (2 * row + k // 2) << 16
+    corners = (squares & 0xFFFF) * (side // 8) | (squares >> 16) * (side // 4) << 16
+    return (corners[:, None] + tiles).astype(np.int32)
 
 
 class Shares:
     """``count`` shares of a frame's pixels.
 
-    threads  threads that each takes, in whole blocks
-    tiles    of each the pixels of its warps, int32 [threads / 32]: column | row << 16 of 8 x 4 pixels, or -1
+    squares    int32 [squares]: :func:`squares_of` the image
+    ordered    int32 [squares, tiles]: :func:`tiles_of` them
+    side       pixels along a side of a square
+    threads    threads that each share takes, in whole blocks
+    all_tiles  int32 [count * threads / 32]: the pixels of each warp, share by share: a tile, or -1
+    tiles      of each share its own
     """
 
     def __init__(self, frame: Frame, count: int):
         self.count = count
         self.threaded = wp.get_device(frame.device).is_cpu
-        blocks = blocks_of(frame.width, frame.height, not self.threaded)
-        self.threads = BLOCK * -(-len(blocks) // count)
-        shared = (blocks[share::count].ravel() for share in range(count))
-        padded = (np.pad(own, (0, self.threads // 32 - len(own)), constant_values=-1) for own in shared)
-        self.tiles = [wp.array(own, dtype=wp.int32, device=frame.device) for own in padded]
+        self.squares, self.side = squares_of(frame.width, frame.height), side_of(frame.width, frame.height)
+        self.ordered = tiles_of(self.squares, self.side)
+        blocks = self.ordered.reshape(-1, WARPS)
+        blocks = np.pad(blocks, ((0, -len(blocks) % count), (0, 0)), constant_values=-1)
+        dealt = blocks.reshape(-1, count, WARPS).swapaxes(0, 1).reshape(count, -1)
+        self.threads = 32 * dealt.shape[1]
+        self.all_tiles = wp.array(dealt.ravel(), dtype=wp.int32, device=frame.device)
+        self.tiles = [self.all_tiles[k * dealt.shape[1] : (k + 1) * dealt.shape[1]] for k in range(count)]
 
     def of(self, share: int) -> str:
         """The ending of the names of a share's passes and resources."""

@@ -22,6 +22,7 @@ from ..records import planes
 from ..records.planes import LightPlanes
 from ..records.rays import float32_ray_kernel, ray_kernel
 from .closest import Share, list_kernel, make_eye_kernel, make_listed_kernel, make_resolve_kernel, make_tests_kernel
+from .order import Order
 from .shadow import Lit, make_shadow_kernel, make_shadow_tests_kernel, make_together_kernel
 from .shares import Shares
 from .undecided import Undecided
@@ -47,6 +48,7 @@ class TreeRays:
     starts   for each bounce vec3f [pixels]: :class:`.closest.Share`
     planes   for each light with shadows :class:`..records.planes.LightPlanes`
     marks    whether shadow rays mark the receivers (:func:`marks_receivers`)
+    orders   whether the blocks of primary rays are sorted in each frame (:mod:`.order`)
     joint    the light whose shadow rays are traced together with the primary rays, or None
              (:func:`.shadow.make_together_kernel`)
 
@@ -83,6 +85,7 @@ class TreeRays:
         cuda = wp.get_device(frame.device).is_cuda
         self.packets = packets and self.levels == 1 and cuda
         self.marks = marks_receivers(cuda, effects)
+        self.orders = cuda and frame.triangle_count < constants.MANY_TRIANGLES
         self.joint = self._joint() if cuda and together else None
         if self.joint is not None:
             shares = 1
@@ -183,13 +186,15 @@ class TreeRays:
         return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
     def eye_passes(self) -> list[Pass]:
-        """Records of the triangles for the eye, and the counters of its rays cleared. They need no tree."""
+        """The order of blocks, records of the triangles for the eye, and the counters of its rays cleared. They need no
+        tree."""
         if self.effects.orthographic:
             return []
         f = self.frame
         self.eye_records = wp.zeros(3 * f.triangle_count, dtype=wp.vec4f, device=f.device)
         reads, made = ("points", "triangles", "camera"), ("eye triangles", "primary counts")
-        return [Pass("eye: triangles", "trace", reads, made, self._eye_records)]
+        ordered = [Order(f, self.shares).find_pass()] if self.orders else []
+        return [*ordered, Pass("eye: triangles", "trace", reads, made, self._eye_records)]
 
     def clear_passes(self) -> list[Pass]:
         """The counters of lights whose rays are exact, before the shadow rays of primary hits."""
@@ -215,7 +220,8 @@ class TreeRays:
 
     def _eye_reads(self) -> tuple[str, ...]:
         """What primary rays read besides the scene."""
-        return ("eye triangles", "primary counts", *(("extent",) if self.exact else ()))
+        ordered = ("blocks",) if self.orders else ()
+        return ("eye triangles", "primary counts", *ordered, *(("extent",) if self.exact else ()))
 
     def _joint_pass(self, light: int) -> Pass:
         """Primary rays, and the shadow rays of their hits to the only light; those alone where only the light moved."""

@@ -113,11 +113,12 @@ def test_float32_has_shadows_of_a_directional_light(device):
 def test_packets_follow_the_number_of_triangles_for_the_image():
     prepared = make_scene(*soup(7, 100), [(5.0, 4.0, 3.0)])
     for settings, side, packets in (
-        ({}, 64, False),
-        ({"precision": "float32"}, 64, True),
+        ({}, 64, True),
+        ({}, 32, False),
+        ({"precision": "float32"}, 32, True),
         ({"precision": "float32"}, 16, False),
         ({"primary": "packet"}, 16, True),
-        ({"precision": "float32", "primary": "single"}, 64, False),
+        ({"primary": "single"}, 64, False),
     ):
         session = Session(make_method(NAME, settings), prepared, side, side, "cpu")
         assert session.method.tracing(session.frame)[1] == packets, settings
