@@ -9,8 +9,8 @@ import numpy as np
 
 from ..arrays import F32, F64, I32, Ints
 from . import arithmetic as exact
+from .candidates import Lists
 from .holes import Holes
-from .lists import Lists
 
 Ratio = tuple[int, int]
 

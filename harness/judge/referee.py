@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from ..arrays import F32, F64, I8, I32, U8, Bools, Ints
 from ..scene.scene import AlphaMask
 from . import arithmetic as exact
-from .candidates import BATCH, Candidates
+from .candidates import BATCH, Candidates, Lists, Segments
 from .decisions import Decisions, Exact, Hits
 from .distances import edge_distance, plane_distance, triangle_distance
 from .holes import Holes
-from .lists import Lists, Segments
 from .planes import beside_off_the_eye
 from .verdict import Verdict
 

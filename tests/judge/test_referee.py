@@ -10,8 +10,7 @@ from helpers.second_opinion import Count
 from helpers.second_opinion import compare as second_opinion
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shadowbench.harness.judge.candidates import Candidates, in_planes
-from shadowbench.harness.judge.lists import Segments
+from shadowbench.harness.judge.candidates import Candidates, Segments, in_planes
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import prepare, valid_triangles
