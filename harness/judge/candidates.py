@@ -102,11 +102,6 @@ class Lists:
     found: I32
     counts: I32
 
-    @staticmethod
-    def of_pairs(ray: I32, triangle: I32, rays: int) -> Lists:
-        """The lists of so many rays, from pairs in any order of rays."""
-        return Lists(triangle[np.argsort(ray, kind="stable")], np.bincount(ray, minlength=rays).astype(np.int32))
-
     def __getitem__(self, ray: int) -> I32:
         start = self.starts[ray]
         return self.found[start : start + self.counts[ray]]
@@ -172,11 +167,11 @@ class Candidates:
             stop = min(start + BATCH, len(directions))
             o = wp.array(origins[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
             d = wp.array(directions[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
-            best = wp.full(stop - start, 1.0e300, dtype=wp.float64, device=self.device)
-            if nearest:
-                self._launch(kernels.find_nearest, stop - start, [o, d], [best])
-            for part, lists in self._collected(kernels.collect_hits, [o, d, best], range(stop - start), []):
-                yield range(start + part.start, start + part.stop), lists
+            best = wp.empty(stop - start, dtype=wp.float64, device=self.device)
+            inputs = [o, d, int(nearest)]
+            for part, lists, least in self._collected(kernels.collect_hits, inputs, range(stop - start), [best]):
+                beyond = least > best.numpy()[part.start : part.stop][lists.of]
+                yield range(start + part.start, start + part.stop), lists.without(beyond)
 
     def between(
         self, starts: F64, own: I32, lights: F32, segments: Segments, every: bool, margin: F64 | None = None
@@ -209,7 +204,7 @@ class Candidates:
                 *(wp.array(part, dtype=wp.int32, device=self.device) for part in (batch.row, batch.light)),
             ]
             found = wp.empty(len(batch), dtype=wp.int32, device=self.device)
-            for part, lists in self._collected(kernels.collect_between, inputs, range(len(batch)), [found]):
+            for part, lists, _ in self._collected(kernels.collect_between, inputs, range(len(batch)), [found]):
                 certain = found.numpy()[part.start : part.stop].copy()
                 if not every:
                     lists = lists.without(certain[lists.of] >= 0)
@@ -224,16 +219,20 @@ class Candidates:
 
     def _collected(
         self, kernel: wp.Kernel, inputs: Sequence, rays: range, outputs: Sequence, room: int = 0
-    ) -> Iterator[tuple[range, Lists]]:
-        """The candidates of some rays by a collecting kernel: in halves where they are more than :data:`MOST`."""
+    ) -> Iterator[tuple[range, Lists, F64]]:
+        """The candidates of some rays by a collecting kernel, and where each is met at the earliest: in halves where they
+        are more than :data:`MOST`."""
         with wp.ScopedDevice(self.device):
             pairs, count = wp.empty(room or MOST, dtype=wp.vec2i), wp.zeros(1, dtype=wp.int64)
-            found = filled(Found, pairs=pairs, count=count)
+            least = wp.empty(len(pairs), dtype=wp.float64)
+            found = filled(Found, pairs=pairs, least=least, count=count)
         self._launch(kernel, len(rays), [rays.start, *inputs], [found, *outputs])
         total = int(count.numpy()[0])
         if total <= len(pairs):
             ray, triangle = pairs[:total].numpy().T
-            yield rays, Lists.of_pairs(ray - rays.start, triangle, len(rays))
+            order = np.argsort(ray, kind="stable")  # the triangles of a ray stay in the order of the tree
+            counts = np.bincount(ray - rays.start, minlength=len(rays)).astype(np.int32)
+            yield rays, Lists(triangle[order], counts), least[:total].numpy()[order]
         elif len(rays) == 1:
             yield from self._collected(kernel, inputs, rays, outputs, room=total)
         else:

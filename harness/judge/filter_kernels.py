@@ -91,24 +91,39 @@ class Found:
     """Candidates in the order in which they are found: of one ray in that of the tree, of several in any.
 
     pairs  the ray and the triangle of each, as many as there is room for
+    least  where a ray meets the triangle at the earliest
     count  int64 [1]: how many there are, also of those without room
     """
 
     pairs: wp.array[wp.vec2i]
+    least: wp.array[wp.float64]
     count: wp.array[wp.int64]
 
 
 @wp.func
-def put(found: Found, ray: wp.int32, triangle: wp.int32):
+def put(found: Found, ray: wp.int32, triangle: wp.int32, least: wp.float64):
     place = wp.atomic_add(found.count, 0, wp.int64(1))
     if place < wp.int64(found.pairs.shape[0]):
         found.pairs[place] = wp.vec2i(ray, triangle)
+        found.least[place] = least
 
 
 @wp.kernel
-def find_nearest(tree: Tree, origins: wp.array[wp.vec3d], directions: wp.array[wp.vec3d], best: wp.array[wp.float64]):
-    """best [n]: an upper bound of the closest t of each ray, from its certain hits; FAR where there is none."""
-    i = wp.tid()
+def collect_hits(
+    tree: Tree,
+    first: wp.int32,
+    origins: wp.array[wp.vec3d],
+    directions: wp.array[wp.vec3d],
+    nearest: wp.int32,
+    found: Found,
+    best: wp.array[wp.float64],
+):
+    """Every triangle that the rays from the ``first`` on may hit.
+
+    With ``nearest`` = 1 none beyond the certain hits found before it; best [n] is then an upper bound of the closest t of
+    each ray, from all of them.
+    """
+    i = first + wp.tid()
     o = origins[i]
     d = directions[i]
     zero = wp.float64(0.0)
@@ -120,39 +135,15 @@ def find_nearest(tree: Tree, origins: wp.array[wp.vec3d], directions: wp.array[w
             if triangle >= 0:
                 a, b, c = corners_of(tree, triangle)
                 r = filter_ray(o, d, a, b, c)
-                if r[0] == wp.float64(1.0) and opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1:
-                    limit = wp.min(limit, r[2])
+                status = wp.int32(r[0])
+                if status == 1 and r[1] <= limit:
+                    status = opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero)
+                if status > 0 and r[1] <= limit:
+                    put(found, i, triangle, r[1])
+                    if status == 1 and nearest == 1:
+                        limit = wp.min(limit, r[2])
         leaf = next_leaf(tree, after(leaf), o, d, zero, limit)
     best[i] = limit
-
-
-@wp.kernel
-def collect_hits(
-    tree: Tree,
-    first: wp.int32,
-    origins: wp.array[wp.vec3d],
-    directions: wp.array[wp.vec3d],
-    best: wp.array[wp.float64],
-    found: Found,
-):
-    """Every triangle that may be hit at t <= best, by the rays from the ``first`` on."""
-    i = first + wp.tid()
-    o = origins[i]
-    d = directions[i]
-    zero = wp.float64(0.0)
-    leaf = next_leaf(tree, 1, o, d, zero, best[i])
-    while leaf > 0:
-        for k in range(LEAF):
-            triangle = tree.order[(leaf - tree.leaves) * LEAF + k]
-            if triangle >= 0:
-                a, b, c = corners_of(tree, triangle)
-                r = filter_ray(o, d, a, b, c)
-                seen = r[0] > zero and r[1] <= best[i]
-                if r[0] == wp.float64(1.0) and seen:
-                    seen = opacity(tree.alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
-                if seen:
-                    put(found, i, triangle)
-        leaf = next_leaf(tree, after(leaf), o, d, zero, best[i])
 
 
 @wp.kernel
@@ -199,7 +190,7 @@ def collect_between(
                 else:
                     near = status > 0
                 if near:
-                    put(found, s, triangle)
+                    put(found, s, triangle, wp.float64(0.0))
         if sure >= 0 and every == 0:
             break
         leaf = next_leaf(tree, after(leaf), p, d, pad + wide, wp.float64(1.0))
