@@ -26,6 +26,8 @@ from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.planning.planned_point import describe_method
 from shadowbench.harness.runner.progress import Silent
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 # --- what it runs ---
 
 

@@ -11,6 +11,8 @@ from shadowbench.harness.runner.planning.experiment import Entry, find_experimen
 from shadowbench.harness.runner.planning.time_estimate import guess
 from shadowbench.harness.scene.overrides import Lighting
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 OURS, TREE = Entry("ray_grids", {}, "ray grids"), Entry("bvh2", {}, "BVH2 rebuilt")
 LOOSE = Entry("bvh2", {"precision": "float32"}, "BVH2 rebuilt, float32")
 

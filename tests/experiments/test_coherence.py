@@ -15,6 +15,8 @@ from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import Prepared, prepare
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 SIZE = 48, 40
 FRAME = 5
 

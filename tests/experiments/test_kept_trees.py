@@ -10,6 +10,8 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 FRAMES = 12
 
 

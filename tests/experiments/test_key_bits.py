@@ -14,6 +14,8 @@ from shadowbench.harness.report.claims import collect
 from shadowbench.harness.runner.measuring.timing import Sampling, sample_frame
 from shadowbench.harness.runner.progress import Silent
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 
 def tiny(out, **changes):
     options = plan_run("key_bits", preset="quick", device="cpu", out=out, size="16x16")

@@ -14,6 +14,8 @@ from shadowbench.harness.hardcases.shapes import ball, joined, plane
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.chosen_view import ChosenView
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 OURS, TREE, LOOSE = soft_shadows.METHODS[:3]
 COUNTS = (1, 4, 16)
 

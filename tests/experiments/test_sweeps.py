@@ -17,6 +17,8 @@ from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.standins import balls
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 # --- the scene ----------------------------------------------------------------------------------------------
 
 

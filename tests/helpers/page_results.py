@@ -4,8 +4,10 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from helpers.called_command import exit_code
 from helpers.experiment_records import record_of, write_records
+from helpers.kept import kept, session_folder
 from PIL import Image
 from shadowbench.harness.report.flip import answered_path, reference_path
 from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
@@ -81,6 +83,18 @@ def make_results(root: Path) -> Path:
     for record, most in ((times[0], 300), (times[1], 9)):
         write_map(map_path(folder, record["key"], 0), np.arange(256).reshape(16, 16) * most // 255)
     return root
+
+
+def shared_results() -> Path:
+    """The folder of :func:`make_results` with its page, ``page.html``: made once, for tests that only read it."""
+    return kept("results with a page", _with_page)
+
+
+def _with_page() -> Path:
+    folder = make_results(session_folder() / "results")
+    with pytest.MonkeyPatch.context() as patch:
+        assert command(patch, folder, "--out", folder / "page.html") == 0
+    return folder
 
 
 def command(monkeypatch, *words):

@@ -15,6 +15,8 @@ from shadowbench.harness.report import claims
 from shadowbench.harness.report.claims import collect
 from shadowbench.harness.runner.planning.experiment import Entry, Lighting, find_experiment
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 SIX = (*judges.LARGE, *judges.SMALL)
 JUDGED = (
     BASE, "direct mapping, 16x16 tiles", "direct mapping, 8x8 tiles", "4x4 of 4x4 tiles", EXACT, CULLED, "cube map",

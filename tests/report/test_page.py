@@ -6,7 +6,7 @@ import re
 import pytest
 import shadowbench
 from helpers.experiment_records import record_of, write_records
-from helpers.page_results import TREE, command, make_results
+from helpers.page_results import TREE, command, shared_results
 from shadowbench.harness.report import document
 from shadowbench.harness.report.page.gather import columns, gather, machine_of
 from shadowbench.harness.results import tidy
@@ -14,14 +14,12 @@ from shadowbench.harness.runner.planning.experiment import Entry
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    return make_results(tmp_path_factory.mktemp("results"))
+def results():
+    return shared_results()
 
 
 @pytest.fixture(scope="module")
 def page(results):
-    with pytest.MonkeyPatch.context() as patch:
-        assert command(patch, results, "--out", results / "page.html") == 0
     return results / "page.html"
 
 

@@ -7,7 +7,7 @@ import time
 import pytest
 from helpers import browser
 from helpers.experiment_records import record_of
-from helpers.page_results import GRIDS, HYBRID, MAP, TREE, command, make_results, write_machine, wrong
+from helpers.page_results import GRIDS, HYBRID, MAP, TREE, command, shared_results, write_machine, wrong
 
 VIEWS = (
     "overview", "table", "scatter", "curves", "machines", "points", "pictures", "maps", "claims", "drawings",
@@ -21,16 +21,14 @@ pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing(
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    return make_results(tmp_path_factory.mktemp("results"))
+def results():
+    return shared_results()
 
 
 @pytest.fixture(scope="module")
 def page(request, results):
     if hasattr(request, "param"):
         return request.getfixturevalue(request.param)
-    with pytest.MonkeyPatch.context() as patch:
-        assert command(patch, results, "--out", results / "page.html") == 0
     return results / "page.html"
 
 

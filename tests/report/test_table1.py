@@ -67,6 +67,7 @@ def test_frames_without_truth_are_never_counted_as_right(records):
     assert row_of(records[0])["error"] == "✗ 2 wrong", "a known error is shown all the same"
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_points_that_were_not_measured_stand_there_with_their_reason(records, tmp_path):
     for made, status in zip(records[:4], ("skipped", "failed", "timeout", "rejected"), strict=True):
         made.update(status=status, reason=f"because of {status}", frames=[])
@@ -78,6 +79,7 @@ def test_points_that_were_not_measured_stand_there_with_their_reason(records, tm
         assert f"{status}: because of {status} (Fairy Forest (stand-in))" in text
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records, tmp_path):
     marked = best(points_of(tmp_path / "right", records))
     assert len(marked) == len(SCENES)
@@ -92,6 +94,7 @@ def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records, tmp_p
 
 
 @pytest.mark.parametrize("width", [220, 80])
+@pytest.mark.usefixtures("unpainted")
 def test_the_terminal_table_has_every_method_scene_and_printed_number(records, width, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
     table1.draw(write_records(tmp_path, records))

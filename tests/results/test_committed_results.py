@@ -44,6 +44,7 @@ def experiment_of(folder: Path) -> str:
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 @pytest.mark.usefixtures("unpainted")
+@pytest.mark.slow
 def test_drawing_kept_records_again_changes_no_table(folder, tmp_path):
     again = copied(folder, tmp_path)
     before = texts(again)
