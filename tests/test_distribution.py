@@ -5,9 +5,11 @@ import importlib.metadata
 import itertools
 import json
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
+import time
 import tomllib
 
 import pytest
@@ -40,6 +42,24 @@ def test_the_files_of_the_smoke_test_exist():
     files = smoke[1].split()
     assert len(files) > 5
     assert [file for file in files if not (ROOT / file).is_file()] == []
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
+def test_each_commit_has_another_turn_of_the_tests_also_in_a_clone_of_the_last_alone(tmp_path):
+    """A server that builds clones the last commit alone, and so would have the same part of the tests for ever."""
+    whole, last = tmp_path / "whole", tmp_path / "last"
+    git = ["git", "-c", "user.name=name", "-c", "user.email=name@host", "-C", whole]
+    subprocess.run(["git", "init", "-q", whole], check=True)
+    for _ in range(3):
+        subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "one"], check=True)
+    subprocess.run(["git", "clone", "-q", "--depth", "1", whole.as_uri(), last], check=True)
+
+    def turn(folder):
+        return int(subprocess.run([ROOT / ".ci" / "turn"], cwd=folder, check=True, capture_output=True).stdout)
+
+    assert turn(whole) == 3
+    before = time.localtime().tm_yday
+    assert turn(last) in (before, time.localtime().tm_yday)
 
 
 def test_a_release_has_one_number():

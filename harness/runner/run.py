@@ -81,18 +81,20 @@ class Run:
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
+            # Once, as a file may change before its turn comes.
+            guesses = [{scene: guess_of_scene(scene, part, options.device) for scene in part.scenes} for part in parts]
             self.estimate = Estimate(
-                [guess_of_scene(scene, part, options.device) for part in parts for scene in part.scenes],
+                [of[scene] for part, of in zip(parts, guesses, strict=True) for scene in part.scenes],
                 lambda: time.monotonic() - MACHINE.waited,
             )
             records: list[Record] = []
             try:
-                for part in parts:
+                for part, guessed in zip(parts, guesses, strict=True):
                     self.options = self.workers.options = dataclasses.replace(options, preset=part)
                     methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
                     # Small scenes first, so that the first results come soon.
                     found = {
-                        scene: self._scene(scene, methods)
+                        scene: self._scene(scene, methods, guessed[scene])
                         for scene in sorted(part.scenes, key=lambda name: expected_work(name, part))
                     }
                     records += [record for scene in part.scenes for record in found[scene]]
@@ -103,10 +105,10 @@ class Run:
 
     # --- one scene ---
 
-    def _scene(self, name: str, methods: Described) -> list[Record]:
-        """The records of a scene with every lighting; also updates the estimate of the remaining time."""
+    def _scene(self, name: str, methods: Described, guessed: float) -> list[Record]:
+        """The records of a scene with every lighting; also updates the estimate of the remaining time, from the seconds that
+        were ``guessed`` of the scene."""
         lightings = self.options.preset.lightings
-        guessed = guess_of_scene(name, self.options.preset, self.options.device)
         self.estimate.begin(guessed, len(lightings) * len(methods))
         jobs: list[Job] = []
         waiting: list[Job] = []

@@ -63,7 +63,9 @@ def _members(archive: Path) -> Iterator[tuple[str, bool, Callable[[], Any]]]:
     """The files of an archive in order: the name of each there, whether it is a plain file, and what opens it."""
     with archive.open("rb") as stream:
         beginning = stream.read(40)
-    if zipfile.is_zipfile(archive):
+    if beginning.startswith(GZIP) and not tarfile.is_tarfile(archive):  # first, as a zip file may stand at its end
+        yield archive.name.removesuffix(".gz"), True, partial(gzip.open, archive)
+    elif zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as packed:
             for info in packed.infolist():
                 if not info.filename.endswith("/"):  # ZipInfo.is_dir fails where a name is empty
@@ -73,8 +75,6 @@ def _members(archive: Path) -> Iterator[tuple[str, bool, Callable[[], Any]]]:
             for entry in tape:
                 if not entry.isdir():
                     yield entry.name, entry.isfile(), partial(tape.extractfile, entry)
-    elif beginning.startswith(GZIP):
-        yield archive.name.removesuffix(".gz"), True, partial(gzip.open, archive)
     else:
         text = beginning.decode(errors="replace")
         raise UserError(f"{archive}: no archive but {text!r}; the server may have sent a page instead")

@@ -53,7 +53,7 @@ class Build:
     shadows  "tree": the tree, which all lights share; "grid": a grid of each light, as in ray_grids; the tree is then built
              for mirrored rays only; "auto": the grid where the mesh has more than one triangle for every 600 pixels (if a
              ray of a light crosses more than 1.05 triangles of the first frame on average: for every 64 with one light,
-             for every 48 / L with L lights) and nothing is mirrored, otherwise the tree
+             for every 48 / L with L lights, or 4 if that is more) and nothing is mirrored, otherwise the tree
     """
 
     update: str = "rebuild"

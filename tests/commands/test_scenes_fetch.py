@@ -227,6 +227,7 @@ packed_tar = taped(TETRAHEDRON * 500)
         (zipped({"name": ""}).replace(b"name", b"\0ame"), "has no file"),
         (zipped({"sibenik.obj": "no mesh"}), "sibenik.obj"),
         (WHOLE[:-30], "no archive but"),
+        (gzip.compress(b"another") + zipped({"sibenik.obj": TETRAHEDRON}), "has no file"),
         (zipped({"n" * 3000 + "sibenik.obj": ""}).replace(b"n" * 3000, b"m" * 3000, 1), "damaged"),
         (packed_tar[: len(packed_tar) // 2], "damaged"),
         (taped(type=tarfile.SYMTYPE, linkname="/etc/passwd"), "a link or no file"),

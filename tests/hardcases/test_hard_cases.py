@@ -43,12 +43,17 @@ def skip_where_it_cannot_run(name: str, device: str) -> None:
         pytest.skip(f"{name} does not run on {device}")
 
 
+def setting_of(number: int, settings: int) -> tuple[int, bool]:
+    """Of a method's case in turn: the number of its setting, and whether it runs twice."""
+    return number % settings, number // settings % 2 == 0
+
+
 @pytest.mark.parametrize(("name", "given"), METHODS, ids=str)
 def test_exact_methods_pass_every_case(name, given, device) -> None:
     """No true error, little excused, and of triangles at one distance the lowest (P06).
 
     On a CPU the methods take turns over the cases of each family (:func:`.judged_hard_cases.cases_of`), and their settings
-    over their cases. Every second case runs twice, on poisoned answers, and must give the same bits.
+    over their cases. Of each setting every second case runs twice, on poisoned answers, and must give the same bits.
     """
     skip_where_it_cannot_run(name, device)
     settings, wrong, outside = settings_of(name, given), {}, collections.Counter[str]()
@@ -56,8 +61,9 @@ def test_exact_methods_pass_every_case(name, given, device) -> None:
     cases = [case.name for case in CASES] if everything else cases_of(METHODS.index((name, given)))
     for number, case in enumerate(cases):
         ties = case.startswith("P06")
-        for turn in settings if everything or ties else (settings[number % len(settings)],):
-            twice = everything or (number % 2 == 0 and not case.startswith(LONG))
+        own, again = setting_of(number, len(settings))
+        for turn in settings if everything or ties else (settings[own],):
+            twice = everything or (again and not case.startswith(LONG))
             finding = judge_case(judged(case), make_method(name, turn), device, twice=twice)
             excused = set(finding.classes) - (set() if ties else {"tie"})
             if finding.status in ("error", "excused") or (excused and not case.startswith(EXCUSED)):
@@ -76,6 +82,8 @@ def test_methods_in_turn_answer_every_case_and_each_of_them_every_family() -> No
         assert {family(name) for name in cases_of(method)} == set(families())
     assert {name for method in range(3) for name in cases_of(method)} == {case.name for case in CASES}
     assert len(families()) > 130
+    for count in {len(settings_of(*one)) for one in METHODS}:
+        assert len({setting_of(number, count) for number in range(2 * count)}) == 2 * count
 
 
 @pytest.mark.parametrize("precision", ["float32", "float32-centred"])

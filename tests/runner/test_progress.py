@@ -121,11 +121,14 @@ def test_the_estimate_of_another_machine_holds_within_a_factor_of_two(device, sl
 
 
 def test_a_run_has_an_estimate_at_every_step_and_measures_small_scenes_first(tmp_path):
-    """After preparing, after every round and every scene; the records come in the order declared."""
+    """After preparing, after every round and every scene; the records come in the order declared. A file may grow before its
+    turn comes."""
     small = write_scene(tmp_path / "small.obj")
-    points = np.random.default_rng(1).random((300, 3))
-    np.savez(tmp_path / "large.npz", V=points, F=np.arange(300).reshape(-1, 3))
     given, measured = [], []
+
+    def write_large(count):
+        points = np.random.default_rng(1).random((count, 3))
+        np.savez(tmp_path / "large.npz", V=points, F=np.arange(count).reshape(-1, 3))
 
     class Noted(Silent):
         def left(self, seconds):
@@ -133,11 +136,14 @@ def test_a_run_has_an_estimate_at_every_step_and_measures_small_scenes_first(tmp
 
         def point(self, record):
             measured.append(record.scene["name"])
+            write_large(600)
 
+    write_large(300)
     scenes = [str(tmp_path / "large.npz"), small]
     records = Run(options(tmp_path / "out", scenes, ["warp_bvh"], frames=1, rounds=3), Noted()).go()
     assert measured == ["small", "large"]
     assert [record.scene["name"] for record in records] == ["large", "small"]
+    assert records[0].scene["triangles"] == 200
     assert len(given) == 2 * (1 + 3 + 1)
     assert all(seconds > 0 for seconds in given[:-2])
     assert given[-2:] == [0.0, 0.0], "after the last round there is nothing left"

@@ -117,6 +117,21 @@ def test_counts_of_samples(device, capturable):
         assert 0 < measured.submitted_ms < max(measured.wall_ms)
 
 
+@pytest.mark.parametrize(("lasts", "frames"), [(0.001, timing.SUBMITTED), (2.0, 2), (100.0, 1)])
+def test_frames_that_the_host_submits_ahead_of_the_device_stay_within_the_budget(lasts, frames, monkeypatch):
+    """The host submits 20 frames of a second in no time, and then waits for them all."""
+    done, now = [], time.perf_counter()
+    monkeypatch.setattr(time, "perf_counter", lambda: now)
+    card = SimpleNamespace(is_cuda=True)
+    monkeypatch.setattr(timing.wp, "get_device", lambda _: card)
+    monkeypatch.setattr(timing.wp, "synchronize_device", lambda _: None)
+    monkeypatch.setattr(timing, "_whole_frames", lambda _: lambda count: [(1e3 * lasts, 1e3 * lasts)] * count)
+    launched = SimpleNamespace(device="cuda:0", replays=False, passes=[], run=lambda: done.append(1))
+    measured = sample_frame(launched, Sampling(samples=1, most=1, stage_samples=0, budget_s=16.0))
+    assert measured.submitted_ms == 0.0
+    assert len(done) == frames
+
+
 def test_passes_of_a_captured_frame_that_has_too_many_are_not_timed_one_by_one(device, monkeypatch):
     """Their prefixes take a time that grows with the square of their number."""
     monkeypatch.setattr(timing, "MOST_PREFIXES", 2)

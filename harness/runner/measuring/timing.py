@@ -28,7 +28,7 @@ MOST_PREFIXES = 150
 with 64 lights, they took 100 seconds."""
 
 SUBMITTED = 20
-"""Frames launched one after another, of which the host's time to submit one is the median."""
+"""Frames launched one after another, at most, of which the host's time to submit one is the median."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
             batch = min(sampling.samples, sampling.most - len(result.total_ms))
             done = _take_batch(take, batch, deadline, result)
             result.stopped_by = stop_reason(result.total_ms, sampling, done)
-        result.submitted_ms = _submitted_ms(session, 0.25 * sampling.budget_s)
+        result.submitted_ms = _submitted_ms(session, 0.25 * sampling.budget_s, result.wall_ms[-1])
         result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
         deadline = time.perf_counter() + 0.25 * sampling.budget_s
         prefixes = len(session.passes) if session.replays else 0
@@ -172,15 +172,14 @@ def _in_a_row(device: Any, launch: Callable[[], None], count: int) -> list[tuple
         return [(ms, _clock(alone)) for ms in total]
 
 
-def _submitted_ms(session: PassRunner, budget_s: float) -> float | None:
-    """The host's time to submit a frame that it launches pass by pass on a GPU; None of other frames."""
+def _submitted_ms(session: PassRunner, budget_s: float, lasts_ms: float) -> float | None:
+    """The host's time to submit a frame that it launches pass by pass on a GPU; None of other frames. ``lasts_ms``: a frame,
+    with what the device does after it is submitted."""
     device = wp.get_device(session.device)
     if not device.is_cuda or session.replays:
         return None
-    taken: list[float] = []
-    deadline = time.perf_counter() + budget_s
-    while len(taken) < SUBMITTED and (not taken or time.perf_counter() < deadline):
-        taken.append(_clock(session.run))
+    count = max(1, min(SUBMITTED, int(1e3 * budget_s / max(lasts_ms, 1e-3))))
+    taken = [_clock(session.run) for _ in range(count)]
     wp.synchronize_device(device)
     return round(float(np.median(taken)), 6)
 
