@@ -233,7 +233,9 @@ class Candidates:
             order = np.argsort(ray, kind="stable")  # the triangles of a ray stay in the order of the tree
             counts = np.bincount(ray - rays.start, minlength=len(rays)).astype(np.int32)
             yield rays, Lists(triangle[order], counts), least[:total].numpy()[order]
-        elif len(rays) == 1:
+            return
+        del pairs, least, found  # before others come in their place
+        if len(rays) == 1:
             yield from self._collected(kernel, inputs, rays, outputs, room=total)
         else:
             for half in (rays[: len(rays) // 2], rays[len(rays) // 2 :]):

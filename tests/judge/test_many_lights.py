@@ -1,10 +1,12 @@
 """Many lights are judged together: in one launch, by one referee for all lightings, equal answers once."""
 
 import itertools
+import weakref
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers.second_opinion import random_trial
 from shadowbench.harness import api
 from shadowbench.harness.judge import candidates
@@ -40,6 +42,27 @@ def test_lights_judged_together_have_the_verdicts_of_each_alone(monkeypatch, see
     some = random.uniform(size=bits.shape) < 0.5
     expected = np.where(some, classes, Verdict.OK)
     np.testing.assert_array_equal(referee.classify_shadows(hits, lights, bits, np.array(alone), some), expected)
+
+
+def test_rays_that_are_divided_have_the_memory_of_one_launch(monkeypatch):
+    """Each half of a half had room beside that of the whole: half a gigabyte for 8192 rays through many sheets."""
+    points, faces, origins, directions, _ = random_trial(np.random.default_rng(1), 60)
+    referee = Referee(points, faces, np.ones(len(faces)))
+    expected = referee.all_hits(origins, directions)
+    assert max(map(len, expected)) > 3
+    empty, held = wp.empty, []
+
+    def counting(*given, dtype, **named):
+        made = empty(*given, dtype=dtype, **named)
+        if dtype is wp.vec2i:
+            held.append(weakref.ref(made))
+            assert sum(one() is not None for one in held) == 1
+        return made
+
+    monkeypatch.setattr(wp, "empty", counting)
+    monkeypatch.setattr(candidates, "MOST", 3)
+    assert referee.all_hits(origins, directions) == expected
+    assert len(held) > 5
 
 
 @pytest.mark.parametrize("seed", [1, 2, 5])
