@@ -129,7 +129,7 @@ def test_a_source_distribution_holds_what_the_readme_calls_for(tmp_path):
         held = {name.partition("/")[2] for name in tape.getnames()}
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     linked = {link for link in re.findall(r"\]\(([^)#:]+)\)", readme)}
-    needed = {"Makefile", "requirements.txt", "constraints.txt", ".ci/run", *itertools.chain(LISTS), *linked}
+    needed = {"Makefile", "requirements.txt", "constraints.txt", ".ci/run", ".ci/turn", *LISTS, *linked}
     assert {one for one in needed if one not in held} == set()
     ours = {
         name

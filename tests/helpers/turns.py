@@ -1,7 +1,7 @@
 """What takes long takes turns: each run of the tests has a part of it, and a few runs in turn have all.
 
-``SHADOWBENCH_TURN`` is the number of the turn. ``make test`` gives 0, CI the number of commits; without it nothing is left
-out, as in ``make test-all``.
+``SHADOWBENCH_TURN`` is the number of the turn. ``make test`` gives 0, CI what ``.ci/turn`` prints; without it nothing is
+left out, as in ``make test-all``.
 """
 
 import os
