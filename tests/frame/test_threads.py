@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.threads import at_once, cpu_threads, processors, ranges, threads_given
@@ -171,9 +172,8 @@ def pixels_kernel(width: wp.int32, height: wp.int32, taken: wp.array(dtype=wp.in
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (8, 4), (21, 18), (300, 7)])
 def test_every_pixel_has_one_thread(width, height):
     """The first entry is of threads beyond the image's edges."""
-    taken = wp.zeros(1 + width * height, dtype=wp.int32, device="cpu")
-    wp.launch(pixels_kernel, thread_count(width, height), [width, height], [taken], device="cpu")
-    spare, *of_pixels = taken.numpy().tolist()
+    (taken,) = launched(pixels_kernel, thread_count(width, height), [width, height], [1 + width * height])
+    spare, *of_pixels = taken.tolist()
     assert of_pixels == [1] * (width * height)
     assert spare == thread_count(width, height) - width * height
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.judged_hard_cases import exact_methods, judged, settings_of
+from helpers.launched import launched
 from shadowbench.harness.frame import session as sessions
 from shadowbench.harness.frame.digits import exact_product, wide_side
 from shadowbench.harness.frame.effects.specialise import named, specialised
@@ -123,12 +124,8 @@ def test_sides_and_hit_points_are_those_of_rational_arithmetic() -> None:
     x[::3] = corners[::3, 1]
     o = random.normal(size=(COUNT, 3)).astype(np.float32)
     d = random.normal(size=(COUNT, 3)).astype(np.float32)
-    sides = wp.zeros((COUNT, 2), dtype=wp.float64, device="cpu")
-    points = wp.zeros(COUNT, dtype=wp.vec3d, device="cpu")
-    given = [wp.array(v, dtype=wp.vec3f, device="cpu") for v in (corners, o, d)]
-    inputs = [given[0], wp.array(x, dtype=wp.vec3d, device="cpu"), *given[1:]]
     kernel = specialised(digits_kernel, Switches(wide=True))
-    wp.launch(kernel, dim=COUNT, inputs=inputs, outputs=[sides, points], device="cpu")
+    sides, points = launched(kernel, COUNT, [corners, x, o, d], [(COUNT, 2), COUNT])
     zeros = 0
     for i in range(COUNT):
         a, b, c = (rational(corner) for corner in corners[i])
@@ -136,14 +133,14 @@ def test_sides_and_hit_points_are_those_of_rational_arithmetic() -> None:
         normal = cross(e, f)
         side = sum(n * (p - q) for n, p, q in zip(normal, rational(x[i]), a, strict=True))
         zeros += side == 0
-        for found in sides.numpy()[i]:
+        for found in sides[i]:
             assert abs(Fraction(float(found)) - side) <= abs(side) * Fraction(1, 2**50)
         origin, way = rational(o[i]), rational(d[i])
         slope = sum(n * w for n, w in zip(normal, way, strict=True))
         if slope == 0:
             continue
         t = sum(n * (q - p) for n, p, q in zip(normal, origin, a, strict=True)) / slope
-        for found, p, w in zip(points.numpy()[i], origin, way, strict=True):
+        for found, p, w in zip(points[i], origin, way, strict=True):
             exact = p + t * w
             assert abs(Fraction(float(found)) - exact) <= abs(exact) / 2**52 + (abs(p) + abs(t * w)) / 2**90
     assert zeros > COUNT // 4

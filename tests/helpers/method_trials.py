@@ -135,10 +135,11 @@ def random_trial(seed: int) -> tuple[Prepared, int, int]:
 
 
 def moving(broken: bool) -> Prepared:
-    """Four frames of a soup; with ``broken``, a triangle is NaN in the second frame and sound again after."""
+    """Four frames of a soup; with ``broken``, triangles are NaN in the first two frames and sound again after."""
     vertices, faces = soup(11, 200, size=0.2)
     moved = [vertices.copy(), vertices * 1.5, np.roll(vertices, 1, axis=1), vertices * 0.1]
     if broken:
+        moved[0][30:60] = np.nan
         moved[1][:3] = np.nan
     geometry = Geometry(faces.astype(np.int32), lambda k: moved[k], len(moved))
     camera, lights = Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)), (Light((2.0, 3.0, 4.0)),)

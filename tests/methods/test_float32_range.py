@@ -9,6 +9,7 @@ those that are certain and wrong are counted.
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.harness.frame.geometry import Camera, Corners, Ray, filled
 from shadowbench.harness.frame.vectors import largest, total
 from shadowbench.harness.judge import arithmetic
@@ -182,7 +183,7 @@ def test_what_float32_says_of_a_ray_is_so(units) -> None:
         eye=wp.zeros(1, dtype=wp.vec3f, device="cpu"),
         axes=wp.array(np.diag([1, 1, -1]), dtype=wp.vec3f, device="cpu"),
     )  # fmt: skip
-    verdicts = launched(ray_kernel, [camera, o, d, corners], len(RAY_TESTS))
+    (verdicts,) = launched(ray_kernel, COUNT, [camera, o, d, corners], [(COUNT, len(RAY_TESTS))])
     exact = exact_rays(o, d, corners)[:, [0, 0, 1, 1]]
     assert wrongly_certain(verdicts, exact, RAY_TESTS) == {}
     assert 0.02 < (exact == HIT).mean() < 0.98
@@ -192,15 +193,8 @@ def test_what_float32_says_of_a_ray_is_so(units) -> None:
 @pytest.mark.parametrize("units", UNITS)
 def test_what_float32_says_of_a_segment_is_so(units) -> None:
     corners, light, h = situations(units, 3)
-    verdicts = launched(segment_kernel, [h, light, corners], len(SEGMENT_TESTS))
+    (verdicts,) = launched(segment_kernel, COUNT, [h, light, corners], [(COUNT, len(SEGMENT_TESTS))])
     exact = exact_segments(h, light, corners)[:, None]
     assert wrongly_certain(verdicts, exact, SEGMENT_TESTS) == {}
     assert 0.02 < (exact == HIT).mean() < 0.98
     assert (verdicts != UNDECIDED).any()
-
-
-def launched(kernel: wp.Kernel, inputs: list, tests: int) -> np.ndarray:
-    verdicts = wp.zeros((COUNT, tests), dtype=wp.int32, device="cpu")
-    arrays = [wp.array(x, dtype=wp.vec3f, device="cpu") if isinstance(x, np.ndarray) else x for x in inputs]
-    wp.launch(kernel, dim=COUNT, inputs=arrays, outputs=[verdicts], device="cpu")
-    return verdicts.numpy()

@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from typing import Any
 
-import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.drawn_examples import EXAMPLES, some
@@ -17,12 +16,11 @@ from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.tuned_trees import tuned
 from hypothesis import given
 from hypothesis import strategies as st
-from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.needed import stale
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
-from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.scene import Camera, Light
 from shadowbench.harness.scene.surface_rules import perforated
 
 NAME = "bvh2"
@@ -127,49 +125,6 @@ def test_packets_follow_the_number_of_triangles_for_the_image():
 def test_float32_says_that_it_is_inexact():
     assert make_method(NAME, {"precision": "float32"}).known_inexact
     assert not make_method(NAME).known_inexact
-
-
-def moving(broken: bool) -> Prepared:
-    """Four frames of a soup; with ``broken``, triangles are NaN in the first two frames and sound again after."""
-    vertices, faces = soup(11, 120, size=0.2)
-    moved = [vertices.copy(), vertices * 1.5, np.roll(vertices, 1, axis=1), vertices * 0.1]
-    if broken:
-        moved[0][30:60] = np.nan
-        moved[1][:3] = np.nan
-    scene = Scene(
-        "moving",
-        "moving",
-        lambda: Geometry(faces.astype(np.int32), lambda k: moved[k], len(moved)),
-        Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
-        (Light((2.0, 3.0, 4.0)),),
-    )
-    return prepare(scene)
-
-
-@functools.cache
-def by_grid(broken: bool, frame: int, device: str) -> Answers:
-    prepared = moving(broken)
-    return Session(make_method("uniform_grid"), prepared, 24, 16, device).answers(prepared.moment(frame, 24, 16))
-
-
-@pytest.mark.parametrize("broken", [False, True])
-@pytest.mark.parametrize("settings", [{}, {"builder": "lbvh"}, {"update": "refit"}], ids=str)
-def test_moving_geometry_replayed_equals_a_fresh_start(settings, broken, device):
-    """A triangle that is left out in a frame is back in the next, also in a tree that was made without it."""
-    prepared = moving(broken)
-    session = Session(make_method(NAME, settings), prepared, 24, 16, device)
-    for k in (0, 1, 2, 3, 0):
-        session.load(prepared.moment(k, 24, 16))
-        session.frame.answers.poison()
-        session.run_complete()
-        session.replay()
-        assert_same(session.frame.answers.to_host(), by_grid(broken, k, device), f"frame {k}")
-    assert session.method.counters().get("frames since the tree was made", 0) == 0
-
-
-def test_static_refuses_moving_geometry():
-    with pytest.raises(UserError, match="4 frames"):
-        Session(make_method(NAME, {"update": "static"}), moving(False), 8, 8, "cpu")
 
 
 HOLED = [*SETTINGS, {"precision": "float32"}, {"ROOM": 1, "SHARES": 3}]

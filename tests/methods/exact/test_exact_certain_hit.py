@@ -4,6 +4,7 @@ the functions that methods share."""
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.exact.certain_hit import certain_hit, is_far
 from shadowbench.methods.exact.hit_point import is_vague, plane_distance
@@ -48,10 +49,8 @@ def test_a_quotient_is_that_of_a_division(device):
     a[:10] = 0.0
     near = np.arange(10, COUNT // 2)  # quotients next to a number of 53 bits, and halfway between two
     a[near] = b[near] * (1.0 + random.integers(0, 2**20, len(near)) * 2.0**-53)
-    with wp.ScopedDevice(device):
-        found = wp.zeros(COUNT, dtype=wp.float64)
-        wp.launch(quotient_kernel, COUNT, inputs=[wp.array(a), wp.array(b)], outputs=[found])
-    np.testing.assert_array_equal(found.numpy(), a / b)
+    (found,) = launched(quotient_kernel, COUNT, [a, b], [COUNT], device)
+    np.testing.assert_array_equal(found, a / b)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3, 30.0])
@@ -70,13 +69,10 @@ def test_certain_hits_are_those_of_the_shared_functions(size, device):
     weights[::5] = [1, 0, 0]  # at a corner
     direction = ((weights[:, :, None] * corners).sum(axis=1) - origin).astype(np.float32)
     welds = random.permuted(np.tile(np.arange(3, dtype=np.int32), (COUNT, 1)), axis=1)
-    with wp.ScopedDevice(device):
-        t, uv, vague = (wp.zeros((2, COUNT), dtype=kind) for kind in (wp.float64, wp.vec2f, wp.uint8))
-        rays = [wp.array(values, dtype=wp.vec3f) for values in (origin, direction, corners)]
-        inputs = [*rays, wp.array(welds, dtype=wp.vec3i), extent]
-        wp.launch(hit_kernel, COUNT, inputs=inputs, outputs=[t, uv, vague])
+    inputs = [origin, direction, corners, welds, extent]
+    t, uv, vague = launched(hit_kernel, COUNT, inputs, [(2, COUNT)] * 3, device)
     for found in (t, uv, vague):
-        np.testing.assert_array_equal(*found.numpy())
-    left = vague.numpy()[0].astype(bool)
+        np.testing.assert_array_equal(*found)
+    left = vague[0].astype(bool)
     assert left[far].all()
     assert 0 < left[~far].sum() < COUNT / 10

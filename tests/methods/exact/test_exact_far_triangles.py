@@ -8,6 +8,7 @@ with bits of their own. Its closed triangles hold the ray, so that missing all o
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.exact.segment import may_occlude, occludes
 from shadowbench.methods.exact.triangle import hit_distance, may_hit
@@ -63,16 +64,10 @@ def fans(edges_away: float, light_edges_away: float) -> tuple[np.ndarray, np.nda
     ring = np.cos(angle)[..., None] * right[:, None] + np.sin(angle)[..., None] * up[:, None]
     ring = edge[:, None, None] * (ring + depth * forward[:, None])
     share = 2.0 ** np.floor(np.log2(edges_away / light_edges_away))
-    inputs = [
-        wp.array(-DISTANCE * d, dtype=wp.vec3f, device="cpu"),
-        wp.array(d, dtype=wp.vec3f, device="cpu"),
-        wp.array(DISTANCE * share * d.astype(np.float64), dtype=wp.vec3d, device="cpu"),
-        wp.array(ring.astype(np.float32), dtype=wp.vec3f, device="cpu"),
-        wp.array(random.random((COUNT, FAN + 1)).argsort(axis=1), dtype=wp.int32, device="cpu"),
-    ]
-    found = [wp.zeros(COUNT, dtype=wp.int32, device="cpu") for _ in range(2)]
-    wp.launch(fan_kernel, dim=COUNT, inputs=inputs, outputs=found, device="cpu")
-    return found[0].numpy(), found[1].numpy()
+    weld = random.random((COUNT, FAN + 1)).argsort(axis=1)
+    inputs = [-DISTANCE * d, d, DISTANCE * share * d.astype(np.float64), ring.astype(np.float32), weld]
+    hits, shadows = launched(fan_kernel, COUNT, inputs, [COUNT, COUNT])
+    return hits, shadows
 
 
 @pytest.mark.parametrize("edges_away", [1e2, 1e4, 1e5, 4e5])

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.exact.hit_point import along, hit_point, is_vague, plane_distance
 
@@ -81,12 +82,7 @@ def test_a_hit_point_is_rounded_not_displaced(slope, size, device):
     made = rays(slope, size, random)
     columns = [np.array(column) for column in list(zip(*made, strict=True))[:6]]
     columns[2] = columns[2] * (1 + random.uniform(-4, 4, COUNT) * U64 / slope)
-    with wp.ScopedDevice(device):
-        kinds = (wp.vec3f, wp.vec3f, wp.float64, wp.vec3f, wp.vec3f, wp.vec3f)
-        given = [wp.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)]
-        out = [wp.zeros(COUNT, dtype=kind) for kind in (wp.vec3d, wp.vec3d, wp.uint8)]
-        wp.launch(point_kernel, dim=COUNT, inputs=given, outputs=out)
-        points, to_be_rounded, vague = (array.numpy() for array in out)
+    points, to_be_rounded, vague = launched(point_kernel, COUNT, columns, [COUNT] * 3, device)
     worst = 0.0
     for h, rounded, left, (o, _, _, a, b, c, hit, sine) in zip(points, to_be_rounded, vague, made, strict=True):
         largest = max(*(abs(float(y)) for y in hit), float(np.abs(o).max()))

@@ -8,6 +8,7 @@ same afterwards. A bound by the largest coordinate grows with the most stretched
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.exact.triangle import depth_key, hit_distance, nearer_of, spare_bits
 
@@ -30,14 +31,9 @@ def distance_kernel(
 def distances(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """t of every ray with its own triangle, or -1."""
     weld = np.random.default_rng(5).random((len(corners), 3)).argsort(axis=1)
-    inputs = [
-        wp.array(np.float32(rows), dtype=kind, device="cpu")
-        for rows, kind in ((origins, wp.vec3f), (directions, wp.vec3f), (corners, wp.vec3f))
-    ]
-    inputs.append(wp.array(weld, dtype=wp.vec3i, device="cpu"))
-    found = wp.zeros(len(corners), dtype=wp.float64, device="cpu")
-    wp.launch(distance_kernel, dim=len(corners), inputs=inputs, outputs=[found], device="cpu")
-    return found.numpy()
+    inputs = [np.float32(origins), np.float32(directions), np.float32(corners), weld]
+    (found,) = launched(distance_kernel, len(corners), inputs, [len(corners)])
+    return found
 
 
 def rays_at_edges(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -113,10 +109,9 @@ def order_kernel(
 def test_spare_bits() -> None:
     """Those of 24 that no index needs, between 0 and 8."""
     counts = np.array([1, 2, 3, 255, 65535, 65536, 65537, 131072, 131073, 1 << 23, 1 << 24], dtype=np.int32)
-    spare = wp.zeros(len(counts), dtype=wp.int32, device="cpu")
-    wp.launch(spare_kernel, dim=len(counts), inputs=[wp.array(counts, device="cpu")], outputs=[spare], device="cpu")
+    (spare,) = launched(spare_kernel, len(counts), [counts], [len(counts)])
     expected = [min(8, 24 - int(count - 1).bit_length()) for count in counts]
-    assert spare.numpy().tolist() == expected
+    assert spare.tolist() == expected
 
 
 @pytest.mark.parametrize("triangles", [12, 70_000, 1 << 24])
@@ -130,12 +125,7 @@ def test_order_is_that_of_the_keys(triangles) -> None:
         random.random(number) < 0.9, first * (1.0 + apart), np.exp2(random.uniform(-300.0, 300.0, number))
     )
     names = random.integers(0, triangles, (number, 2)).astype(np.int32)
-    arrays = [
-        wp.array(values, dtype=kind, device="cpu")
-        for values, kind in ((np.stack([first, second], axis=1), wp.float64), (names, wp.int32))
-    ]
-    results = [wp.zeros(number, dtype=wp.bool, device="cpu") for _ in range(2)]
-    wp.launch(order_kernel, dim=number, inputs=[triangles, *arrays], outputs=results, device="cpu")
-    ordered, by_keys = (result.numpy() for result in results)
+    inputs = [triangles, np.stack([first, second], axis=1), names]
+    ordered, by_keys = launched(order_kernel, number, inputs, [number, number])
     assert 0 < np.count_nonzero(by_keys) < number
     np.testing.assert_array_equal(ordered, by_keys)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from helpers.method_trials import assert_same
 from helpers.paper_knobs import answers_of
 from shadowbench.harness.frame.geometry import filled
@@ -52,14 +53,13 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
     centre[count // 3 : count // 2, :, :2] *= 0.01  # about the poles
     corners = centre / np.linalg.norm(centre, axis=2, keepdims=True) + random.normal(size=(count, 3, 3)) * size / 2
     points = np.einsum("sk,nkj->nsj", random.dirichlet([0.4, 0.4, 0.4], samples), corners).reshape(-1, 3)
-    places = wp.zeros(len(points), dtype=wp.vec4d, device="cpu")
     single = precision == "float32"
     space = filled(
         LightSpace, index=0, map=LIGHT_MAPS.index(name), single=single, axes=on_cpu([np.eye(3)], wp.mat33d),
         pads=on_cpu([0.0, 0.0], wp.float64), proxy_positions=on_cpu([[0.0, 0.0, 0.0]], wp.vec3f),
     )  # fmt: skip
-    wp.launch(place_kernel, len(points), [space, on_cpu(points, wp.vec3d)], [places], device="cpu")
-    u, v, distance, face = places.numpy().reshape(count, samples, 4).transpose(2, 0, 1)
+    (places,) = launched(place_kernel, len(points), [space, points], [len(points)])
+    u, v, distance, face = places.reshape(count, samples, 4).transpose(2, 0, 1)
     np.testing.assert_allclose(distance.ravel(), np.linalg.norm(points, axis=1), rtol=1e-6 if single else 1e-14)
     keep = np.ones_like(u, dtype=bool)
     if name == "cube":
@@ -68,12 +68,9 @@ def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, prec
         expected = 2 * axis + (points[np.arange(len(points)), axis] < 0)
         assert (face.ravel() == expected).mean() > (0.99 if single else 0.999999)
         keep = face == 0  # the front face is its own frame
-    bounds = wp.zeros(count, dtype=wp.vec4d, device="cpu")
     pad = FLOAT32_PAD if single else FLOAT64_PAD
-    wp.launch(
-        make_bounds_kernel(name), dim=count, inputs=[pad, on_cpu(corners, wp.vec3d)], outputs=[bounds], device="cpu"
-    )  # fmt: skip
-    low_u, high_u, low_v, high_v = bounds.numpy().T[:, :, None]
+    (bounds,) = launched(make_bounds_kernel(name), count, [pad, corners], [count])
+    low_u, high_u, low_v, high_v = bounds.T[:, :, None]
 
     def held(x, low, high):
         turns = (0.0,) if name == "cube" else (-2 * np.pi, 0.0, 2 * np.pi)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.harness.frame.geometry import Corners
 from shadowbench.methods.exact.segment import occludes
 from shadowbench.methods.exact.triangle import largest, to_float32
@@ -53,19 +54,8 @@ def test_a_verdict_without_doubt_is_what_float64_says(distance, scale, middle):
     step = random.uniform(-1, 1, (count, rays, 1)) * 10.0 ** random.uniform(-9, 0.3, (count, rays, 1)) * scale
     hits = on + away / np.linalg.norm(away, axis=2, keepdims=True) * step
     hits = np.clip(hits, -2 * reach, 2 * reach)
-    verdicts = wp.zeros((count, rays), dtype=wp.int32, device="cpu")
-    exact = wp.zeros((count, rays), dtype=wp.bool, device="cpu")
-    wp.launch(
-        verdict_kernel,
-        dim=(count, rays),
-        inputs=[
-            float(np.abs(hits).max() * 1.000001), wp.array(lights, dtype=wp.vec3f, device="cpu"),
-            wp.array(corners, dtype=wp.vec3f, device="cpu"), wp.array(hits, dtype=wp.vec3d, device="cpu"),
-        ],
-        outputs=[verdicts, exact],
-        device="cpu",
-    )  # fmt: skip
-    verdicts, exact = verdicts.numpy(), exact.numpy()
+    inputs = [float(np.abs(hits).max() * 1.000001), lights, corners, hits]
+    verdicts, exact = launched(verdict_kernel, (count, rays), inputs, [(count, rays)] * 2)
     assert exact[verdicts == int(YES)].all()
     assert not exact[verdicts == int(NO)].any()
     assert 0 < (verdicts == int(UNDECIDED)).mean() < 0.95

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from shadowbench.methods.common.pairs import zeroed
 from shadowbench.methods.perspective_spherical.light.tile_edges import LightTiles, edges_kernel, missed, slope_bounds
 from shadowbench.methods.perspective_spherical.lists.sorting import TileLists
@@ -31,10 +32,6 @@ def tile_kernel(
     slopes[i, tile] = slope_bounds(column, row, planes[i, 0], grid.stretch[0])
 
 
-def on_cpu(values, kind):
-    return wp.array(np.ascontiguousarray(values), dtype=kind, device="cpu")
-
-
 def directions(name, u, v):
     """Unit directions of places in a rectangle."""
     if name == "azimuth-elevation":
@@ -56,8 +53,7 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
         low_u, high_u, low_v, high_v = rectangle
         extent = np.array([low_u, low_v, 1.0, high_u, high_v, 2.0, 0.0, 0.0])
         with wp.ScopedDevice("cpu"):
-            extent = on_cpu(extent, wp.float64)
-            grid = zeroed(LightTiles, tiles, tiles=tiles, stretch=1, extent=extent, lists=TileLists())
+            grid = zeroed(LightTiles, tiles, tiles=tiles, stretch=1, extent=wp.array(extent), lists=TileLists())
         wp.launch(edges_kernel, tiles, [LIGHT_MAPS.index(name), grid], device="cpu")
         # Triangles about a direction in or near the rectangle, of all sizes; inward planes of their edges.
         count = 300
@@ -66,10 +62,7 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
         a, b, c = np.moveaxis(directions(name, u, v)[:, None] + arms, 1, 0)
         planes = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
         planes *= np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)))[:, None, None]
-        out = wp.zeros((count, tiles * tiles), dtype=wp.bool, device="cpu")
-        slopes = wp.zeros((count, tiles * tiles), dtype=wp.vec3d, device="cpu")
-        wp.launch(tile_kernel, (count, tiles * tiles), [grid, on_cpu(planes, wp.vec3d)], [out, slopes], device="cpu")
-        out, slopes = out.numpy(), slopes.numpy()
+        out, slopes = launched(tile_kernel, (count, tiles * tiles), [grid, planes], [(count, tiles * tiles)] * 2)
         left_out += out.sum()
         for tile in random.choice(tiles * tiles, min(25, tiles * tiles), replace=False):
             s, w = np.meshgrid(np.linspace(0, 1, 15), np.linspace(0, 1, 15))

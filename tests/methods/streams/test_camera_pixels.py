@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.methods.common.reads import corners_at, direction_at
@@ -40,11 +41,8 @@ def test_certain_signs_are_those_of_float64(size):
     moment = prepared.moment(0, WIDTH, HEIGHT)
     frame = Frame(prepared, WIDTH, HEIGHT, 0, "cpu")
     frame.load(moment)
-    least = wp.zeros((len(faces), HEIGHT, WIDTH), dtype=wp.float32, device="cpu")
-    bound = wp.zeros(1, dtype=wp.float32, device="cpu")
-    inputs, outputs = [frame.camera, frame.mesh], [least, bound]
-    wp.launch(edges_kernel, dim=least.shape, inputs=inputs, outputs=outputs, device="cpu")
-    found, margin = least.numpy(), bound.numpy()[0]
+    shape = len(faces), HEIGHT, WIDTH
+    found, (margin,) = launched(edges_kernel, shape, [frame.camera, frame.mesh], [shape, 1])
     directions = (moment.column[None] + moment.row[:, None]).astype(np.float64)
     a, b, c = (moment.points[prepared.faces[:, k]].astype(np.float64) - moment.eye for k in range(3))
     side = np.sign(np.einsum("ij,ij->i", np.cross(b - a, c - a), a))
@@ -63,8 +61,6 @@ def test_a_nearer_hit_and_of_ties_the_lower_index_has_the_larger_word(triangles)
     rng = np.random.default_rng(triangles)
     inverse = np.repeat(np.sort(np.exp2(rng.uniform(-60, 60, 200))), 2)
     index = np.stack([rng.integers(1, triangles, 200), np.zeros(200)], axis=1).astype(np.int32).ravel()
-    words, back = wp.zeros(400, dtype=wp.uint64, device="cpu"), wp.zeros(400, dtype=wp.int32, device="cpu")
-    given = [triangles, wp.array(inverse, dtype=wp.float64, device="cpu"), wp.array(index, device="cpu")]
-    wp.launch(words_kernel, dim=400, inputs=given, outputs=[words, back], device="cpu")
-    assert (back.numpy() == index).all()
-    assert (np.diff(words.numpy().astype(object)) > 0).all()
+    words, back = launched(words_kernel, 400, [triangles, inverse, index], [400, 400])
+    assert (back == index).all()
+    assert (np.diff(words.astype(object)) > 0).all()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
+from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
 from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
@@ -36,11 +37,10 @@ def test_faces_with_rays_are_numbered_and_few_of_them_have_more_cells(most, devi
     used = np.array(list(itertools.product((False, True), repeat=FACES)))
     rectangles = np.zeros((len(used), int(RECTANGLE_WORDS)), dtype=np.int32)
     rectangles[:, FACE : FACE + FACES] = np.where(used, 0, int(EMPTY))
-    found = wp.zeros((len(used), FACES + 1), dtype=wp.int32, device=device)
-    along = wp.zeros(len(used), dtype=wp.int32, device=device)
-    given = [wp.array(rectangles, dtype=wp.int32, device=device), wp.vec3i(MANY, FEW, most)]
-    wp.launch(faces_kernel, dim=found.shape, inputs=given, outputs=[found, along], device=device)
-    for row, numbered, cells in zip(used, found.numpy(), along.numpy(), strict=True):
+    shape = len(used), FACES + 1
+    inputs = [rectangles, wp.vec3i(MANY, FEW, most)]
+    found, along = launched(faces_kernel, shape, inputs, [shape, len(used)], device)
+    for row, numbered, cells in zip(used, found, along, strict=True):
         faces = np.flatnonzero(row).tolist()
         assert numbered.tolist() == faces + [-1] * (FACES + 1 - len(faces))
         # The first face counts whether it holds rays or not: where only it may hold them, no other has a place.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene
+from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
 from helpers.method_trials import assert_same, lattice, trace
 from helpers.streams import trial
@@ -97,14 +98,13 @@ def test_the_bounds_of_a_triangle_hold_every_ray(kind, along, device):
     with wp.ScopedDevice(device):
         cells = cells_with(None if kind == "even" else densities(kind), along)
         kernel = place_kernel if kind == "even" else with_type(place_kernel, "cells", SpacedCells)
-        found, first, last = (wp.zeros(COUNT, dtype=wp.vec2i) for _ in range(3))
-        row = wp.zeros(COUNT, dtype=wp.vec2f)
-        given = [wp.array(places, dtype=wp.vec4f), wp.array(exact.astype(np.float32), dtype=wp.vec2f), cells]
-        wp.launch(kernel, dim=COUNT, inputs=given, outputs=[found, first, last, row])
-    cell, rows = found.numpy(), row.numpy().astype(np.float64)
+        cell, first, last, rows = launched(
+            kernel, COUNT, [places, exact.astype(np.float32), cells], [COUNT] * 4, device
+        )
+    rows = rows.astype(np.float64)
     assert ((cell >= 0) & (cell < along)).all()
-    assert ((first.numpy() <= cell) & (cell <= last.numpy())).all()
-    assert (last.numpy() - first.numpy()).max() <= 2 + int(2.5 * SLACK * along)
+    assert ((first <= cell) & (cell <= last)).all()
+    assert (last - first).max() <= 2 + int(2.5 * SLACK * along)
     assert ((rows[:, 0] - SLACK <= exact[:, 1]) & (exact[:, 1] <= rows[:, 1] + SLACK)).all()
     assert (rows[:, 1] - rows[:, 0] > 0.0).all()
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from shadowbench.harness.frame.frame import AT_ONCE, Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.methods.common.reads import corners_at, direction_at
@@ -96,13 +97,11 @@ def frame_of(size: float) -> Frame:
 def test_eight_at_once_are_found_as_one_by_one(number: int) -> None:
     rng = np.random.default_rng(7)
     count = 200
-    rays = wp.array(rng.normal(size=(count + AT_ONCE, 4)), dtype=wp.vec4f, device="cpu")
+    rays = rng.normal(size=(count + AT_ONCE, 4))
     planes = rng.normal(size=(4 * count, 4)).astype(np.float32)
     planes[:8] = np.nan  # such planes leave nothing out
-    found = wp.zeros((4, count), dtype=wp.uint32, device="cpu")
-    inputs = [rays, wp.array(planes, dtype=wp.vec4f, device="cpu"), frame_of(1.0).camera, number]
-    wp.launch(found_kernel, dim=count, inputs=inputs, outputs=[found], device="cpu")
-    at_once, one_by_one, pixels_at_once, pixels_one_by_one = found.numpy()
+    (found,) = launched(found_kernel, count, [rays, planes, frame_of(1.0).camera, number], [(4, count)])
+    at_once, one_by_one, pixels_at_once, pixels_one_by_one = found
     np.testing.assert_array_equal(at_once[2:], one_by_one[2:])
     np.testing.assert_array_equal(pixels_at_once[2:], pixels_one_by_one[2:])
     assert (at_once[:2] == (256 << min(number, 8)) - 256).all()
@@ -111,9 +110,8 @@ def test_eight_at_once_are_found_as_one_by_one(number: int) -> None:
 
 def test_bits_come_from_the_lowest_on() -> None:
     words = np.array([0, 1, 2**31, 2**32 - 1, 0b101100, 0xA5A50000], dtype=np.uint32)
-    places = wp.zeros((len(words), 32), dtype=wp.int32, device="cpu")
-    wp.launch(bits_kernel, dim=len(words), inputs=[wp.array(words, device="cpu")], outputs=[places], device="cpu")
-    for word, found in zip(words.tolist(), places.numpy().tolist(), strict=True):
+    (places,) = launched(bits_kernel, len(words), [words], [(len(words), 32)])
+    for word, found in zip(words.tolist(), places.tolist(), strict=True):
         expected = [k for k in range(32) if word >> k & 1]
         assert found == expected + [-1] * (32 - len(expected))
 
@@ -122,11 +120,9 @@ def test_bits_come_from_the_lowest_on() -> None:
 def test_no_triangle_in_view_is_left_out(size: float) -> None:
     frame = frame_of(size)
     count = frame.triangle_count
-    box = wp.zeros(count, dtype=wp.vec4i, device="cpu")
-    met = wp.zeros(count, dtype=wp.bool, device="cpu")
-    wp.launch(boxes_kernel, dim=count, inputs=[frame.camera, frame.mesh, count], outputs=[box, met], device="cpu")
-    first, last = box.numpy()[:, :2], box.numpy()[:, 2:]
+    box, met = launched(boxes_kernel, count, [frame.camera, frame.mesh, count], [count, count])
+    first, last = box[:, :2], box[:, 2:]
     seen = (first <= last).all(axis=1)
-    assert met.numpy()[seen].all()
+    assert met[seen].all()
     assert seen.any()
-    assert not met.numpy().all()
+    assert not met.all()

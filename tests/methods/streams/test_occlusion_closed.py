@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from helpers.method_trials import assert_same
 from shadowbench.harness.frame.geometry import Corners
 from shadowbench.harness.frame.registry import make_method
@@ -129,10 +130,7 @@ def test_what_is_left_out_certainly_faces_away():
     unit = 10.0 ** random.choice([0.0, 0.0, 12.0, -14.0, -20.0, 20.0, -37.0, 36.0], count)[:, None]
     light, corners = (light * unit).astype(np.float32), (corners * unit[:, :, None]).astype(np.float32)
     flags = random.choice([1, 1 | CLOSED, 1 | CLOSED | TURNED], count).astype(np.uint8)
-    away = wp.zeros(count, dtype=wp.bool, device="cpu")
-    given = [wp.array(flags, dtype=wp.uint8, device="cpu"), wp.array(light, dtype=wp.vec3f, device="cpu")]
-    wp.launch(away_kernel, count, [*given, wp.array(corners, dtype=wp.vec3f, device="cpu")], [away], device="cpu")
-    found = away.numpy()
+    (found,) = launched(away_kernel, count, [flags, light, corners], [count])
     assert not found[flags == 1].any()
     exact = np.array([sign(*corners[i], light[i]) for i in range(count)]) * np.where(flags & TURNED, -1, 1)
     assert (exact[found] < 0).all()

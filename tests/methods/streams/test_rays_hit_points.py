@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
 from helpers.method_trials import trace
 from numpy.typing import NDArray
@@ -39,11 +40,9 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     """What :func:`points_kernel` finds for every pixel that hits, and the t of the answers."""
     session, _, answers = trace("ray_grids", {}, prepared, *SIZE)
     (light,) = lights_of_session(session)
-    kinds = dict(triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f)
-    found = {name: wp.zeros(SIZE[0] * SIZE[1], dtype=kind, device="cpu") for name, kind in kinds.items()}
-    given = [light.hits, light.light]
-    wp.launch(points_kernel, dim=thread_count(*SIZE), inputs=given, outputs=list(found.values()), device="cpu")
-    result = {name: array.numpy() for name, array in found.items()}
+    names = "triangle rough exact way t placed_as".split()
+    found = launched(points_kernel, thread_count(*SIZE), [light.hits, light.light], [SIZE[0] * SIZE[1]] * len(names))
+    result = dict(zip(names, found, strict=True))
     assert (result["triangle"] == answers["triangle"].ravel()).all()
     result["answer_t"] = answers["t"].ravel()
     return {name: values[result["triangle"] >= 0] for name, values in result.items()}
@@ -75,10 +74,9 @@ def test_a_word_gives_the_distance_to_half_of_what_it_cuts():
     random = np.random.default_rng(1)
     inverse = np.exp(random.uniform(-80, 80, 5000))
     index = random.integers(0, 2**24, inverse.size).astype(np.int32)
-    given = [wp.array(inverse, dtype=wp.float64, device="cpu"), wp.array(index, dtype=wp.int32, device="cpu")]
-    t = wp.zeros((inverse.size, 9), dtype=wp.float64, device="cpu")
-    wp.launch(word_kernel, dim=t.shape, inputs=given, outputs=[t], device="cpu")
-    off = np.abs(t.numpy() * inverse[:, None] - 1.0)
+    shape = inverse.size, 9
+    (t,) = launched(word_kernel, shape, [inverse, index], [shape])
+    off = np.abs(t * inverse[:, None] - 1.0)
     bound = 2.0 ** -(30.0 + np.arange(9))
     assert (off <= bound * 1.000001).all()
     assert (off > 0.5 * bound).mean() > 0.2

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from helpers.lights_of_session import placings_of_session
 from helpers.method_trials import assert_same, box, trace
 from helpers.streams import trial
@@ -118,15 +119,13 @@ def test_the_direction_of_a_face_that_is_nearest_to_an_axis():
     random = np.random.default_rng(1)
     axes = random.normal(size=(400, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
-    found = wp.zeros(len(axes), dtype=wp.float64, device="cpu")
-    given = wp.array(axes, dtype=wp.vec3d, device="cpu")
-    wp.launch(face_cosine_kernel, dim=len(axes), inputs=[given], outputs=[found], device="cpu")
+    (found,) = launched(face_cosine_kernel, len(axes), [axes], [len(axes)])
     u, v = np.meshgrid(np.linspace(-1, 1, 401), np.linspace(-1, 1, 401))
     ways = np.stack([np.ones_like(u), u, v], axis=-1).reshape(-1, 3)
     sampled = (axes @ (ways / np.linalg.norm(ways, axis=1)[:, None]).T).max(axis=1)
     # What is found is never less than a sample, and exceeds the best one by what lies between two samples.
-    assert (found.numpy() >= sampled - 1e-12).all()
-    np.testing.assert_allclose(found.numpy(), sampled, atol=1e-4)
+    assert (found >= sampled - 1e-12).all()
+    np.testing.assert_allclose(found, sampled, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(4))

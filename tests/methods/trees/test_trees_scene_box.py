@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.methods.trees.builders.scene_box import BLOCK, BLOCKS, SceneBox
 from shadowbench.methods.trees.nodes import padding
@@ -53,6 +54,5 @@ def test_boxes_are_padded_by_more_than_their_bound(size, eye, device):
     prepared = make_scene(points, faces, [(5.0, 4.0, 3.0)], tuple(min(size * x, 3e38) for x in eye))
     moment = prepared.moment(0, 8, 8)
     bound, extent = float(moment.max_coordinate[0]), float(np.abs(moment.points).max())
-    given, found = (wp.array(values, dtype=wp.float32, device=device) for values in ([bound], [0.0]))
-    wp.launch(padding_kernel, 1, inputs=[given], outputs=[found], device=device)
-    assert found.numpy()[0] > 2.0**-24 * (5.0 * bound + 8.0 * extent)
+    ((found,),) = launched(padding_kernel, 1, [np.float32([bound])], [1], device)
+    assert found > 2.0**-24 * (5.0 * bound + 8.0 * extent)

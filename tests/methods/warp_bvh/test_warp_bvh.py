@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.launched import launched
 from helpers.method_trials import assert_exact, assert_nearly, assert_same, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -87,12 +88,10 @@ def visits(prepared: Prepared, indices: np.ndarray, frame: int) -> int:
         array.assign(side)
     tree.refit()
     moment = prepared.moment(frame, 16, 16)
-    rays = (
-        wp.array(made(np.arange(256)), dtype=wp.vec3f, device="cpu") for made in (moment.origins, moment.directions)
-    )
-    count = wp.zeros(1, dtype=wp.int32, device="cpu")
-    wp.launch(visits_kernel, dim=256, inputs=[tree.id, *rays], outputs=[count], device="cpu")
-    return int(count.numpy()[0])
+    pixels = np.arange(256)
+    inputs = [tree.id, moment.origins(pixels), moment.directions(pixels)]
+    ((count,),) = launched(visits_kernel, 256, inputs, [1])
+    return int(count)
 
 
 @wp.kernel(enable_backward=False)
