@@ -4,6 +4,7 @@ A test of a whole run waits for no run of another test process on this machine.
 """
 
 import gc
+import io
 import os
 import signal
 import sys
@@ -68,11 +69,11 @@ def unpainted(monkeypatch: pytest.MonkeyPatch) -> None:
     from matplotlib.figure import Figure
     from PIL import Image
 
-    def save(figure: Figure, path: Path, **_: object) -> None:
-        if path.suffix == ".png":
-            Image.new("RGB", (1, 1)).save(path)
+    def save(figure: Figure, to: Path | io.StringIO, **_: object) -> None:
+        if isinstance(to, io.StringIO):
+            to.write("<svg/>")
         else:
-            path.write_text("<svg/>")
+            Image.new("RGB", (1, 1)).save(to)
 
     monkeypatch.setattr(Figure, "savefig", save)
 

@@ -113,7 +113,8 @@ def apart(table: DataFrame) -> list[str]:
         between = "; " if (lit != "").any() else ", "
         labels = names.groupby("run", sort=False).agg(between.join)
         if len(labels) > 1:
-            runs = f"{len(labels)} runs, which are not compared: {' | '.join(labels)}"
+            runs = f"{len(labels)} runs, which are not compared"
+            runs += f": {' | '.join(labels)}" * (labels.nunique() > 1)
             lines.setdefault(runs, []).append(str(title))
     were = {runs: "were" if len(titles) > 1 else "was" for runs, titles in lines.items()}
     return [f"{', '.join(titles)} {were[runs]} measured in {runs}." for runs, titles in lines.items()]

@@ -1,5 +1,6 @@
 """The shared drawings: lines, stacked bars, dots and images, one panel per value of a column."""
 
+import io
 import itertools
 import math
 import textwrap
@@ -16,6 +17,7 @@ from ..results.table import PART_COLUMNS
 from . import numbers, style
 from .dataframe import DataFrame
 from .picture import png_bytes
+from .short_svg import short
 
 DASHES = ("-", "--", ":", "-.")
 WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are shown as shares of it"
@@ -61,8 +63,12 @@ def sheet(
         if late:
             figure.draw_without_rendering()
             late()
-        # Without a date: the same records give the same bytes.
-        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+        if path.suffix == ".svg":
+            drawing = io.StringIO()
+            figure.savefig(drawing, format="svg", metadata={"Date": None})  # the same records give the same bytes
+            path.write_text(short(drawing.getvalue()), "utf-8")
+        else:
+            figure.savefig(path)
     if colours or inks:
         with Image.open(path) as whole:
             picture = np.asarray(whole.convert("RGB"))

@@ -67,6 +67,16 @@ def test_runs_in_one_folder_are_named(tmp_path):
     assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: ours | tree."
 
 
+def test_runs_of_the_same_columns_are_counted_only(tmp_path):
+    """Sizes that were measured one by one: each run had all methods, and the line named them three times."""
+    records = [*two(), *two()]
+    for record, run in zip(records, "aabb", strict=True):
+        record["rounds"], record["point"]["width"] = [{"run": run}], 64 if run == "a" else 128
+        record["key"] += run
+    (line,) = compare.apart(document.read(write_records(tmp_path, records)))
+    assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared."
+
+
 def test_a_method_of_several_runs_is_named_with_its_lightings(tmp_path):
     lights = [Lighting("one", count=1), Lighting("two", count=2)]
     records = [record_of("effects", entry, lighting=light) for light in lights for entry in (OURS, TREE)]
