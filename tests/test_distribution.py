@@ -44,6 +44,13 @@ def test_the_files_of_the_smoke_test_exist():
     assert [file for file in files if not (ROOT / file).is_file()] == []
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="no checkout")
+def test_no_link_is_tracked():
+    """It would lead to a place of one machine."""
+    kept = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    assert [line for line in kept.splitlines() if line.startswith("120000")] == []
+
+
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_each_commit_has_another_turn_of_the_tests_also_in_a_clone_of_the_last_alone(tmp_path):
     """A server that builds clones the last commit alone, and so would have the same part of the tests for ever."""
