@@ -179,25 +179,17 @@ def judged(results: Results, machine: str) -> DataFrame:
 
 
 def claims(results: Results, *machines: str) -> list[str]:
-    """The paper's claims, each with its verdict on every machine; -: no record of it decides."""
+    """The paper's claims, each with its verdict on every machine."""
     first = judged(results, machines[0])
     rows = {"": first["number"], "claim": first["claim"], "in the paper": first["section"]}
     for name in machines:
-        own = judged(results, name)
-        rows[f"on {name}"] = ("**" + own["verdict"] + "**").where(own["judged_from"] != "", "-")
+        rows[f"on {name}"] = "**" + judged(results, name)["verdict"] + "**"
     return marked({**rows, f"judged from, on {machines[0]}": first["judged_from"]})
 
 
 def verdicts(results: Results, machine: str) -> list[str]:
     """How many claims hold."""
-    made = judged(results, machine)
-    told = made.loc[made["judged_from"] != "", "verdict"].value_counts()
-    holds, fails, open_ = (told.get(each, 0) for each in (verdict.HOLDS, verdict.FAILS, verdict.OPEN))
-    lacking = len(made) - holds - fails - open_
-    return [
-        f"{holds} hold, {fails} do not, {open_} cannot be told"
-        + (f", {lacking} were not measured." if lacking else ".")
-    ]
+    return [verdict.tally(judged(results, machine))]
 
 
 def soft(results: Results, folder: str) -> list[str]:

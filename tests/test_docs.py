@@ -15,11 +15,12 @@ import pytest
 from helpers import brute_force
 from helpers.import_graph import modules
 from shadowbench.experiments._documents import PARTS, judged, measured
-from shadowbench.harness.frame.registry import method_names
+from shadowbench.harness.frame.registry import method_class, method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.report import claims, documents
 from shadowbench.harness.results import samples, tidy
 from shadowbench.harness.runner.planning.experiment import experiment_names
+from shadowbench.harness.runner.planning.planned_point import source_hash
 
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = ROOT / "docs" / "adding-a-method.md"
@@ -128,6 +129,14 @@ def test_the_version_of_a_folder_is_of_the_method_that_it_names():
     assert measured(points)["version"] == f"paper `{'a' * 8}` and `{'c' * 8}`"
     points.loc[3, "method"] = "ray_grids"
     assert measured(points)["version"] == f"ray_grids `{'d' * 8}`"
+
+
+def test_the_findings_say_whether_the_kept_figures_are_of_the_code_beside_them(results):
+    points = results.points("nvidia-h100/frame_time")
+    kept = dict(points.groupby("method")["method_sha256"].last())
+    older = [name for name, sha in kept.items() if source_hash(method_class(name)) != sha]
+    said = "all kept figures are of an earlier version of the code than this checkout"
+    assert (said in (ROOT / "docs" / "findings.md").read_text()) == (len(older) == len(kept)), older
 
 
 def test_the_first_pages_are_short_and_the_readme_has_one_sentence_and_a_table_of_six_columns():

@@ -14,7 +14,7 @@ from ..errors import UserError
 from ..files import plain
 from ..report import numbers, two_runs
 from ..report.terminal import plain_console
-from ..report.two_runs import OPEN, VERDICTS, WRONG, Comparison, Row
+from ..report.two_runs import OPEN, UNMEASURED, VERDICTS, WRONG, Comparison, Row
 from ..results.folder import read_environment
 from ..results.newest import newest
 from ..results.record import Record
@@ -129,20 +129,22 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float, mos
         table.add_row(
             row.scene, row.label + " *" * row.changed, row.verdict, numbers.carried(row.a_ms), numbers.carried(row.b_ms),
             percent(row.gap), interval(row), percent(row.spread, sign=False), wrong(row),
-            style={"slower": "red", "faster": "green", WRONG: "red", OPEN: "dim"}.get(row.verdict, ""),
+            style={"slower": "red", "faster": "green", WRONG: "red", OPEN: "dim", UNMEASURED: "dim"}.get(row.verdict, ""),
         )  # fmt: skip
     plain_console().print(table)
     counts = ", ".join(f"{count} {verdict}" for verdict in VERDICTS if (count := found.count(verdict)))
     lines = [f"{counts}.", f"gap: B over A less one; own: the machine's own spread; margin {margin:.0%}; "
              "wrong: answers of A and B; *: another version of the method"]  # fmt: skip
-    reasons: dict[str, list[str]] = {}
-    for row in (*found.rows, *found.means):
-        if row.reason:
-            reasons.setdefault(row.reason, []).append(f"{row.scene}, {row.label}")
-    why = [
-        f"can't tell: {reason} ({some([point for one in alike for point in reasons[one]], most)})"
-        for reason, alike in kinds(reasons).items()
-    ]
+    why = []
+    for verdict in (OPEN, UNMEASURED):
+        reasons: dict[str, list[str]] = {}
+        for row in (*found.rows, *found.means):
+            if row.verdict == verdict:
+                reasons.setdefault(row.reason, []).append(f"{row.scene}, {row.label}")
+        why += [
+            f"{verdict}: {reason} ({some([point for one in alike for point in reasons[one]], most)})"
+            for reason, alike in kinds(reasons).items()
+        ]
     print_lines(*lines, *why, *notes)
     sys.stdout.flush()
 

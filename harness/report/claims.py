@@ -1,4 +1,4 @@
-"""Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be decided from the records.
+"""Claims, one by one: what was measured, and whether it holds, does not hold, cannot be told, or is not measured.
 
 An experiment declares a claim as a sentence and a function of :class:`Evidence`. A ratio is taken within one run, between
 points of the same scene, size, lights and frames (:func:`.report.compare.pairs`).
@@ -16,7 +16,8 @@ from . import compare, document, numbers
 from .dataframe import DataFrame, Series, pd
 from .terminal import print_table
 
-HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
+HOLDS, FAILS, OPEN, UNMEASURED = "holds", "does not hold", "can't tell", "not measured"
+VERDICTS = (HOLDS, FAILS, OPEN, UNMEASURED)
 ABOUT = (
     "Scenes are stand-ins where their title says so; the paper's own numbers come from a GTX 280. A ratio is taken within "
     "one run, over the same frames; where there are several runs, that of the last versions of the methods counts."
@@ -223,12 +224,12 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
             return claim.judge(one), origin(one, data)
         except Lacking as lack:
             lacks.append(str(lack))
-    told = lacks[0] if lacks else "not measured"
+    told = lacks[0] if lacks else "no records"
     if len(evidence) > 1:
         alike = Counter(one.described() for one in evidence)
         known = "; ".join(f"{count} runs of {name}" if count > 1 else name for name, count in alike.items())
         told += f"; of different runs or versions, and not to be mixed: {known}"
-    return Finding(OPEN, f"{told}; run {claim.experiments[0]}"), ""
+    return Finding(UNMEASURED, f"{told}; run {claim.experiments[0]}"), ""
 
 
 def origin(evidence: Evidence, data: Data) -> str:
@@ -243,10 +244,17 @@ def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
     made = []
     for number, claim in enumerate(claims, 1):
         found, source = decide(claim, data)
-        if not claim.counted and not data.gpu and found.verdict != OPEN:
+        if not claim.counted and not data.gpu and found.verdict in (HOLDS, FAILS):
             found = Finding(OPEN, f"on a CPU, which does not decide it: {found.numbers}")
         made.append((number, claim.text, claim.section, found.verdict, found.numbers, source))
     return pd.DataFrame(made, columns=["number", "claim", "section", "verdict", "numbers", "judged_from"])
+
+
+def tally(made: DataFrame) -> str:
+    """How many claims :func:`judge_all` gave each verdict, as a sentence."""
+    told = made["verdict"].value_counts()
+    counts = ", ".join(f"{verdict} {told.get(verdict, 0)}" for verdict in VERDICTS)
+    return f"Verdicts on {len(made)} claims: {counts}."
 
 
 def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
@@ -262,11 +270,10 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
 def write(folder: Path, made: DataFrame, data: Data) -> list[Path]:
     """``claims.md`` and ``claims.csv`` in the folder: what :func:`judge_all` made of the data."""
     points, path = document.named(data.frames), folder / "claims.md"
-    told, errors = made["verdict"].value_counts(), points["error"].str.split().str[0].value_counts()
+    errors = points["error"].str.split().str[0].value_counts()
     shown = made.assign(verdict="**" + made["verdict"] + "**")
     lines = [
-        f"# Claims of the paper, measured here\n\n{told.get(HOLDS, 0)} hold, {told.get(FAILS, 0)} do not hold, "
-        f"{told.get(OPEN, 0)} cannot be told from these records.\n\n{document.where(points)}. {ABOUT}\n",
+        f"# Claims of the paper, measured here\n\n{tally(made)}\n\n{document.where(points)}. {ABOUT}\n",
         *document.markdown(shown.rename(columns={"number": "", "numbers": "measured", "judged_from": "judged from"})),
         f"\nOf {len(points)} points measured {errors.get(numbers.WRONG, 0)} have wrong answers and "
         f"{errors.get(numbers.UNSCORED, 0)} are unscored.\n",

@@ -3,8 +3,8 @@
 A point is faster or slower where three things hold. It has at least nine rounds in both runs. Mann and Whitney's test on
 the medians of its rounds finds a difference, at 5 % over all tests together (Holm's correction). And the gap is larger
 than the margin and than the machine's own spread, which is the gap found between two halves of one run, A against A. It
-is the same where the 95 % interval of the gap lies within the margin. Otherwise the verdict is open. What B answers
-wrongly and A did not is wrong, never faster.
+is the same where the 95 % interval of the gap lies within the margin. What neither run could measure is not measured.
+Otherwise the verdict is open. What B answers wrongly and A did not is wrong, never faster.
 """
 
 import itertools
@@ -21,8 +21,8 @@ from ..results.newest import entry_of
 from ..results.record import Record
 from ..results.throttled import disturbed, usual_clock
 
-FASTER, SLOWER, SAME, WRONG, OPEN = "faster", "slower", "same", "wrong", "can't tell"
-VERDICTS = (FASTER, SLOWER, SAME, WRONG, OPEN)
+FASTER, SLOWER, SAME, WRONG, OPEN, UNMEASURED = "faster", "slower", "same", "wrong", "can't tell", "not measured"
+VERDICTS = (FASTER, SLOWER, SAME, WRONG, OPEN, UNMEASURED)
 
 ROUNDS = 9
 """Rounds of each run, at least: fewer cannot give a small enough p once it is corrected for many tests."""
@@ -243,9 +243,13 @@ def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
         a.scene, a.label, a.record.method["device"], OPEN, rounds_a=len(a.rounds), rounds_b=len(b.rounds),
         wrong_a=a.wrong, wrong_b=b.wrong, lost=a.record.status == "ok" and b.record.status != "ok", **_flags([(a, b)]),
     )  # fmt: skip
-    for run, one in (("A", a), ("B", b)):
-        if one.record.status != "ok":
-            return replace(row, reason=f"{one.record.status} in {run}: {one.record.reason or 'no reason given'}")
+    reasons = [
+        f"{one.record.status} in {run}: {one.record.reason or 'no reason given'}"
+        for run, one in (("A", a), ("B", b))
+        if one.record.status != "ok"
+    ]
+    if reasons:
+        return replace(row, verdict=UNMEASURED if len(reasons) == 2 else OPEN, reason=reasons[0])
     return _tested(row, _by_round([a]), _by_round([b]), again and tuple(_by_round([one]) for one in again))
 
 

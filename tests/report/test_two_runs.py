@@ -150,6 +150,19 @@ def test_a_point_that_b_could_not_measure_is_missing(call, tmp_path, status):
     assert call(other, one, "--fail-on", "slower")[0] == 0
 
 
+def test_what_neither_run_could_measure_is_not_measured(call, tmp_path):
+    """Apart from what cannot be told: here the tree's, which has too few rounds."""
+    for name in "ab":
+        refused = {**made(GRIDS, 1.0, 1), "status": "rejected", "reason": "no such mesh", "frames": []}
+        write(tmp_path / name, [made(TREE, 1.0, 1, rounds=8), refused])
+    code, out, _ = call(tmp_path / "a", tmp_path / "b", "--fail-on", "cannot-tell")
+    out = " ".join(out.split())
+    assert code == 1
+    assert "1 can't tell, 1 not measured." in out
+    assert "not measured: rejected in A: no such mesh (Cloth (stand-in), grids)" in out
+    assert "fails: cannot-tell: 1" in out
+
+
 @pytest.mark.parametrize(
     ("in_a", "in_b", "ms", "verdict"),
     [

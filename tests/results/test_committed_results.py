@@ -55,6 +55,13 @@ def test_drawing_kept_records_again_changes_no_table(folder, tmp_path):
     assert {file.name for file in files} <= kept
 
 
+def test_folders_of_results_beside_the_machines_are_named():
+    text = (RESULTS / "README.md").read_text(encoding="utf-8")
+    places = [path.parent.relative_to(RESULTS / "versions") for path in (RESULTS / "versions").rglob("records")]
+    assert [place for place in places if f"`{place.as_posix()}/`" not in text] == []
+    assert places
+
+
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 def test_reports_show_only_pictures_that_are_there(folder):
     for name, text in texts(folder).items():

@@ -1,7 +1,5 @@
 // The paper's claims with their verdicts, and the drawings of every experiment.
 
-const WORDS = { holds: "hold", "does not hold": "do not hold", "can't tell": "cannot be told" };
-
 function viewClaims(host) {
   if (!DATA.claims.length) { host.append(el("p.empty-note", {}, "These results decide no claim.")); return; }
   const columns = [
@@ -14,7 +12,7 @@ function viewClaims(host) {
   ];
   const counts = unique(DATA.claims.map((c) => c.verdict)).map((verdict) => [verdict, DATA.claims.filter((c) => c.verdict === verdict).length]);
   host.append(section("Claims", savers(columns, ordered(columns, DATA.claims, "claims"), "claims", "Claims of the paper, measured here"),
-    el("p.finding", {}, counts.map(([verdict, count]) => `${count} ${WORDS[verdict] || verdict}`).join(", ") + ". A claim without a section is this project's own, the others are the paper's. Scenes are stand-ins where their title says so; the paper's own numbers come from a GTX 280."),
+    el("p.finding", {}, `Verdicts on ${DATA.claims.length} claims: ` + counts.map(([verdict, count]) => `${verdict} ${count}`).join(", ") + ". A claim without a section is this project's own, the others are the paper's. Scenes are stand-ins where their title says so; the paper's own numbers come from a GTX 280."),
     grid(columns, DATA.claims, { caption: "Each claim, judged from the records of these results alone", name: "claims" })));
 }
 
