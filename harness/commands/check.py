@@ -40,9 +40,9 @@ def check(
 
     Every answer is compared with exact arithmetic. A wrong answer that float32 rounding explains (near-tie, edge) is
     excused, up to a limit per case; any other wrong answer is a true error. Exit code 1 if a case has a true error or
-    too many excused answers, or if a rule is broken; this also holds for a method that declares itself inexact. A
-    method declares what it does not support in its attribute ``outside``: a case in {case: reason} is listed and not
-    run; with {"shadows": reason}, wrong shadow bits are counted but do not fail the check.
+    too many excused answers, if a rule is broken, or if no case could be run; this also holds for a method that declares
+    itself inexact. A method declares what it does not support in its attribute ``outside``: a case in {case: reason} is
+    listed and not run; with {"shadows": reason}, wrong shadow bits are counted but do not fail the check.
     """
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))
@@ -57,7 +57,8 @@ def check(
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
     warning = few_hits(sum(one.hits for one in findings), sum(one.pixels for one in findings))
     statuses = [*(finding.status for finding in findings), *(one.status for one in checks)]
-    passed = not any(status in ("error", "excused") for status in statuses)
+    unchecked = _unchecked(findings)
+    passed = not unchecked and not any(status in ("error", "excused") for status in statuses)
     facts = {
         "method": method,
         "settings": settings,
@@ -65,6 +66,7 @@ def check(
         "known_inexact": getattr(made, "known_inexact", None),
         "outside": outside,
         "passed": passed,
+        "unchecked": unchecked,
         "true_errors": sum(finding.true_errors for finding in findings),
         "excused": sum(finding.excused for finding in findings),
         "rays": sum(finding.rays for finding in findings),
@@ -73,6 +75,13 @@ def check(
     report = {**facts, "cases": [one.as_json() for one in findings], "conformance": [one.as_json() for one in checks]}
     tell(report, as_json, lambda facts: _print(facts, findings, checks))
     return 0 if passed else 1
+
+
+def _unchecked(findings: list[Finding]) -> str:
+    """Why nothing was checked, where the method could run no case: the reason of most of them. Else ""."""
+    reasons = Counter(finding.reason for finding in findings if finding.status == "outside")
+    ran = any(finding.rays or finding.status == "error" for finding in findings)
+    return "" if ran or not reasons else reasons.most_common(1)[0][0]
 
 
 def _settings(method: str, texts: list[str]) -> dict[str, str]:
@@ -94,6 +103,9 @@ CLASS_NAMES = {
 
 
 def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) -> None:
+    if facts["unchecked"]:
+        print_lines(f"{facts['method']} on {facts['device']}: nothing was checked: {facts['unchecked']}")
+        return
     table = make_table("case", "what", "expected", "got", "excused", "result")
     notes = []
     for finding in findings:

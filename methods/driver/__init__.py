@@ -79,7 +79,6 @@ class Driver(BaseMethod):
     title = "Driver's ray tracing"
     simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     capturable = False
-    devices = ("cuda",)
     sources = ("rays.slang",)
     Build = Build
     Trace = Trace
@@ -93,6 +92,8 @@ class Driver(BaseMethod):
     def applies(self, scene: Scene, device: str) -> str | None:
         if self.build.api == "vulkan" and device.startswith("cuda"):
             return "by Vulkan it runs beside Warp on the CPU; give --device cpu"
+        if self.build.api == "optix" and not device.startswith("cuda"):
+            return "by OptiX it runs on cuda only; try --set driver.api=vulkan (docs/methods/driver.md)"
         return super().applies(scene, device) or slang.missing(self.build.api)
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:

@@ -117,6 +117,17 @@ def test_a_setting_that_is_inexact_fails(capsys) -> None:
     assert "inexact" not in capsys.readouterr().out
 
 
+def test_where_no_case_was_run_it_says_so_in_one_line_and_fails(capsys) -> None:
+    assert check("driver", "cpu", None, ["P01", "P02"], False) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(
+        "driver on cpu: nothing was checked: by OptiX it runs on cuda only; try --set driver.api=vulkan"
+    )
+    code, found = report(capsys, "driver", "P01")
+    assert (code, found["passed"]) == (1, False)
+    assert found["unchecked"] == found["cases"][0]["reason"]
+
+
 def test_shadows_that_are_declared_are_shown_and_not_held_against_a_method(own_methods, capsys) -> None:
     assert report(capsys, "no_shadows", "S01")[0] == 1
     code, found = report(capsys, "declared", "S01", "S02")

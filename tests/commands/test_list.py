@@ -60,6 +60,11 @@ def test_of_a_named_method_the_parameters_are_listed(call):
     assert (row["name"], "update" in row["parameters"]) == ("warp_bvh", True)
 
 
+def test_a_method_lists_every_kind_of_device_that_a_setting_lets_it_run_on(call):
+    (row,) = json.loads(call("list", "methods", "driver", "--json")[1])
+    assert set(row["devices"]) == {"cpu", "cuda"}
+
+
 def test_experiments_have_a_sentence_each_and_a_named_one_its_presets(call, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     text = call("list", "experiments")[1]

@@ -39,7 +39,7 @@ at infinity (:data:`.structures.AT_INFINITY`); hit points on the border of a spo
 
 def skip_where_it_cannot_run(name: str, device: str) -> None:
     """Skip the test for a method of another kind of device."""
-    if device.split(":")[0] not in method_class(name).devices:
+    if device.split(":")[0] not in make_method(name).devices:
         pytest.skip(f"{name} does not run on {device}")
 
 

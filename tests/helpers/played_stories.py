@@ -31,8 +31,9 @@ def players(device: str) -> list[Player]:
     """Every method with its settings, and again with each way to keep a tree, or occluders, over frames."""
     found: list[Player] = []
     for name in method_names():
-        cls = type(make_method(name))
-        if device.split(":")[0] not in cls.devices:
+        method = make_method(name)
+        cls = type(method)
+        if device.split(":")[0] not in method.devices:
             continue
         found.append((name, EXACT_SETTINGS.get(name, SMALL.get(name, {}))))
         if name in EXACT_SETTINGS:

@@ -4,7 +4,6 @@ import pytest
 from helpers.judged_hard_cases import EVERYTHING, exact_methods
 from helpers.real_scenes import MESHES, needs_real
 from shadowbench.harness import api
-from shadowbench.harness.frame.registry import method_class
 from shadowbench.harness.scene.overrides import Lighting
 
 QUICK = ("teapot", "cornell_box_water")
@@ -25,7 +24,7 @@ def test_exact_methods_have_no_error_under_soft_lights(path, soft, device):
     judge = api.Judge.of(prepared, moment, device=device)
     targets = sum(light.samples for light in prepared.scene.lights)
     for name, settings in exact_methods():
-        if device.split(":")[0] in method_class(name).devices and (EVERYTHING or name in FEW):
+        if device.split(":")[0] in api.make_method(name, settings).devices and (EVERYTHING or name in FEW):
             answers = api.Session(api.make_method(name, settings), prepared, SIDE, SIDE, device).answers(moment)
             score = api.score_answers(judge, answers).score
             assert (score.true_errors, len(score.shadow)) == (0, targets), (name, score.examples[:2])
