@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import UserError, say
 from ..files import write_text
 from ..results.folder import require_plain
+from ..results.schema import folders_with_records
 from ..runner.planning.experiment import PACKAGE
 from .options import command
 
@@ -57,10 +58,9 @@ def report(
     from ..report import document
     from ..report.page import build
 
-    require_plain(folder)  # before anything in it is read
-    sources = document.sources(folder)
-    for place in {one.path for one in sources} - {folder}:
+    for place in (*folders_with_records(folder), folder):  # before anything in them is read
         require_plain(place)
+    sources = document.sources(folder)
     data = collected(folder, sources)
     manual = DOCS if (DOCS / "index.html").is_file() else None
     try:

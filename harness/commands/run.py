@@ -117,6 +117,9 @@ def plan_run(
     without the further presets of :attr:`.Preset.also`. ``view``: camera and lights in place of those of every scene.
     Raises :class:`UserError` for a wrong argument.
     """
+    taken = [path for path in (out, *out.parents) if path.is_file()] if out else []
+    if taken:
+        raise UserError(f"--out {out}: {taken[0]} is a file; name a folder")
     declared = find_experiment(experiment)
     place = elsewhere or find_device(device)
     name, chosen = find_preset(declared, preset, place)

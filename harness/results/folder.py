@@ -39,7 +39,10 @@ def require_plain(folder: Path) -> None:
         with contextlib.suppress(OSError), os.scandir(place) as entries:  # who reads or writes there says what is wrong
             odd = [one.path for one in entries if not (one.is_file(follow_symlinks=False) or one.is_dir())]
             if odd:
-                raise UserError(f"{min(odd)}: a link, or no file at all; put a file in its place, or remove it")
+                way_out = "put a file in its place, or remove it"
+                if not (folder / "records").exists():
+                    way_out = f"{folder} has no records of its own, name another folder"
+                raise UserError(f"{min(odd)}: a link, or no file at all; {way_out}")
 
 
 class ResultsFolder:

@@ -277,6 +277,15 @@ def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, place: st
         pass
 
 
+def test_of_a_folder_without_results_it_is_said_that_there_are_none(tmp_path: Path) -> None:
+    (tmp_path / "localtime").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(UserError, match="no records in it or in its folders; name a folder of results"):
+        report(tmp_path)
+    for act in (lambda: show("table1", tmp_path), lambda: run(options(tmp_path, ["tetra.obj"], ["uniform_grid"]))):
+        with pytest.raises(UserError, match=r"localtime: .*; .* has no records of its own, name another folder"):
+            act()
+
+
 def test_an_environment_that_cannot_be_read_is_written_again(tmp_path: Path) -> None:
     facts = {"id": "abc", "cpu": {"model": "any"}}
     path = tmp_path / "environments" / "abc.json"

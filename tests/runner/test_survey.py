@@ -6,6 +6,7 @@ from functools import partial
 import pytest
 from helpers.tiny_runs import Heard, options, write_scene
 from shadowbench.harness.commands.run import dry, plan_run
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.runner.planning import survey, time_estimate
 from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
@@ -38,6 +39,14 @@ def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
     Run(one, report).go()
     assert "nothing to measure, 1 of 1 points" in report.notes[0]
     assert "ompile" not in report.notes[0]
+
+
+@pytest.mark.parametrize("below", ["", "deep/er"])
+def test_results_cannot_go_to_a_file(tmp_path, below):
+    taken = tmp_path / "mesh.ply"
+    taken.touch()
+    with pytest.raises(UserError, match=r"mesh\.ply is a file; name a folder"):
+        plan_run("frame_time", device="cpu", scenes=["cloth"], out=taken / below)
 
 
 @pytest.mark.parametrize(
