@@ -133,7 +133,7 @@ def line_of(error: Exception) -> str:
     if isinstance(error, UserError):
         return str(error)
     if isinstance(error, MemoryError):
-        return f"not enough memory ({one_line(error)}); choose a smaller --size"
+        return f"not enough memory ({one_line(error)}); choose a smaller --size or scene"
     assert isinstance(error, OSError)  # a full disk, a folder that may not be written, too many open files
     where = f"{error.filename}: " if error.filename else ""
     return f"{where}{error.strerror or one_line(error)}; --debug shows where it comes from"

@@ -162,7 +162,7 @@ def view_of(
         raise UserError("--camera and --camera-of: give one of them")
     ends = None if camera is None else (_place("--camera", camera[0]), _place("--camera", camera[1]))
     if rate is not None and not 0.0 < rate <= FASTEST:
-        raise UserError(f"--rate {rate:g}: must lie between 0 and {FASTEST:g} frames a second")
+        raise UserError(f"--rate {rate:g}: must be more than 0 and at most {FASTEST:g} frames a second")
     wanted = Wanted(frames_of(frames), allow_missing, rate)
     places = tuple(_place("--light", text) for text in light or ())
     area = light_size, light_samples, light_shape

@@ -114,7 +114,7 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
         lights.append(", ".join(words))
     return {
         "geometry": f"{triangles(prepared.triangle_count)}, {moves}",
-        "closed": scene.closed,
+        "declared closed": scene.closed,
         "camera": ("moving" if scene.camera_moves else "fixed") + f", from {place_text(scene.camera.eye)} to "
         f"{place_text(scene.camera.target)}",
         "lights": lights,

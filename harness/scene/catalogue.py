@@ -66,6 +66,8 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None, wanted: Wante
 def _found(name: str | Path, scene_dir: str | Path | None, wanted: Wanted, within: tuple[Path, ...] = ()) -> Scene:
     """What :func:`resolve` finds. ``within``: the declarations that refer to this one, to detect a cycle."""
     text = str(name)
+    if not text:
+        raise UserError("the name of the scene is empty; give a scene or a mesh file")
     if text in scene_names():
         files = original(text, scene_dir)
         if files:

@@ -107,7 +107,7 @@ def ray_tables(camera: Camera, width: int, height: int, centre: F64) -> tuple[F3
     if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
         raise UserError("camera: up must be finite and not parallel to the view; choose another up")
     if camera.height is None and not 0.0 < camera.fov < 180.0:
-        raise UserError(f"camera: fov {camera.fov} degrees must lie between 0 and 180")
+        raise UserError(f"camera: fov {camera.fov} degrees must be more than 0 and less than 180")
     if camera.height is not None and not 0.0 < camera.height < np.inf:
         raise UserError(f"camera: height {camera.height} must be finite and greater than 0")
     right /= np.linalg.norm(right)

@@ -36,9 +36,9 @@ def spot_row(spot: Spot | None) -> F64:
         right = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])  # a cone needs no up
     right /= np.linalg.norm(right)
     if not 0.0 < spot.angle <= 180.0:
-        raise UserError(f"spot: angle {spot.angle} degrees must lie between 0 and 180")
+        raise UserError(f"spot: angle {spot.angle} degrees must be more than 0 and at most 180")
     if spot.rise is not None and not 0.0 < spot.rise <= 90.0:
-        raise UserError(f"spot: rise {spot.rise} degrees must lie between 0 and 90")
+        raise UserError(f"spot: rise {spot.rise} degrees must be more than 0 and at most 90")
     row[1:10] = np.concatenate([forward, right, np.cross(right, forward)])
     if spot.rise is None:
         row[0], row[10] = CONE, np.cos(np.radians(spot.angle))

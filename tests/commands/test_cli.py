@@ -91,6 +91,7 @@ def test_debug_shows_where_it_came_from(monkeypatch):
     ("error", "code", "said"),
     [
         (KeyboardInterrupt(), cli.INTERRUPTED, "shadowbench: interrupted; run the same command again to continue\n"),
+        (MemoryError("1 EiB"), 2, "not enough memory (1 EiB); choose a smaller --size or scene"),
         (OSError(28, "No space left on device", "/a/file"), 2, "/a/file: No space left on device"),
     ],
 )

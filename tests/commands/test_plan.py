@@ -54,6 +54,7 @@ def test_plan_breaks_no_word_at_80_columns(call, monkeypatch):
     command = ("plan", "fairy", "--method", "perspective_spherical", "--size", "16x16", "--device", "cpu")
     code, out, _ = call(*command)
     assert code == 0
+    assert "declared closed: no" in out
     words = out.split()
     for word in ("rectangle/0", "shadowed/0", "triangles", "geometry", "nothing", "camera"):
         assert word in words

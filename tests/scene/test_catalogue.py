@@ -120,6 +120,9 @@ def test_folders_that_are_none(tmp_path, monkeypatch):
         ("absent.ply", "absent.ply: no such file"),
         ("some/where", "some/where: no such file"),
         ("x" * 5000, "no scene or file"),
+        ("", "the name of the scene is empty"),
+        ("balls-900000000000m", "balls-900000000000m: too many triangles; name balls-134217728 at most"),
+        (f"balls-{'9' * 5000}", "no scene or file"),
     ],
 )
 def test_unknown_names(name, line):

@@ -55,7 +55,7 @@ def test_forms(tmp_path, form):
         ("v 0 0 0\nv 1-2 0 0\n" + FACES, "line 2: a value is not a number"),
         ("v 0 0 0\nv 1_0 0 0\n" + FACES, "line 2: a value is not a number"),
         (CORNER + "f /1 2 3\n", "line 6: a value is not a number"),
-        (CORNER + "f 1 2 6\n", "vertex 5 (from 0), but there are 5"),
+        (CORNER + "f 1 2 6\n", "line 6: a face names vertex 6, but there are 5"),
         (CORNER + "f 1 2 1.5\n", "line 6: a value is not a number"),
         (CORNER + "f 1 2 99999999999999999999\n", "line 6"),
         (CORNER, "no triangles"),

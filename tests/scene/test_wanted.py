@@ -50,7 +50,7 @@ def test_a_command_takes_a_number_or_the_frames_of_a_file():
     assert number_or_frames("7:9", seen) == (None, ChosenView(wanted=Wanted((7, 9, 1))))
     with pytest.raises(UserError, match="give a number of frames, or those of a file as A:B:STEP"):
         number_or_frames("x", seen)
-    with pytest.raises(UserError, match="--rate 0: must lie between"):
+    with pytest.raises(UserError, match="--rate 0: must be more than 0"):
         view_of(rate=0.0)
 
 

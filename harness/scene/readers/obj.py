@@ -66,7 +66,7 @@ def read_obj(path: Path, wanted: Wanted = ALL) -> Loaded:
     if any(line[:1].isspace() for line in lines):
         lines = [line.lstrip() for line in lines]
     (points,) = _parsed(path, lines, _VERTEX, _positions)
-    counts, corners = _faces(path, lines)
+    counts, corners = _faces(path, lines, len(points))
     return checked(path, points, triangulate(points, counts, corners), notes=_notes(lines))
 
 
@@ -100,16 +100,19 @@ def _positions(lines: Sequence[bytes]) -> tuple[F64]:
     return (first_three(values, each, "a vertex"),)
 
 
-def _faces(path: Path, lines: Sequence[bytes]) -> tuple[I64, I32]:
+def _faces(path: Path, lines: Sequence[bytes], vertex_count: int) -> tuple[I64, I32]:
     """The number of corners of each face, and the vertex indices of all corners, counted from 0."""
     corners, counts = _parsed(path, lines, _FACE, _corners)
-    if corners.min(initial=1) > 0:
-        return counts, corners - np.int32(1)
-    ends = np.cumsum(counts)
 
     def wrong(corner: int, problem: str) -> UserError:
-        return _wrong(path, lines, _FACE, int(np.searchsorted(ends, corner, side="right")), f"a face names {problem}")
+        line = int(np.searchsorted(np.cumsum(counts), corner, side="right"))
+        return _wrong(path, lines, _FACE, line, f"a face names {problem}")
 
+    if corners.max(initial=0) > vertex_count:
+        at = int(np.argmax(corners > vertex_count))
+        raise wrong(at, f"vertex {corners[at]}, but there are {vertex_count}")
+    if corners.min(initial=1) > 0:
+        return counts, corners - np.int32(1)
     if not corners.all():
         raise wrong(int(np.argmin(corners != 0)), "vertex 0, but OBJ counts from 1")
     # A negative index counts back from the last vertex before its line.

@@ -15,11 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...arrays import F64, I32, Floats
+from ...errors import UserError
 from ..light_paths import vector
+from ..readers.checks import MAX_TRIANGLES
 from ..scene import Camera, Geometry, Light, Moves, Scene
 from .shapes import Mesh, join
 
-NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?)|-swirl([1-9]\d{0,2}))?")
+NAME = re.compile(r"balls-([1-9]\d{0,17})(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?)|-swirl([1-9]\d{0,2}))?")
 EXAMPLE = "balls-300k"
 BALLS = 24
 GROUND_SHARE = 0.4
@@ -63,9 +65,14 @@ def count_of(name: str) -> int | None:
 
 
 def scene(name: str) -> Scene:
-    """The scene of such a name; its triangle count is within 10 % of the number in the name."""
+    """The scene of such a name; its triangle count is within 10 % of the number in the name.
+
+    Raises :class:`UserError` for more triangles than can be indexed.
+    """
     known = read_name(name)
     assert known is not None
+    if known.count > MAX_TRIANGLES:
+        raise UserError(f"{name}: too many triangles; name balls-{MAX_TRIANGLES} at most")
     return Scene(
         name=name,
         title=f"Balls {name.removeprefix('balls-').replace('-', ', ')}",
