@@ -5,8 +5,8 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-# Tests run side by side: processes, one for each of the two cores that are asked for.
-JOBS ?= 2
+# Tests run side by side: processes, for the two cores that are asked for. One more than cores, as tests of whole runs wait.
+JOBS ?= 3
 # Which part of what takes long is tested: a number, or all.
 TURN ?= 0
 TEST_STAMP := $(VENV)/.test-installed
@@ -20,7 +20,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 help:
 	@echo "make install  set everything up in .venv; the command is .venv/bin/shadowbench"
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests; what takes long takes turns, TURN=1, 2, ... (JOBS=8 where there are more cores)"
+	@echo "make test     set everything up, run the tests; what takes long takes turns, TURN=1, 2, ... (JOBS=9 where there are eight cores)"
 	@echo "make test-all every test, and every exact method on every hard case"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
 	@echo "make lint     ruff and mypy"

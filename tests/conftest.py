@@ -45,14 +45,20 @@ def leave_to_other_turns(items: list[pytest.Item]) -> None:
 
 
 def begin_with_the_longest(items: list[pytest.Item]) -> None:
-    """What takes the longest, or compiles the most, stands first in each half of the tests: of two processes each begins
-    with one half, and takes from the end of the other's when it is done."""
-    emulated, hard, others = [], [], []
+    """What takes the longest, or compiles the most, stands first in the parts of the tests with which the first two
+    processes begin; who is done takes from the end of another's part."""
+    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    hard, emulated, others = [], [], []
     for item in items:
         folder = item.path.parent.name
         (emulated if folder == "emulated" else hard if folder in ("hardcases", "properties") else others).append(item)
-    rest = max(0, len(items) // 2 - len(emulated))
-    items[:] = [*emulated, *others[:rest], *hard, *others[rest:]]
+    arranged: list[pytest.Item] = []
+    for part, first in enumerate([hard, emulated], 1):
+        arranged += first
+        room = max(0, len(items) * part // processes - len(arranged))
+        arranged += others[:room]
+        del others[:room]
+    items[:] = arranged + others
 
 
 def pytest_collection_finish() -> None:
