@@ -79,8 +79,9 @@ OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
 
 
 def settings_of(name: str, given: dict[str, str]) -> tuple[dict[str, str], ...]:
-    """The settings under which an exact method is tried."""
-    return (given, *OTHER_SETTINGS.get(name, ()))
+    """The settings under which an exact method is tried: those given, and of the others one in turn."""
+    others = OTHER_SETTINGS.get(name, ())
+    return (given, *(one for place, one in enumerate(others) if in_turn(place, len(others))))
 
 
 def exact_methods() -> tuple[tuple[str, dict[str, str]], ...]:
