@@ -28,6 +28,7 @@ def modules_with_kernels() -> list[str]:
     return [name for name in names if name not in hot]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", modules_with_kernels())
 def test_module_compiles_for_cuda(name):
     assert uses_of(name)
@@ -38,6 +39,7 @@ def test_a_queue_that_is_read_again_compiles_for_cuda():
     assert uses_of(light_rows.make_rows_kernel(True).module)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EFFECTS)
 def test_kernels_with_every_effect_compile_for_cuda(name):
     kernel = EFFECTS[name]

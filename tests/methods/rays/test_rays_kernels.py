@@ -27,6 +27,7 @@ def test_loops_are_counted() -> None:
     assert count == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("test", "fast_math"), [*((test, False) for test in TESTS), ("exact", True)])
 def test_ladder_has_one_loop(test, fast_math) -> None:
     kernels = make_kernels(test, fast_math)
