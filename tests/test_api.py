@@ -48,6 +48,7 @@ def test_a_soft_shadow_and_its_error(tmp_path, monkeypatch):
             assert len(drawn.convert("RGB").getcolors(1 << 24)) > 50
 
 
+@pytest.mark.slow
 def test_the_notebook_runs(tmp_path, monkeypatch, capsys):
     pytest.importorskip("embreex", reason="a frame is judged against Embree")
     matplotlib.use("Agg")

@@ -17,6 +17,7 @@ def short(tmp_path, monkeypatch):
     monkeypatch.setitem(presets, "quick", tiny)
 
 
+@pytest.mark.slow
 def test_it_measures_and_answers_then_only_answers(call, scene, short, tmp_path):
     asked = ("advise", scene, "--size", "8x8", "--device", "cpu", "--lights", "2", "--moves", "light")
     code, out, err = call(*asked)

@@ -260,6 +260,7 @@ def test_other_pages_are_refused_and_any_message_is_answered(running):
     assert "Traceback" not in process.stderr.read()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
 def test_the_page_in_a_browser(running, tmp_path):
     process, address, room = running

@@ -52,6 +52,7 @@ def test_the_moment_before_lies_between_two_frames(cloth):
     np.testing.assert_array_equal(moment_before(cloth, FRAME, 0.0, *SIZE).points, this.points)
 
 
+@pytest.mark.slow
 def test_a_timed_frame_finds_what_the_one_before_it_left(cloth, device):
     this = cloth.moment(FRAME, *SIZE)
     counts = {}
@@ -78,6 +79,7 @@ def test_differing_counts_bits():
     assert _played.differing(given, other) == 2
 
 
+@pytest.mark.slow
 def test_a_timed_frame_knows_only_what_the_frame_before_it_left():
     scene = prepare(resolve("bunny_dragon", None))
     frame = scene.frame_count - 1
@@ -98,6 +100,7 @@ def test_a_timed_frame_knows_only_what_the_frame_before_it_left():
         assert settled(one) == alone
 
 
+@pytest.mark.slow
 def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     options = tiny(tmp_path / "out", samples=2, rounds=2)
     measure = coherence.EXPERIMENT.measure

@@ -76,6 +76,7 @@ def test_no_tree_measured(tmp_path):
     assert METHODS[-1].label in text
 
 
+@pytest.mark.slow
 def test_it_runs(tmp_path):
     """Ages and qualities come from real records: a tree is the best at its own frame."""
     options = plan_run(

@@ -116,6 +116,7 @@ def test_named_scenes_or_a_size_leave_the_other_sweeps_out(tmp_path):
         assert plan_run("scaling", device="cpu", out=tmp_path, **one).preset.also == ()
 
 
+@pytest.mark.slow
 def test_sweeps_run_one_after_another_into_one_folder(tmp_path):
     declared = find_experiment("scaling")
     base = dataclasses.replace(

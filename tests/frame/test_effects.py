@@ -83,6 +83,7 @@ def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPa
     assert listed(effect_free(counted[0], tags)) == listed(effect_free(counted[1], set()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", LAMPS)
 @pytest.mark.parametrize("effect", WITHOUT)
 def test_launch_list_without_an_effect(label, effect, monkeypatch):

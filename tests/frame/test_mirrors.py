@@ -76,6 +76,7 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
     assert not bits[:, 3].any(), "a light without shadows has none in a mirror either"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "settings"), EXACT)
 def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, settings, device):
     """Holes, mirrors, receivers, directional lights and colour; also the moments that come after the capture."""

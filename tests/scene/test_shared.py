@@ -121,6 +121,7 @@ def test_other_mirrors_or_holes_are_another_point(tmp_path: Path) -> None:
     assert len({tuple(contents(facts)) for facts in told}) == len(told)
 
 
+@pytest.mark.slow
 def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path: Path) -> None:
     """Found on a GPU: with one frame of an animation, trees that begin with its first frame did not find that."""
     entries = [
@@ -137,6 +138,7 @@ def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path:
     assert all(record.frames[0].frame > 0 for record in records)
 
 
+@pytest.mark.slow
 def test_a_run_shows_the_scene_it_was_asked_for(tmp_path: Path) -> None:
     """Declared one way, another way, and the first way again: the third run measures nothing, and shows the first."""
     (tmp_path / "grid.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 4 0 0\nf 1 2 3\nf 2 4 3\n")

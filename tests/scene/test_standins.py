@@ -50,6 +50,7 @@ def volume_of(mesh: shapes.Mesh) -> float:
     return float((a * np.cross(b, c)).sum() / 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAPER)
 def test_size_and_topology(name: str) -> None:
     geometry, count = prepared(name).geometry, prepared(name).vertex_count

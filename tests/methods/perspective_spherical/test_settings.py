@@ -30,6 +30,7 @@ def test_every_map_equals_brute_force(seed, light_map, device):
         assert (got["shadowed"][light] == expected).all(), (light, settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
 @pytest.mark.parametrize("seed", range(2))
 def test_no_knob_changes_a_bit_of_any_triangle_test(seed, triangle_test, device):
