@@ -99,7 +99,7 @@ def _measured(options: Options, preset: Preset, report: Silent, folder: ResultsF
     sampling = Sampling(preset.samples, most, preset.deviation, preset.stage_samples, budget)
 
     def samples(i: int) -> list[dict[str, Any]]:
-        measured = {key: value for key, value in vars(sample_frame(trials[i], sampling)).items() if value is not None}
+        measured = sample_frame(trials[i], sampling).known()
         return [{"frame": 0, **measured, "regrown": 0, "memory_bytes": 6 * 4 * pairs, "memory_source": "arrays"}]
 
     rounds.measure(options.seed, options.device, samples)

@@ -195,7 +195,7 @@ class MeasuredPoint:
             if wrong:
                 where = f"frame {frame}: {', '.join(wrong)}"
                 raise UnsteadyError(f"the timed frames gave other answers than the frame that was judged ({where})")
-            own = {name: value for name, value in vars(measured).items() if value is not None}
+            own = measured.known()
             if sampling.costs_s:
                 own["costs"] = self._costs(frame, float(np.median(measured.total_ms)), sampling.costs_s)
             memory = {"memory_bytes": self.memory[frame], "memory_source": self.memory_source}

@@ -74,6 +74,10 @@ class FrameSamples:
         self.total_ms += [round(total, 6) for total, _ in pairs]
         self.wall_ms += [round(wall, 6) for _, wall in pairs]
 
+    def known(self) -> dict[str, Any]:
+        """The fields as a record has them: without those that the frame has none of."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
 
 def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
     """Measure passes (of a session whose frame fits its buffers). Garbage collection is disabled meanwhile."""
