@@ -35,7 +35,7 @@ from .progress import Silent
 from .workers import scratch
 from .workers.handle import WorkerError, WorkerLostError
 from .workers.pool import GRADER, Workers, grader_name
-from .workers.protocol import grade_command, load_command, picture_of
+from .workers.protocol import load_command, picture_of
 
 GRADERS = max(1, min(8, processors() // 2))
 """Number of workers that score at the same time, before the timing of a scene, by the cores that this process may use.
@@ -101,7 +101,8 @@ class Run:
             finally:
                 self.workers.stop()
             self.report.doing("updating scores at pixels where several methods differ")
-            return charged_records(self.folder, records)
+            with MACHINE.released():
+                return charged_records(self.folder, records)
 
     # --- one scene ---
 
@@ -218,10 +219,11 @@ class Run:
                     where = {"round": number, "place": place, "of": len(jobs)}
                     with self._turn(job):
                         self._attempt(job, f"measuring, round {number + 1}", self._round, where)
-                if job.record is None and number + 1 == preset.rounds:
-                    self._close(job)
                 rest = (self.estimate.spent() - before) / done * (len(turns) - done)
                 self.report.left(self.estimate.left_within(count, rest))
+        for job in jobs:  # not while others wait to take samples
+            if job.record is None:
+                self._close(job)
 
     def _turn(self, job: Job) -> contextlib.AbstractContextManager[None]:
         """Around one round of a point. On a cluster several cards of a machine measure at the same time.
@@ -250,7 +252,8 @@ class Run:
             self.workers.make(job.scene, job.lighting, {job.method})
             job.generation = 0
             self.workers.prepare(job, answers=True)
-            self.workers.command(self.workers.get(GRADER), **grade_command(self.options, self.folder, job))
+            self.workers.score(GRADER, job)
+            self.workers.reply(self.workers.get(GRADER))
         except WorkerError as error:
             warn(f"{picture_of(self.folder, job)}: cannot be drawn ({error.reason})")
 
@@ -292,13 +295,12 @@ class Run:
         self._note(job, {"event": "round", **where, **reply})
 
     def _ask_grades(self, job: Job, grader: str) -> None:
-        """Send the command to score the answers that the method's worker handed over when the job was prepared."""
         try:
             self.workers.ensure_loaded(grader, job)
         except WorkerError as error:
             self._ask_another(job, grader, error)
         else:
-            self.workers.send(self.workers.get(grader), **grade_command(self.options, self.folder, job))
+            self.workers.score(grader, job)
 
     def _ask_another(self, job: Job, grader: str, error: WorkerError) -> None:
         """Where the scoring process was killed, have another one score the answers, which are still there; else give up."""

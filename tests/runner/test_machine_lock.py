@@ -9,16 +9,20 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import psutil
 import pytest
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.runner import run as run_module
 from shadowbench.harness.runner.machine.lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.workers import pool as workers
+from shadowbench.harness.runner.workers.apart import PLACE
 
 STEP_S = 0.02
 PATIENCE_S = 120.0
@@ -85,6 +89,18 @@ def measuring(folder: Path) -> Iterator[subprocess.Popen]:
     finally:
         process.kill()
         process.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def apart(monkeypatch) -> Iterator[int]:
+    """The number of a processor that only scoring has: this process is kept off it."""
+    had = os.sched_getaffinity(0)
+    if len(had) < 2:
+        pytest.skip("needs two processors")
+    os.sched_setaffinity(0, {min(had)})
+    monkeypatch.setenv(PLACE, f"{max(had)}")
+    yield max(had)
+    os.sched_setaffinity(0, had)
 
 
 def test_nobody_works_while_another_process_measures(tmp_path: Path) -> None:
@@ -238,8 +254,10 @@ def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -
 
 
 def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeypatch) -> None:
-    """Grading is done under locks of the graders' own: this process has none that they would wait for."""
+    """Grading is done under locks of the graders' own: this process has none that they would wait for. Nobody waits while
+    records are written."""
     lock, send = MachineLock(tmp_path), workers.Workers.send
+    close, charge = run_module.Run._close, run_module.charged_records
     for module in (run_module, workers):
         monkeypatch.setattr(module, "MACHINE", lock)
     held: dict[str, set[int]] = {}
@@ -248,10 +266,21 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
         send(crew, worker, **command)
         held.setdefault(command["do"], set()).add(lock.held)
 
+    def closed(run, job):
+        held.setdefault("close", set()).add(lock.held)
+        close(run, job)
+
+    def charged(*arguments):
+        held.setdefault("charge", set()).add(lock.held)
+        return charge(*arguments)
+
     monkeypatch.setattr(workers.Workers, "send", watched)
+    monkeypatch.setattr(run_module.Run, "_close", closed)
+    monkeypatch.setattr(run_module, "charged_records", charged)
     scene = write_scene(tmp_path / "tetra.obj")
     run_module.Run(options(tmp_path / "out", [scene], ["uniform_grid"], frames=1, score=True), Silent()).go()
     wanted = {"load": SHARED, "prepare": SHARED, "round": EXCLUSIVE, "grade": FREE, "free": SHARED}
+    wanted |= {"close": SHARED, "charge": FREE}
     assert held == {kind: {one} for kind, one in wanted.items()}
     assert lock.held == FREE
 
@@ -280,6 +309,51 @@ def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> N
         assert "scene" in worker.receive(PATIENCE_S)
     finally:
         worker.stop()
+
+
+def test_graders_on_processors_of_their_own_wait_for_nobody_and_use_no_gpu(tmp_path, monkeypatch, apart) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    chosen = replace(options(tmp_path / "out", [write_scene(tmp_path / "tetra.obj")], ["warp_bvh"]), device="cuda:0")
+    crew, lock, asked = workers.Workers(ResultsFolder(chosen.out), chosen), MachineLock(tmp_path), dict[str, object]()
+    try:
+        with lock.exclusive():
+            for name in ("grading.1", "warp_bvh"):
+                crew.send(crew.get(name), do="free")
+                asked[name] = crew.get(name)._reply(PATIENCE_S)
+        assert asked["grading.1"].keys() == {"ok", "room"}
+        assert "waiting" in asked["warp_bvh"]
+        process = psutil.Process(crew.get("grading.1")._process.pid)
+        for one in (process, *process.children()):
+            assert (one.cpu_affinity(), one.environ()["CUDA_VISIBLE_DEVICES"]) == ([apart], "")
+        monkeypatch.setattr(workers, "grade_command", lambda options, folder, job, device: {"device": device})
+        monkeypatch.setattr(crew, "send", lambda worker, **command: asked.update(command))
+        crew.score("grading.1", None)
+        assert asked["device"] == "cpu"
+    finally:
+        crew.stop()
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [("a", "not numbers"), ("9999", "this machine has processors 0 to"), ("own", "samples are taken on")],
+)
+def test_processors_for_scoring_that_cannot_be_had_are_named(given, reason, apart, monkeypatch, tmp_path) -> None:
+    given = given.replace("own", f"{min(os.sched_getaffinity(0))}")
+    monkeypatch.setenv(PLACE, given)
+    with pytest.raises(UserError, match=f"{PLACE}={given}: {reason}"):
+        run_module.Run(options(tmp_path / "out", [], []), Silent())
+
+
+def test_scores_by_graders_apart_are_those_of_others(tmp_path, apart, monkeypatch) -> None:
+    scene = write_scene(tmp_path / "tetra.obj")
+    found = []
+    for out in ("apart", "among"):
+        records = run_module.Run(
+            options(tmp_path / out, [scene], ["uniform_grid"], frames=1, score=True), Silent()
+        ).go()
+        found.append([one.frames[0].score for one in records])
+        monkeypatch.delenv(PLACE, raising=False)
+    assert found[0] == found[1] != [None]
 
 
 def test_a_command_called_from_a_script_does_not_keep_the_lock(tmp_path: Path) -> None:

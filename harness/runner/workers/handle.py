@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -48,10 +49,11 @@ class Remote:
     """One worker process. It starts with the first command, and again with the first command after it has ended.
 
     ``generation`` counts the starts; points prepared in an earlier generation are lost. ``command``: what was sent last.
+    ``apart``: the only processors that it uses, and then no GPU (:mod:`.apart`).
     """
 
-    def __init__(self, name: str, log: Path):
-        self.name, self.log = name, log
+    def __init__(self, name: str, log: Path, apart: Sequence[int] = ()):
+        self.name, self.log, self.apart = name, log, apart
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
         self._asked, self.command = 0.0, ""
@@ -126,10 +128,12 @@ class Remote:
                 text=True,
                 encoding="utf-8",
                 errors="replace",
-                env=scratch.environment(),
+                env={**scratch.environment(), **({"CUDA_VISIBLE_DEVICES": ""} if self.apart else {})},
                 # The parent handles Ctrl-C and stops its workers.
                 start_new_session=True,
             )
+        if self.apart:  # before its guard, which only begins, has made the worker
+            os.sched_setaffinity(self._process.pid, self.apart)
         self.generation += 1
         self._replies = queue.Queue()
         threading.Thread(target=_follow, args=(self._process, self._replies), daemon=True).start()

@@ -10,8 +10,9 @@ from ...results.folder import ResultsFolder
 from ...scene.overrides import Lighting
 from ..machine.lock import MACHINE
 from ..planning.run_options import Job, Options
+from .apart import judges_processors
 from .handle import Remote, WorkerError
-from .protocol import UNWRITABLE, load_command, prepare_command
+from .protocol import UNWRITABLE, grade_command, load_command, prepare_command
 
 LOAD_S = 300.0
 """Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""
@@ -38,7 +39,7 @@ class Workers:
     """The workers by name: a method's, or :data:`GRADER`. ``options``: of the presets under way."""
 
     def __init__(self, folder: ResultsFolder, options: Options):
-        self.folder, self.options = folder, options
+        self.folder, self.options, self._apart = folder, options, judges_processors()
         self._remotes: dict[str, Remote] = {}
         self._loaded: dict[tuple[str, str], int] = {}
         """The generation of the worker that has loaded a lighting, by worker and label."""
@@ -48,7 +49,7 @@ class Workers:
     def get(self, name: str) -> Remote:
         """A worker, which starts with its first command."""
         if name not in self._remotes:
-            self._remotes[name] = Remote(name, self.folder.log(name))
+            self._remotes[name] = Remote(name, self.folder.log(name), self._apart if grades(name) else ())
         return self._remotes[name]
 
     # --- commands ---
@@ -58,9 +59,14 @@ class Workers:
         return self.reply(worker)
 
     def send(self, worker: Remote, **command: Any) -> None:
-        """Send a command. It runs under the machine lock of this process, else under the worker's."""
+        """Send a command. It runs under the machine lock of this process, else under the worker's, unless it is apart."""
         with self.folder.writing():
-            worker.send(**command, share=not MACHINE.held)
+            worker.send(**command, share=not (MACHINE.held or worker.apart))
+
+    def score(self, name: str, job: Job) -> None:
+        """Have a worker score the answers that the method's worker handed over when a job was prepared."""
+        device = "cpu" if self._apart else self.options.device
+        self.send(self.get(name), **grade_command(self.options, self.folder, job, device))
 
     def reply(self, worker: Remote) -> dict[str, Any]:
         """The reply to the command sent last. Raises :class:`~.errors.UserError` if the folder cannot be written."""

@@ -56,13 +56,13 @@ def prepare_command(options: Options, job: Job, answers: bool = True) -> dict[st
     return {"do": "prepare", "point": spec, **about}
 
 
-def grade_command(options: Options, folder: ResultsFolder, job: Job) -> dict[str, Any]:
-    """The command to score the answers of a job, and to draw the picture of its scene if there is none."""
+def grade_command(options: Options, folder: ResultsFolder, job: Job, device: str) -> dict[str, Any]:
+    """The command to score the answers of a job on a device, and to draw the picture of its scene if there is none."""
     return {
         "do": "grade",
         "key": job.point.key,
         "folder": str(options.out.absolute()),
-        "device": options.device,
+        "device": device,
         "save_answers": options.save_answers,
         "score": options.score,
         "wrong_maps": options.preset.wrong_maps,
