@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from helpers import exact_answers as cases
 from helpers import misbehaving_methods
-from helpers import rational_brute_force as cases
 from helpers.experiment_records import record_of
 from helpers.right_and_wrong_methods import Point, Right, Wrong, ball_file
 from helpers.tiny_runs import options
