@@ -9,6 +9,7 @@ from helpers.brute_force import closest, make_scene, shadowed, soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases import shapes
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -148,25 +149,14 @@ def moving(broken: bool) -> Prepared:
 
 def lattice(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
     """A flat square of 2 count^2 triangles in the plane z = 0, wound towards +z."""
-    ticks = np.linspace(-half, half, count + 1)
-    x, y = np.meshgrid(ticks, ticks)
-    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    index = np.arange(x.size).reshape(count + 1, count + 1)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return vertices, faces
+    return shapes.lattice(np.linspace(-half, half, count + 1), 0.0)
 
 
 def box(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
-    """A closed box of six lattices, split at its edges, seen from within or without."""
+    """A closed box of six lattices that face outwards, split at its edges."""
     flat, faces = lattice(count, half)
-    sides = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            side = np.roll(flat, axis + 1, axis=1).copy()
-            side[:, axis] = sign * half
-            sides.append(side)
-    return np.concatenate(sides), np.concatenate([faces + len(flat) * i for i in range(6)])
+    walls = [np.roll(flat + [0.0, 0.0, at], axis + 1, axis=1) for axis in range(3) for at in (-half, half)]
+    return shapes.joined(*zip(walls, [faces[:, ::-1], faces] * 3, strict=True))
 
 
 TRIANGLE = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
