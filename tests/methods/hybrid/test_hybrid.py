@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from helpers.answers import answers_in
 from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import POINT, scene
 from helpers.holed_scenes import answers_of as holed_answers
@@ -41,7 +42,7 @@ def test_has_the_bits_of_ray_grids_in_replays_of_the_graph_too(settings, device)
     for _ in range(3):
         session.poison()
         session.replay()
-    assert_same(session.frame.answers.to_host(), wanted)
+    assert_same(answers_in(session), wanted)
 
 
 @pytest.mark.parametrize("settings", SETTINGS[:2], ids=str)

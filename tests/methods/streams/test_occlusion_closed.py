@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import answers_in
 from helpers.launched import launched
 from helpers.method_trials import assert_same
 from helpers.second_judge import Flat, exactly
@@ -92,7 +93,7 @@ def test_a_part_that_a_light_leaves_is_looked_at_again():
         session.advance(moment)
     assert session.regrown == 1
     expected, _, _ = traced(replace(trial, moment=moments[1]), settings={"closed": "false"})
-    assert_same(session.frame.answers.to_host(), expected)
+    assert_same(answers_in(session), expected)
 
 
 def test_a_scene_without_closed_surfaces_is_planned_as_ever():

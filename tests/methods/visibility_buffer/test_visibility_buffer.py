@@ -3,6 +3,7 @@ every setting."""
 
 import numpy as np
 import pytest
+from helpers.answers import answers_in
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, assert_same, trace
 from helpers.streams import trial
@@ -35,7 +36,7 @@ def test_equals_brute_force_under_every_setting(settings, device):
     session, _, _ = trace(NAME, trial(**settings), *scene)
     session.poison()
     session.replay()  # on the GPU a graph, in which lights and shares run beside each other
-    assert_same(session.frame.answers.to_host(), got)
+    assert_same(answers_in(session), got)
 
 
 def test_tiles_that_hold_nothing_are_left_out():
