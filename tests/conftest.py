@@ -9,12 +9,14 @@ import os
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from helpers.devices import DEVICES
 from helpers.kept import PLACE
 from helpers.turns import PARTS, in_turn
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.machine.lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
@@ -88,3 +90,18 @@ def unpainted(monkeypatch: pytest.MonkeyPatch) -> None:
 def device(request: pytest.FixtureRequest) -> str:
     """The CPU, then a GPU; without one that half is skipped with its reason."""
     return request.param
+
+
+@pytest.fixture(autouse=True)
+def refusals_of_one_line() -> Iterator[None]:
+    """Every refusal that a test provokes in this process is one line, whatever else the test looks at."""
+    longer: list[str] = []
+
+    def made(error: UserError, *given: object) -> None:
+        Exception.__init__(error, *given)
+        longer.extend(text for text in map(str, given) if "\n" in text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(UserError, "__init__", made)
+        yield
+    assert longer == []

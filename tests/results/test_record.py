@@ -279,7 +279,6 @@ def test_a_wrong_field_is_reported_by_its_file_and_its_name(tmp_path, line):
     with pytest.raises(UserError) as refused:
         read_records(tmp_path)
     assert f"records/k.json: not a record ({said}" in str(refused.value)
-    assert "\n" not in str(refused.value)
     assert len(str(refused.value)) < 600
 
 

@@ -161,9 +161,8 @@ def test_directions_are_one_float32_addition_and_axes_right_handed():
     ],
 )
 def test_a_camera_that_sees_nothing_is_refused(camera, size, word):
-    with pytest.raises(UserError, match=word) as caught:
+    with pytest.raises(UserError, match=word):
         ray_tables(camera, *size, np.zeros(3))
-    assert "\n" not in str(caught.value)
 
 
 def test_an_index_beyond_the_vertices_is_refused():
