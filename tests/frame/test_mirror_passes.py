@@ -24,14 +24,8 @@ def test_no_bounce_leaves_launches_memory_and_answers_as_they_were(name, setting
     if name == "embree":
         pytest.importorskip("embreex", reason="needs Embree")
     plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
-    sessions = [
-        Session(make_method(name, settings), one, SIZE, SIZE, "cpu")
-        for one in (
-            plain,
-            with_mirrors(plain, np.ones(60, dtype=np.uint8), 0),
-            with_mirrors(plain, np.ones(60, dtype=np.uint8), 2),
-        )
-    ]
+    scenes = [plain, *(with_mirrors(plain, np.ones(60, dtype=np.uint8), bounces) for bounces in (0, 2))]
+    sessions = [Session(make_method(name, settings), one, SIZE, SIZE, "cpu") for one in scenes]
     launches = [[(work.name, work.reads, work.writes) for work in s.passes] for s in sessions]
     assert launches[1] == launches[0]
     assert launches[0] == [

@@ -10,6 +10,7 @@ from helpers import mesh_files as files
 from helpers.loaded_shapes import shape_of
 from helpers.real_scenes import REAL, needs_real
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.hardcases import shapes
 from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.names import NAMES, TITLES
 from shadowbench.harness.scene.prepared import prepare
@@ -189,15 +190,9 @@ def test_the_view_holds_every_frame_of_an_animation_and_no_vertex_that_no_face_u
 
 def box(low, high, without=()) -> Loaded:
     """A box of 12 triangles less the sides (axis, end) in ``without``."""
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
-    faces = []
-    for axis in range(3):
-        for end in (0, 1):
-            if (axis, end) not in without:
-                side = np.flatnonzero(corners[:, axis] == end)
-                faces += [side[[0, 1, 3]], side[[0, 3, 2]]]
-    points = np.asarray(low) + corners * (np.asarray(high) - low)
-    return Loaded(np.array(faces, np.int32), (points,), ())
+    points, faces = shapes.box(low, high)
+    kept = [faces[2 * side : 2 * side + 2] for side in range(6) if divmod(side, 2) not in without]
+    return Loaded(np.concatenate(kept).astype(np.int32), (points,), ())
 
 
 @pytest.mark.parametrize(("axis", "end"), [(0, 0), (0, 1), (2, 0), (2, 1)])
