@@ -9,12 +9,15 @@ import os
 import signal
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from helpers.called_command import exit_code
 from helpers.devices import DEVICES
 from helpers.kept import PLACE
 from helpers.turns import PARTS, in_turn
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.machine.lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
@@ -88,3 +91,42 @@ def unpainted(monkeypatch: pytest.MonkeyPatch) -> None:
 def device(request: pytest.FixtureRequest) -> str:
     """The CPU, then a GPU; without one that half is skipped with its reason."""
     return request.param
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Run a command in this process: exit code, standard output, standard error."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        code = exit_code(monkeypatch, *words)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def refused_call(call: Callable[..., tuple[int, str, str]]) -> Callable[..., str]:
+    """Run a command that ends with exit code 2, prints nothing and says why in one line, which is returned."""
+
+    def run(*words: object) -> str:
+        code, out, err = call(*words)
+        assert (code, out, err.count("\n")) == (2, "", 1), err
+        return err
+
+    return run
+
+
+@pytest.fixture(autouse=True)
+def refusals_of_one_line() -> Iterator[None]:
+    """Every refusal that a test provokes in this process is one line, whatever else the test looks at."""
+    longer: list[str] = []
+
+    def made(error: UserError, *given: object) -> None:
+        Exception.__init__(error, *given)
+        longer.extend(text for text in map(str, given) if "\n" in text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(UserError, "__init__", made)
+        yield
+    assert longer == []

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UserError, did_you_mean
+from ..errors import UserError, did_you_mean, one_line
 
 if TYPE_CHECKING:  # names are listed without importing Warp
     from .method import Method
@@ -91,7 +91,8 @@ def method_class(name: str) -> type[Method]:
             with contextlib.chdir("."):  # a package that goes elsewhere does not take this process with it
                 return points[name].load()
         except (Exception, SystemExit) as error:  # a package may raise anything, or end the program
-            what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+            kind, said = type(error).__name__, one_line(error)
+            what = kind if said == kind else f"{kind}: {said}"
             raise UserError(
                 f"method {name!r}: {points[name].value} cannot be imported ({what}); correct that package"
             ) from error

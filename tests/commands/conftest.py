@@ -1,23 +1,10 @@
-"""What tests of several commands share: a command in this process, methods made for the purpose, and small meshes."""
+"""What tests of several commands share: methods made for the purpose, and small meshes."""
 
 import pytest
-from helpers.called_command import exit_code
 from helpers.right_and_wrong_methods import INSTALLED, ball_file
 from helpers.tiny_runs import write_scene
 from shadowbench.harness.commands import answering
 from shadowbench.harness.frame import registry
-
-
-@pytest.fixture
-def call(monkeypatch, capsys):
-    """Run a command in this process: exit code, standard output, standard error."""
-
-    def run(*arguments):
-        code = exit_code(monkeypatch, *arguments)
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
 
 
 @pytest.fixture

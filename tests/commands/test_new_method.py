@@ -65,9 +65,8 @@ def test_the_guide_shows_the_template():
 @pytest.mark.parametrize("name", ["Grid", "2d", "a-b", "class", "../x", "", "a" * 65, "embree", "json", "numpy"])
 def test_names_that_cannot_be_are_refused(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(UserError) as refused:
+    with pytest.raises(UserError):
         new_method(name)
-    assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -6,26 +6,24 @@ from helpers import mesh_files as files
 from PIL import Image
 
 
-def test_render_draws_what_a_method_answers(call, scene, tmp_path):
+def test_render_draws_what_a_method_answers(call, refused_call, scene, tmp_path):
     code, _, err = call("render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "48x32")
     assert code == 0
     assert "written" in err
     pixels = np.asarray(Image.open(tmp_path / "a.png"))
     assert pixels.shape[:2] == (32, 48)
     assert pixels.std() > 5
-    code, _, err = call("render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--frame", "3")
-    assert code == 2
+    err = refused_call("render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--frame", "3")
     assert "frames 0 to 0" in err
 
 
-def test_without_a_method_the_first_of_the_rivals_draws(call, scene, tmp_path):
+def test_without_a_method_the_first_of_the_rivals_draws(call, refused_call, scene, tmp_path):
     pictures = [tmp_path / "a.png", tmp_path / "b.png"]
     for picture, words in zip(pictures, ([], ["--method", "ray_grids"]), strict=True):
         code, _, err = call("render", scene, *words, "--out", picture, "--size", "16x16")
         assert (code, err.count("written")) == (0, 1)
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
-    code, _, err = call("render", scene, "--set", "embree.threads=1", "--out", pictures[0])
-    assert (code, err.count("\n")) == (2, 1)
+    err = refused_call("render", scene, "--set", "embree.threads=1", "--out", pictures[0])
     assert "--set embree: ray_grids traces the picture; give --method embree" in err
 
 
@@ -93,7 +91,5 @@ def _duration(image, number) -> int:
         (["cloth", "--out", "a.png"], "--out shows one scene"),
     ],
 )
-def test_what_render_cannot_write_is_one_line(call, scene, arguments, said):
-    code, _, err = call("render", scene, *arguments, "--method", "embree")
-    assert (code, err.count("\n")) == (2, 1)
-    assert said in err
+def test_what_render_cannot_write_is_one_line(refused_call, scene, arguments, said):
+    assert said in refused_call("render", scene, *arguments, "--method", "embree")

@@ -193,9 +193,8 @@ def test_a_wrong_checksum_is_refused(serve, tmp_path, pinned):
         archived.mkdir()
         known = {OFFERS["sibenik"].where: hashlib.sha256(WHOLE).hexdigest()}
         (archived / "checksums.json").write_text(json.dumps(known))
-    with pytest.raises(UserError, match="its checksum is not") as refused:
+    with pytest.raises(UserError, match="its checksum is not"):
         scenes("fetch", ["sibenik"], tmp_path)
-    assert "\n" not in str(refused.value)
     assert not (tmp_path / "sibenik.obj").exists()
     assert [path.name for path in archived.iterdir() if path.suffix != ".json"] == []
 
@@ -240,7 +239,6 @@ def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, cont
     folder = tmp_path / "deep" / "scenes"
     with pytest.raises(UserError, match=said) as refused:
         scenes("fetch", ["sibenik"], folder)
-    assert "\n" not in str(refused.value)
     assert len(str(refused.value)) < 1500
     assert [path.name for path in folder.iterdir()] == ["archives"]
     assert [path.name for path in tmp_path.rglob("*.obj")] == []
@@ -254,7 +252,6 @@ def test_what_is_not_the_archive_pins_nothing(serve, tmp_path):
         with pytest.raises(UserError) as refused:
             scenes("fetch", ["sibenik"], tmp_path)
         assert ("no archive but '<html>" in str(refused.value)) == (content == page)
-        assert "\n" not in str(refused.value)
         assert recorded(tmp_path / "archives") == {}
         assert list((tmp_path / "archives").iterdir()) == []
     serve(WHOLE)

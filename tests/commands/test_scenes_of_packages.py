@@ -84,7 +84,6 @@ def test_another_wheel_is_refused(index, tmp_path, broken):
         wheel.rename(kept)
     with pytest.raises(UserError, match=r"sionna-rt==2\.2\.0: pip cannot download it \(ERROR: ") as refused:
         scenes("fetch", ["munich"], tmp_path / "scenes")
-    assert "\n" not in str(refused.value)
     assert ("DO NOT MATCH THE HASHES" in str(refused.value)) == (broken == "hash")
     assert list(tmp_path.rglob("munich.*")) == []
 

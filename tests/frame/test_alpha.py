@@ -2,51 +2,26 @@
 method that can."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
 import warp as wp
-from helpers.holed_scenes import EXACT, NAMES, SIZE, answers_of, ball_on_floor, holed, make, same
-from helpers.rational_brute_force import inside, rational, solve
+from helpers.holed_scenes import EXACT, NAMES, SIZE, answers_of, holed, make, same
+from helpers.second_judge import Bitmap, SecondJudge
+from helpers.second_opinion import Count, compare
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.shapes import ball, quad, soup
+from shadowbench.harness.hardcases.shapes import ball, ball_on_floor, quad, soup
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects
-from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.culling import refusal
 
 # --- the rule -------------------------------------------------------------------------------------------------
-
-
-def opaque(mask: AlphaMask, k: int, u: Fraction, v: Fraction) -> bool:
-    """The rule as it is written: any texel that holds the place, border included."""
-    if not mask.triangles[k]:
-        return True
-    c = [rational(corner) for corner in mask.coordinates[k]]
-    rows, columns = mask.opaque.shape
-    place = [(1 - u - v) * c[0][i] + u * c[1][i] + v * c[2][i] for i in (0, 1)]
-    x, y = place[0] * columns, place[1] * rows
-    across = {int(x // 1) % columns, int(-(-x // 1) - 1) % columns}
-    along = {int(y // 1) % rows, int(-(-y // 1) - 1) % rows}
-    return any(mask.opaque[row, column] for row in along for column in across)
-
-
-def brute_hit(prepared: Prepared, moment: Moment, o, d, limit=None) -> tuple[Fraction | None, int]:
-    best, index = None, -1
-    for k, face in enumerate(prepared.faces):
-        found = solve(o, d, [rational(moment.points[v]) for v in face]) if moment.valid[k] else None
-        if not inside(found) or found is None or found[0] <= 0 or (limit is not None and found[0] >= limit):
-            continue
-        if opaque(prepared.alpha, k, found[1], found[2]) and (best is None or found[0] < best):
-            best, index = found[0], k
-    return best, index
 
 
 def random_mask(geometry: Geometry) -> AlphaMask:
@@ -66,18 +41,10 @@ def test_the_referee_agrees_with_rational_brute_force(mask):
     hits = referee.closest(moment.eye, moment.directions(np.arange(63)))
     through = Referee(moment.points, prepared.faces, moment.valid).closest(hits.origins, hits.directions)
     assert np.count_nonzero(hits.triangle != through.triangle) > 5
-    bits = [referee.occluded(hits, light) for light in moment.lights]
-    for i in range(63):
-        o, d = rational(moment.eye), rational(hits.directions[i])
-        t, triangle = brute_hit(prepared, moment, o, d)
-        assert hits.triangle[i] == triangle
-        if t is None:
-            continue
-        p = [x + t * y for x, y in zip(o, d, strict=True)]
-        for light, row in zip(moment.lights, bits, strict=True):
-            way = [x - y for x, y in zip(rational(light), p, strict=True)]
-            assert row[i] == (brute_hit(prepared, moment, p, way, 1)[1] >= 0)
-    assert 0 < bits[1].sum() < 63
+    holes = Bitmap(prepared.alpha.triangles, prepared.alpha.coordinates, prepared.alpha.opaque)
+    second = SecondJudge(moment.points, prepared.faces, holes)
+    assert compare(referee, second, hits.origins, hits.directions, moment.lights, Count()) == []
+    assert 0 < referee.occluded(hits, moment.lights[1]).sum() < 63
 
 
 def wall(mask, lights=((0.0, 0.0, 3.0),)) -> Prepared:

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import assert_same
 from helpers.effect_scenes import (
     BEHIND,
     EXACT,
@@ -177,8 +178,7 @@ def test_receivers_are_the_same_for_every_method_and_the_reference(label, facing
     score = score_answers(judge, answers).score
     assert score.true_errors == 0
     wanted = session_of(EXACT[0], prepared, device).answers(moment)
-    for name in wanted:
-        np.testing.assert_array_equal(answers[name], wanted[name])
+    assert_same(answers, wanted)
     # Of t and weights another device may round the last place differently.
     elsewhere = session_of(EXACT[0], prepared, "cpu").answers(moment)
     for name in ("triangle", "shadowed"):

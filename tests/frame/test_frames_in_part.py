@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import answers_in, assert_same
 from helpers.devices import needs_gpu
 from helpers.effect_scenes import (
     BEHIND,
@@ -19,6 +19,7 @@ from helpers.effect_scenes import (
     launches,
     scene,
     session_of,
+    session_or_skip,
 )
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import capture, passes
@@ -152,8 +153,7 @@ def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):
         session._plan()
     session.advance(after)
     whole = session_of(label, prepared).answers(after)
-    for name, values in session.frame.answers.to_host().items():
-        np.testing.assert_array_equal(values, whole[name], err_msg=name)
+    assert_same(answers_in(session), whole)
     assert session.advance(after) == frozenset()
 
 
@@ -173,8 +173,7 @@ def test_a_frame_in_part_replays_to_the_answers_of_a_whole_one(label, device):
         session.poison()
         session.replay()
         wanted = whole.answers(moment)
-        for name, values in session.frame.answers.to_host().items():
-            np.testing.assert_array_equal(values, wanted[name], err_msg=f"{changed}: {name}")
+        assert_same(answers_in(session), wanted, f"{changed}")
         session.passes = session.all_passes
 
 
@@ -252,16 +251,13 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settin
     """Passes that take scratch memory run, in a captured graph, on what the last traced frame left behind; so do passes of a
     light whose rays may come from mirrors."""
     prepared = scene((SPOT, BEHIND), **given)
-    reason = make_method(name, settings).applies(prepared.scene, device)
-    if reason:
-        pytest.skip(f"{name}: {reason}")
     if device == "cpu":  # where nothing is captured, plain launches do as a graph would
         monkeypatch.setattr(passes, "condition", lambda work: None if work.scratch else work.only_if)
     gone = (replace(SPOT, spot=Spot((0.0, 1.0, 0.0), 1.0)), BEHIND)
     moments = [prepared.moment(0, *SIZE, lights=lights) for lights in ((SPOT, BEHIND), gone)]
-    wanted = [Session(make_method(name, settings), prepared, *SIZE, device).answers(moment) for moment in moments]
+    wanted = [session_or_skip(name, settings, prepared, device).answers(moment) for moment in moments]
     for order in ((0, 1, 0), (1, 0, 1)):
-        session = Session(make_method(name, settings), prepared, *SIZE, device)
+        session = session_or_skip(name, settings, prepared, device)
         for k in order:
             session.answers(moments[k])
         for k in order:
@@ -272,20 +268,15 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settin
             if any(work.reached is not None and "receivers/0" in work.writes for work in session.passes):
                 assert session.frame.reached.numpy()[0] == (k == 0)
             session.method.counters()
-            for key, values in session.frame.answers.to_host().items():
-                np.testing.assert_array_equal(values, wanted[k][key], f"{key}, {k} of {order}")
+            assert_same(answers_in(session), wanted[k], f"{k} of {order}")
     assert wanted[0]["shadowed"][0].any()
 
 
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)
 def test_no_pass_depends_on_receivers_that_are_counted_after_it(name, settings):
     """The condition would be that of the last frame, and the graph would leave out what this frame needs."""
-    prepared = scene((SPOT, BEHIND), facing=True)
-    method = make_method(name, settings)
-    if method.applies(prepared.scene, "cpu"):
-        pytest.skip(f"{name}: {method.applies(prepared.scene, 'cpu')}")
     made, conditional = set(), 0
-    for work in Session(method, prepared, *SIZE, "cpu").all_passes:
+    for work in session_or_skip(name, settings, scene((SPOT, BEHIND), facing=True)).all_passes:
         if work.only_if is not None:
             conditional += 1
             light = (work.effect or "").removeprefix("shadows/")
@@ -299,10 +290,7 @@ def test_no_pass_depends_on_receivers_that_are_counted_after_it(name, settings):
 def test_what_a_graph_may_leave_out_takes_no_scratch_memory(name, settings, monkeypatch):
     """A branch of a captured graph holds kernels, fills and copies alone: scans and sorts allocate inside."""
     prepared = scene((SPOT, BEHIND), facing=True)
-    method = make_method(name, settings)
-    if method.applies(prepared.scene, "cpu"):
-        pytest.skip(f"{name}: {method.applies(prepared.scene, 'cpu')}")
-    session = Session(method, prepared, *SIZE, "cpu")
+    session = session_or_skip(name, settings, prepared)
     session.answers(prepared.moment(0, *SIZE))
     given = [work for work in session.all_passes if work.only_if is not None and not work.scratch]
     assert given

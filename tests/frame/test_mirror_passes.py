@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers import brute_force
+from helpers.answers import answers_in, assert_same
 from helpers.mirror_scenes import EXACT, INEXACT, SIZE, answered, hall_of_mirrors, plane_and_ball, with_mirrors
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.frame import BOUNCED, Frame
@@ -23,14 +24,8 @@ def test_no_bounce_leaves_launches_memory_and_answers_as_they_were(name, setting
     if name == "embree":
         pytest.importorskip("embreex", reason="needs Embree")
     plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
-    sessions = [
-        Session(make_method(name, settings), one, SIZE, SIZE, "cpu")
-        for one in (
-            plain,
-            with_mirrors(plain, np.ones(60, dtype=np.uint8), 0),
-            with_mirrors(plain, np.ones(60, dtype=np.uint8), 2),
-        )
-    ]
+    scenes = [plain, *(with_mirrors(plain, np.ones(60, dtype=np.uint8), bounces) for bounces in (0, 2))]
+    sessions = [Session(make_method(name, settings), one, SIZE, SIZE, "cpu") for one in scenes]
     launches = [[(work.name, work.reads, work.writes) for work in s.passes] for s in sessions]
     assert launches[1] == launches[0]
     assert launches[0] == [
@@ -43,8 +38,7 @@ def test_no_bounce_leaves_launches_memory_and_answers_as_they_were(name, setting
     moment = plain.moment(0, SIZE, SIZE)
     expected, got = (session.answers(moment) for session in sessions[:2])
     assert list(got) == list(expected) == ["triangle", "t", "u", "v", "shadowed"]
-    for key in expected:
-        np.testing.assert_array_equal(got[key], expected[key], key)
+    assert_same(got, expected)
 
 
 @pytest.mark.parametrize(
@@ -70,14 +64,12 @@ def test_a_moved_light_runs_only_its_own_shadow_rays_and_a_moved_camera_all_boun
     session.passes = session.all_passes
     assert session.advance(moment) == {"light/0"}
     fresh = made().answers(moment)
-    for key, value in session.frame.answers.to_host().items():
-        np.testing.assert_array_equal(value, fresh[key], key)
+    assert_same(answers_in(session), fresh)
     elsewhere = prepared.moment(0, SIZE, SIZE, camera=Camera((0.1, 0.2, 0.8), (0.0, 0.0, -0.4)))
     session.advance(prepared.moment(0, SIZE, SIZE, camera=prepared.scene.camera))
     session.advance(elsewhere)
     fresh = made().answers(elsewhere)
-    for key, value in session.frame.answers.to_host().items():
-        np.testing.assert_array_equal(value, fresh[key], key)
+    assert_same(answers_in(session), fresh)
 
 
 class Noted(SimpleMethod):
@@ -142,8 +134,7 @@ def test_tests_of_mirrored_rays_are_counted(name, settings):
         session = Session(make_method(name, settings), prepared, SIZE, SIZE, "cpu")
         before = session.answers(prepared.moment(0, SIZE, SIZE))
         counts.append(session.method.counters())
-        for key, value in session.frame.answers.to_host().items():
-            np.testing.assert_array_equal(value, before[key], key)
+        assert_same(answers_in(session), before)
     assert "mirror tests" not in counts[0]
     assert 0 < counts[1]["mirror tests"] < counts[2]["mirror tests"]
     assert 0 < counts[1]["mirror shadow tests"] < counts[2]["mirror shadow tests"]

@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.answers import answers_in, assert_same
 from helpers.method_trials import hard_trials
 from helpers.mirror_scenes import (
     EXACT,
@@ -59,8 +60,7 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
     for name, settings in EXACT:
         moment, answers = answered(name, settings, prepared, device)
         first = first or answers
-        for key in first:
-            np.testing.assert_array_equal(answers[key], first[key], key)
+        assert_same(answers, first)
     score = score_answers(Judge.of(prepared, moment).with_random_pixels(SIZE * SIZE), first).score
     assert score.true_errors == 0, score.examples
     assert [one.bounce for one in score.bounces] == [1, 2, 3]
@@ -93,19 +93,14 @@ def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, setting
         prepared.moment(0, SIZE, SIZE, camera=Camera((0.1, 0.2, 0.8), (0.0, 0.0, -0.4))),
     ]
     session = Session(make_method(name, settings), prepared, SIZE, SIZE, device)
-    eager = []
-    for moment in moments:
-        answers = session.answers(moment)
-        eager.append({**answers, "color": session.frame.color.numpy().copy()})
+    eager = [{**session.answers(moment), "color": session.frame.color.numpy().copy()} for moment in moments]
     assert (eager[0]["color"] != eager[1]["color"]).any()
     for moment, wanted in zip(moments, eager, strict=True):
         session.load(moment)
         session.frame.color.zero_()
         session.replay()
         assert not session.overflowed()
-        for key, values in session.frame.answers.to_host().items():
-            np.testing.assert_array_equal(values, wanted[key], key)
-        np.testing.assert_array_equal(session.frame.color.numpy(), wanted["color"])
+        assert_same({**answers_in(session), "color": session.frame.color.numpy()}, wanted)
 
 
 @needs_embree
@@ -128,8 +123,7 @@ def test_hard_cases_all_of_mirrors_have_no_error(name, plain, width, height):
     prepared = with_mirrors(plain, np.ones(plain.triangle_count, dtype=np.uint8), 3)
     moment = prepared.moment(0, width, height)
     first, second = (Session(make_method(*chosen), prepared, width, height, "cpu").answers(moment) for chosen in EXACT)
-    for key in first:
-        np.testing.assert_array_equal(first[key], second[key], key)
+    assert_same(second, first)
     score = score_answers(Judge.of(prepared, moment).with_random_pixels(width * height), first).score
     assert score.true_errors == 0, score.examples
 
@@ -142,8 +136,7 @@ def test_a_mirror_shows_holes_as_holes():
     holed = prepare(scene)
     moment, answers = answered("uniform_grid", {}, holed)
     _, other = answered("warp_bvh", {"update": "bvh_rebuild"}, holed)
-    for key in answers:
-        np.testing.assert_array_equal(answers[key], other[key], key)
+    assert_same(other, answers)
     score = score_answers(Judge.of(holed, moment).with_random_pixels(SIZE * SIZE), answers).score
     assert score.true_errors == 0, score.examples
     assert score.bounces[0].rays > 100

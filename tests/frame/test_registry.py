@@ -1,11 +1,13 @@
 """Methods by name: parameters from text, and a method that comes in someone else's package."""
 
 import importlib
+import re
 import sys
 from dataclasses import dataclass
 from typing import ClassVar
 
 import pytest
+from helpers.installed_package import declare_methods
 from helpers.right_and_wrong_methods import Point
 from shadowbench.harness.errors import UserError, did_you_mean
 from shadowbench.harness.frame import registry
@@ -84,33 +86,37 @@ def test_every_parameter_of_a_built_in_method_is_explained(name):
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    ("settings", "said"),
     [
-        ({"cell": "3"}, ["no parameter 'cell'", "did you mean cells?"]),
-        ({"zzzzzz": "3"}, ["no parameter 'zzzzzz'", "known: cells, order, padded, reach"]),
-        ({"cells": "many"}, ["sample.cells='many': not a whole number"]),
-        ({"cells": "2.5"}, ["not a whole number"]),
-        ({"cells": "0"}, ["sample.cells='0': cells must be at least 1"]),
-        ({"padded": "perhaps"}, ["not true or false"]),
-        ({"reach": ""}, ["sample.reach='': not a number"]),
+        ({"cell": "3"}, "sample has no parameter 'cell'; did you mean cells?"),
+        ({"zzzzzz": "3"}, "sample has no parameter 'zzzzzz'; known: cells, order, padded, reach"),
+        ({"cells": "many"}, "sample.cells='many': not a whole number"),
+        ({"cells": "2.5"}, "sample.cells='2.5': not a whole number"),
+        ({"cells": "0"}, "sample.cells='0': cells must be at least 1"),
+        ({"padded": "perhaps"}, "sample.padded='perhaps': not true or false"),
+        ({"reach": ""}, "sample.reach='': not a number"),
     ],
 )
-def test_wrong_settings_are_one_line(sample, settings, words):
-    with pytest.raises(UserError) as caught:
+def test_wrong_settings_are_refused(sample, settings, said):
+    with pytest.raises(UserError, match=f"^{re.escape(said)}"):
         registry.make_method(sample, settings)
-    assert all(word in str(caught.value) for word in words)
-    assert "\n" not in str(caught.value)
 
 
-def test_an_unknown_method_is_one_line_with_a_guess(sample):
+def test_an_unknown_method_has_a_guess(sample):
     with pytest.raises(UserError, match=r"no method 'sampel'; did you mean sample\?"):
         registry.make_method("sampel")
 
 
-def test_what_a_text_may_be_is_said_without_its_type():
-    with pytest.raises(UserError) as caught:
-        registry.make_method("warp_bvh", {"update": "refti"})
-    assert str(caught.value).startswith("warp_bvh.update='refti': update must be one of ")
+@pytest.mark.parametrize(
+    ("method", "settings", "said"),
+    [
+        ("warp_bvh", {"update": "refti"}, "warp_bvh.update='refti': update must be one of .*"),
+        ("uniform_grid", {"density": "1e30"}, "uniform_grid.density='1e30': density must lie between 0 and 1000 .*"),
+    ],
+)
+def test_what_a_value_may_be_is_said_without_its_type(method, settings, said):
+    with pytest.raises(UserError, match=f"^{said}$"):
+        registry.make_method(method, settings)
 
 
 @pytest.mark.parametrize(
@@ -144,13 +150,8 @@ class Brute(SimpleMethod):
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """What pip leaves behind: a module, and a dist-info folder that declares the entry points."""
     (tmp_path / "someones_method.py").write_text(PACKAGE)
-    info = tmp_path / "someones_method-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: someones-method\nVersion: 1.0\n")
-    lines = ["brute = someones_method:Brute", "gone = someones_method:Missing"]
-    (info / "entry_points.txt").write_text("[shadowbench.methods]\n" + "\n".join(lines) + "\n")
+    declare_methods(tmp_path, "someones_method", {"brute": "someones_method:Brute", "gone": "someones_method:Missing"})
     monkeypatch.syspath_prepend(str(tmp_path))
     importlib.invalidate_caches()
     yield
@@ -167,9 +168,3 @@ def test_a_method_of_another_package_is_found_and_says_where_it_runs(installed):
 def test_an_entry_point_that_leads_nowhere_is_one_line(installed):
     with pytest.raises(UserError, match=r"'gone': someones_method:Missing cannot be imported"):
         registry.make_method("gone")
-
-
-def test_a_number_that_is_refused_is_told_its_range_alone():
-    with pytest.raises(UserError) as caught:
-        registry.make_method("uniform_grid", {"density": "1e30"})
-    assert str(caught.value) == "uniform_grid.density='1e30': density must lie between 0 and 1000 cells a triangle"

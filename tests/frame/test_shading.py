@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers import brute_force
+from helpers.answers import assert_same
 from helpers.method_trials import box
 from PIL import Image
 from shadowbench.harness.commands import render as render_command
@@ -146,8 +147,7 @@ def test_colour_is_one_pass_more_and_nothing_where_nobody_asks():
     assert plain.frame.color.size == plain.frame.tint.size == plain.frame.lamps.size == 0
     moment = room(1).moment(0, SIZE, SIZE)
     expected, got = plain.answers(moment), colored.answers(moment)
-    for key in expected:
-        np.testing.assert_array_equal(got[key], expected[key], key)
+    assert_same(got, expected)
 
 
 def test_a_moved_light_is_shaded_anew():

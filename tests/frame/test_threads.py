@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import assert_same
 from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
 from shadowbench.harness.errors import UserError
@@ -50,8 +51,7 @@ def test_the_answers_have_the_same_bits_with_every_number_of_threads(name, facin
         for _ in range(3):  # the first in one thread, for kernels that have to be compiled
             got = session.answers(moment)
             expected = expected or got
-            for key, array in expected.items():
-                np.testing.assert_array_equal(got[key], array, f"{threads} threads: {key}")
+            assert_same(got, expected, f"{threads} threads")
         assert session.method.built()["threads"] == threads
     assert (expected["triangle"] >= 0).any()
     assert expected["shadowed"].any(axis=1).all()

@@ -8,6 +8,7 @@ import pytest
 import warp as wp
 from helpers.judged_hard_cases import exact_methods, judged, settings_of
 from helpers.launched import launched
+from helpers.second_judge import Flat, dot, exactly
 from shadowbench.harness.frame import session as sessions
 from shadowbench.harness.frame.digits import exact_product, wide_side
 from shadowbench.harness.frame.effects.specialise import named, specialised
@@ -105,14 +106,6 @@ def digits_kernel(
     points[i] = hit_point(ray, plane_distance(ray, triangle), triangle)
 
 
-def cross(p, q):
-    return [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
-
-
-def rational(values) -> list[Fraction]:
-    return [Fraction(float(one)) for one in values]
-
-
 def test_sides_and_hit_points_are_those_of_rational_arithmetic() -> None:
     """Of triangles up to 1e20 large, and of points in their planes or beside them by little."""
     random = np.random.default_rng(8)
@@ -128,18 +121,16 @@ def test_sides_and_hit_points_are_those_of_rational_arithmetic() -> None:
     sides, points = launched(kernel, COUNT, [corners, x, o, d], [(COUNT, 2), COUNT])
     zeros = 0
     for i in range(COUNT):
-        a, b, c = (rational(corner) for corner in corners[i])
-        e, f = ([p - q for p, q in zip(other, a, strict=True)] for other in (b, c))
-        normal = cross(e, f)
-        side = sum(n * (p - q) for n, p, q in zip(normal, rational(x[i]), a, strict=True))
+        flat = Flat.of(corners[i])
+        side = flat.side(exactly(x[i])) if flat else 0
         zeros += side == 0
         for found in sides[i]:
             assert abs(Fraction(float(found)) - side) <= abs(side) * Fraction(1, 2**50)
-        origin, way = rational(o[i]), rational(d[i])
-        slope = sum(n * w for n, w in zip(normal, way, strict=True))
+        origin, way = exactly(o[i]), exactly(d[i])
+        slope = dot(flat.normal, way) if flat else 0
         if slope == 0:
             continue
-        t = sum(n * (q - p) for n, p, q in zip(normal, origin, a, strict=True)) / slope
+        t = -flat.side(origin) / slope
         for found, p, w in zip(points[i], origin, way, strict=True):
             exact = p + t * w
             assert abs(Fraction(float(found)) - exact) <= abs(exact) / 2**52 + (abs(p) + abs(t * w)) / 2**90

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare

@@ -1,28 +1,8 @@
 """Closed meshes that rays meet at edges and vertices, for the tests of culling."""
 
 import numpy as np
-from numpy.typing import NDArray
 from shadowbench.harness.hardcases.case import Trial, view
 from shadowbench.harness.hardcases.shapes import box, plane, sheet
-
-
-def grid_of_squares(n: int) -> tuple[NDArray, NDArray]:
-    """A closed unit cube of n x n squares a side: many rays through shared edges and vertices."""
-    side = np.linspace(-1.0, 1.0, n + 1)
-    u, v = (x.ravel() for x in np.meshgrid(side, side, indexing="ij"))
-    vertices: list[NDArray] = []
-    faces: list[NDArray] = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            corners = np.empty((len(u), 3))
-            corners[:, axis] = sign
-            corners[:, (axis + 1) % 3], corners[:, (axis + 2) % 3] = u, v * sign
-            base = sum(len(c) for c in vertices)
-            vertices.append(corners)
-            i, j = (x.ravel() for x in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-            a, b = i * (n + 1) + j, (i + 1) * (n + 1) + j
-            faces += [np.stack(t, axis=1) + base for t in ((a, b, b + 1), (a, b + 1, a + 1))]
-    return np.concatenate(vertices), np.concatenate(faces)
 
 
 def rays_through_vertices(

@@ -49,12 +49,18 @@ def all_mirrors(geometry: Geometry) -> np.ndarray:
 
 
 def session_of(label: str, prepared: Prepared, device: str = "cpu") -> Session:
-    name, settings = LAMPS[label]
+    return session_or_skip(*LAMPS[label], prepared, device)
+
+
+def session_or_skip(
+    name: str, settings: dict[str, str], prepared: Prepared, device: str = "cpu", size: tuple[int, int] = SIZE
+) -> Session:
+    """A session of a method; the test is skipped where the method cannot trace the scene."""
     method = make_method(name, settings)
     reason = method.applies(prepared.scene, device)
     if reason:
-        pytest.skip(f"{label}: {reason}")
-    return Session(method, prepared, *SIZE, device)
+        pytest.skip(f"{name}: {reason}")
+    return Session(method, prepared, *size, device)
 
 
 def names(session: Session) -> list[str]:

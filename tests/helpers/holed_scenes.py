@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.shapes import ball, joined, quad
+from shadowbench.harness.hardcases.shapes import ball_on_floor
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -41,10 +41,6 @@ def make(mesh, alpha, lights=((1.0, 2.5, 0.5), (0.1, 0.7, 0.05)), eye=(0.3, 1.7,
             tuple(Light(tuple(light)) for light in lights), alpha=alpha,
         )
     )  # fmt: skip
-
-
-def ball_on_floor():
-    return joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
 
 
 @cache

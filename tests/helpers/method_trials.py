@@ -5,37 +5,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from helpers.answers import Answers, assert_same, trace  # noqa: F401
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from numpy.typing import NDArray
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.effects import Limits
+from shadowbench.harness.hardcases import shapes
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
-
-Answers = dict[str, NDArray]
-
-
-def trace(
-    name: str,
-    settings: dict[str, str],
-    prepared: Prepared,
-    width: int,
-    height: int,
-    device: str = "cpu",
-    limits: Limits | None = None,
-) -> tuple[Session, Moment, Answers]:
-    """One frame of a method, with the session and the moment it was traced at."""
-    session = Session(make_method(name, settings), prepared, width, height, device, limits=limits)
-    moment = prepared.moment(0, width, height)
-    return session, moment, session.answers(moment)
-
-
-def assert_same(got: Answers, wanted: Answers, what: object = "") -> None:
-    """Every bit of every answer."""
-    for key, values in wanted.items():
-        np.testing.assert_array_equal(got[key], values, f"{key} {what}")
 
 
 @functools.lru_cache(maxsize=64)
@@ -148,25 +124,14 @@ def moving(broken: bool) -> Prepared:
 
 def lattice(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
     """A flat square of 2 count^2 triangles in the plane z = 0, wound towards +z."""
-    ticks = np.linspace(-half, half, count + 1)
-    x, y = np.meshgrid(ticks, ticks)
-    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    index = np.arange(x.size).reshape(count + 1, count + 1)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return vertices, faces
+    return shapes.lattice(np.linspace(-half, half, count + 1), 0.0)
 
 
 def box(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
-    """A closed box of six lattices, split at its edges, seen from within or without."""
+    """A closed box of six lattices that face outwards, split at its edges."""
     flat, faces = lattice(count, half)
-    sides = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            side = np.roll(flat, axis + 1, axis=1).copy()
-            side[:, axis] = sign * half
-            sides.append(side)
-    return np.concatenate(sides), np.concatenate([faces + len(flat) * i for i in range(6)])
+    walls = [np.roll(flat + [0.0, 0.0, at], axis + 1, axis=1) for axis in range(3) for at in (-half, half)]
+    return shapes.joined(*zip(walls, [faces[:, ::-1], faces] * 3, strict=True))
 
 
 TRIANGLE = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from helpers.exact_method import ExactMethod
 from shadowbench.harness.errors import CapacityRejected
 

@@ -20,17 +20,8 @@ F64 = NDArray[np.float64]
 
 SIZE = (12, 10)
 
-MESH_EVENTS = ("as it is",) * 4 + (
-    "not a number",
-    "vanish",
-    "point",
-    "line",
-    "plane",
-    "grow",
-    "shrink",
-    "move",
-    "squash",
-)
+CHANGES = ("not a number", "vanish", "point", "line", "plane", "grow", "shrink", "move", "squash")
+MESH_EVENTS = ("as it is",) * 4 + CHANGES
 LIGHT_EVENTS = ("as it is", "anywhere", "seam", "vertex", "edge", "face", "hull", "eye", "far", "within")
 CAMERA_EVENTS = ("as it is",) * 2 + ("through", "vertex", "edge", "face", "within", "away", "far", "anywhere")
 

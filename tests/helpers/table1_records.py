@@ -3,7 +3,8 @@
 from typing import Any
 
 import numpy as np
-from helpers.experiment_records import write_records  # noqa: F401
+from helpers.experiment_records import record_of, write_records  # noqa: F401
+from shadowbench.harness.runner.planning.experiment import Entry
 
 SCENES = {
     "fairy": ("Fairy Forest (stand-in)", 174_117, 3),
@@ -26,65 +27,40 @@ def record(scene: str, method: str, size: int = 256, seed: int = 0, **changes: A
     random = np.random.default_rng([seed, *map(ord, scene + method)])
     title, triangles, count = SCENES[scene]
     label, base = METHODS[method]
-    scale = (triangles / 174_000) ** 0.7
+    times = np.array(base) * (triangles / 174_000) ** 0.7
     stand_in = f"the paper's {title.split(' (')[0]}" if "stand-in" in title else None
-    made = {
-        "schema": 1,
-        "key": f"{scene}-{method}-{size}",
-        "experiment": "table1",
-        "status": "ok",
-        "reason": "",
-        "point": {"preset": "quick" if size == 256 else "paper", "width": size, "height": size},
-        "scene": {
-            "name": scene,
-            "title": title,
-            "stand_in": stand_in,
-            "source": {"kind": "procedural" if stand_in else "file", "file": "", "sha256": ""},
-            "triangles": triangles,
-            "vertices": triangles // 2,
-            "frame_count": count,
-            "lights": [{}],
-        },
-        "method": {
-            "name": method,
-            "title": label.split(",")[0],
-            "label": label,
-            "settings": {},
-            "built": {"constructor": "sah"} if method == "warp_bvh" else {"threads": 2} if method == "embree" else {},
-            "device": "cpu",
-            "device_name": "Imaginary CPU",
-        },
-        "environment": "0123456789abcdef",
-        "compile_s": 1.5,
-        "load_s": 0.2,
-        "first_frame_s": 0.3,
-        "frames": [frame(i, np.array(base) * scale * (1 + 0.2 * i), size, random) for i in range(count)],
-        "peak_rss_bytes": 500_000_000,
-        "stopped_by": "samples",
-    }
-    return {**made, **changes}
+    made = record_of("table1", Entry(method, {}, label), scene, size=size, frames=count)
+    made["point"]["preset"] = "quick" if size == 256 else "paper"
+    made["scene"] |= {
+        "title": title, "stand_in": stand_in, "triangles": triangles, "vertices": triangles // 2,
+        "source": {"kind": "procedural" if stand_in else "file", "file": "", "sha256": ""},
+    }  # fmt: skip
+    made["method"] |= {
+        "title": label.split(",")[0], "device": "cpu", "device_name": "Imaginary CPU",
+        "built": {"warp_bvh": {"constructor": "sah"}, "embree": {"threads": 2}}.get(method, {}),
+    }  # fmt: skip
+    for i, frame in enumerate(made["frames"]):
+        frame |= repeats(times * (1 + 0.2 * i), random) | {"score": score(size)}
+    return {**made, "key": f"{scene}-{method}-{size}", "peak_rss_bytes": 500_000_000, **changes}
 
 
-def frame(index: int, parts: np.ndarray, size: int, random: np.random.Generator) -> dict[str, Any]:
-    """One frame of a record: ten repeats in two rounds, one pass a part."""
-    repeats = {
-        part: [float(x) for x in ms * (1 + 0.02 * random.standard_normal(10))]
+def repeats(parts: np.ndarray, random: np.random.Generator) -> dict[str, Any]:
+    """What a record has of a frame that was repeated ten times in two rounds, with one pass a part."""
+    taken = {
+        part: (ms * (1 + 0.02 * random.standard_normal(10))).tolist()
         for part, ms in zip(PARTS, parts, strict=True)
         if ms
     }
-    total = [float(x) for x in np.sum(list(repeats.values()), axis=0) * 1.01]
+    total = (np.sum(list(taken.values()), axis=0) * 1.01).tolist()
+    passes = [{"name": f"the {part}", "part": part, "ms": ms} for part, ms in taken.items()]
+    rounds = [0] * 5 + [1] * 5
     return {
-        "frame": index,
-        "regrown": 0,
         "total_ms": total,
         "wall_ms": total,
-        "round": [0] * 5 + [1] * 5,
-        "stage_round": [0] * 5 + [1] * 5,
-        "passes": [{"name": f"the {part}", "part": part, "ms": ms} for part, ms in repeats.items()],
+        "round": rounds,
+        "stage_round": rounds,
+        "passes": passes,
         "memory_bytes": 45_000_000,
-        "counters": {},
-        "score": score(size),
-        "unscored": None,
     }
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from helpers import misbehaving_methods
+from helpers.installed_package import declare_methods
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.runner.planning.experiment import Entry, Experiment, Preset
 from shadowbench.harness.runner.progress import Silent
@@ -24,11 +25,8 @@ def install_misbehaving(folder: Path) -> str:
     package = folder / "misbehaving_package"
     package.mkdir(parents=True)
     shutil.copy(misbehaving_methods.__file__, package / "__init__.py")
-    about = folder / "misbehaving_package-0.1.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: misbehaving-package\nVersion: 0.1\n")
-    points = "\n".join(f"{cls.name} = misbehaving_package:{cls.__name__}" for cls in misbehaving_methods.CLASSES)
-    (about / "entry_points.txt").write_text(f"[shadowbench.methods]\n{points}\n")
+    methods = {cls.name: f"misbehaving_package:{cls.__name__}" for cls in misbehaving_methods.CLASSES}
+    declare_methods(folder, "misbehaving_package", methods)
     return os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 
 

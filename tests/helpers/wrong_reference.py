@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from helpers.answered_scene import HEIGHT, WIDTH, AnsweredScene, lose
 from shadowbench.harness.judge.reference import Reference
 from shadowbench.harness.judge.score import score_answers

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.holed_scenes import SIZE, answers_of, ball_on_floor, holed, make, same
+from helpers.holed_scenes import SIZE, answers_of, holed, make, same
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.shapes import ball_on_floor
 from shadowbench.harness.judge.answer_files import save_raw, score_raw
 from shadowbench.harness.judge.arithmetic import edge_bound
 from shadowbench.harness.judge.context import Judge

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from helpers.second_judge import SecondJudge
 from shadowbench.harness.judge import arithmetic as exact
 from shadowbench.harness.judge.distances import segment_to_segment

@@ -3,7 +3,7 @@ find."""
 
 import numpy as np
 import pytest
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from helpers.devices import needs_gpu
 from helpers.second_judge import SecondJudge
 from helpers.second_opinion import Count

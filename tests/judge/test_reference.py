@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from shadowbench.harness.judge import consistency, context
 from shadowbench.harness.judge import reference as references
 from shadowbench.harness.judge.context import Judge

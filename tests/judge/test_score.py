@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from helpers.answered_scene import (
     HEIGHT,
     WIDTH,
@@ -17,6 +17,7 @@ from helpers.answered_scene import (
     plant_hole,
     sky_pixel,
 )
+from helpers.second_judge import SecondJudge
 from shadowbench.harness.judge.consistency import check_consistency
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.reference import Reference
@@ -56,15 +57,10 @@ def ball_pixel(case: AnsweredScene) -> int:
 
 def plant_floor_seen_through_the_ball(case, answers):
     pixel = ball_pixel(case)
-    d = case.moment.directions(np.array([pixel]))[0].astype(np.float64)
-    t = -float(case.moment.eye[1]) / d[1]
-    for k in (0, 1):
-        corners = [cases.rational(case.moment.points[v]) for v in case.prepared.faces[k]]
-        solution = cases.solve(cases.rational(case.moment.eye), cases.rational(d), corners)
-        if cases.inside(solution):
-            answers["triangle"][pixel], answers["t"][pixel] = k, t
-            answers["u"][pixel], answers["v"][pixel] = float(solution[1]), float(solution[2])
-    assert answers["triangle"][pixel] in (0, 1)
+    floor = SecondJudge(case.moment.points, case.prepared.faces[:2])
+    (seen,) = floor.closest(case.moment.eye[None], case.moment.directions(np.array([pixel])))
+    answers["triangle"][pixel], answers["t"][pixel] = seen.ties[0], seen.t
+    _, answers["u"][pixel], answers["v"][pixel] = seen.weights
     return pixel
 
 
@@ -288,10 +284,8 @@ def test_a_wrong_t_is_wrong_on_slivers_and_far_away_and_a_right_one_right(corner
     scene = cases.make_scene(corners, [(0, 1, 2)], Camera((0, 0, height), (0, 0, -1)), Light((0, 3, 3)))
     prepared = prepare(scene)
     moment = prepared.moment(0, 1, 1)
-    rational = [cases.rational(moment.points[v]) for v in prepared.faces[0]]
-    d = moment.directions(np.array([0]))[0]
-    t, u, v = cases.solve(cases.rational(moment.eye), cases.rational(d), rational)
-    numbers = {"t": float(t) * (1 + error), "u": float(u), "v": float(v)}
+    (seen,) = SecondJudge(moment.points, prepared.faces).closest(moment.eye[None], moment.directions(np.array([0])))
+    numbers = {"t": float(seen.t) * (1 + error), "u": seen.weights[1], "v": seen.weights[2]}
     answers = {name: np.array([value], np.float32) for name, value in numbers.items()}
     answers |= {"triangle": np.zeros(1, np.int32), "shadowed": np.zeros((1, 1), np.uint8)}
     checked = check_consistency(prepared, moment, answers)

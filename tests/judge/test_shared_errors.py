@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import rational_brute_force as cases
+from helpers import exact_answers as cases
 from helpers.answered_scene import WIDTH, lattice_of_rays, lose
 from helpers.wrong_reference import WrongReference
 from shadowbench.harness.frame.registry import make_method

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import warp as wp
-from helpers.effect_scenes import BEHIND, GIVEN, POINT, SPOT, all_mirrors, scene
+from helpers.effect_scenes import BEHIND, GIVEN, POINT, SPOT, all_mirrors, scene, session_or_skip
 from helpers.planned_for_cuda import plan_for_cuda
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import graphs
@@ -139,10 +139,7 @@ def test_a_condition_or_a_loop_is_captured_when_all_has_joined(name, settings, g
 @pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
 def test_a_pass_says_that_it_captures_a_loop(name, settings, monkeypatch):
     prepared = scene((POINT,))
-    method = make_method(name, settings)
-    if method.applies(prepared.scene, "cpu"):
-        pytest.skip(f"{name}: {method.applies(prepared.scene, 'cpu')}")
-    session = Session(method, prepared, 32, 32, "cpu")
+    session = session_or_skip(name, settings, prepared, size=(32, 32))
     session.answers(prepared.moment(0, 32, 32))
     looped, capture_while = [], wp.capture_while
 

@@ -7,7 +7,8 @@ The kernels that do it run on a CPU, too.
 import numpy as np
 import pytest
 import warp as wp
-from helpers.effect_scenes import BEHIND, POINT, SPOT, all_mirrors, scene
+from helpers.answers import assert_same
+from helpers.effect_scenes import BEHIND, POINT, SPOT, all_mirrors, scene, session_or_skip
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Light, Spot
@@ -36,20 +37,16 @@ SCENES = {
 @pytest.mark.parametrize(("method", "settings"), METHODS, ids=str)
 def test_a_method_marks_the_receivers_that_the_harness_marks(method, settings, name, device, monkeypatch):
     prepared = scene(**SCENES[name])
-    reason = make_method(method, settings).applies(prepared.scene, device)
-    if reason:
-        pytest.skip(f"{method}: {reason}")
     moment = prepared.moment(0, *SIZE)
     monkeypatch.setattr(tree_rays, "marks_receivers", lambda cuda, effects: True)
     monkeypatch.setattr(placement, "marks_receivers", lambda cuda: True)
-    marked = Session(make_method(method, settings), prepared, *SIZE, device)
+    marked = session_or_skip(method, settings, prepared, device, SIZE)
     by_harness = Session(make_method("uniform_grid", {}), prepared, *SIZE, device)
     wanted, found = by_harness.answers(moment), marked.answers(moment)
     np.testing.assert_array_equal(marked.frame.receivers.numpy(), by_harness.frame.receivers.numpy())
     assert 0 < marked.frame.receivers.numpy()[0].sum() < (wanted["triangle"] >= 0).sum()
     if settings.get("precision") != "float32":
-        for key, values in wanted.items():
-            np.testing.assert_array_equal(found[key], values, key)
+        assert_same(found, wanted)
     passes = [work.name for work in marked.all_passes]
     assert "light 0: receivers" not in passes
     assert not [work.name for work in marked.all_passes if work.only_if is not None and "bounce" not in work.name]

@@ -101,6 +101,5 @@ def test_vertices_that_are_not_finite_have_no_size() -> None:
 def test_a_mesh_that_grows_too_large_for_a_directional_light_is_refused() -> None:
     prepared = changing(SUN, (1.0, 2.0**80))
     prepared.moment(0, *SIZE)
-    with pytest.raises(UserError, match="too large") as caught:
+    with pytest.raises(UserError, match="too large"):
         prepared.moment(1, *SIZE)
-    assert "\n" not in str(caught.value)

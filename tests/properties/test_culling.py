@@ -6,10 +6,10 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene
-from helpers.closed_meshes import grid_of_squares, rays_along_an_edge, rays_through_vertices
+from helpers.closed_meshes import rays_along_an_edge, rays_through_vertices
 from helpers.drawn_examples import CLOSED, exact_hits, some
 from helpers.lattice_examples import CULLING, Example, answers_of, fresh_method, true_errors
-from helpers.method_trials import assert_same
+from helpers.method_trials import assert_same, box
 from helpers.paper_knobs import answers_of as knob_answers
 from hypothesis import given
 from shadowbench.harness.frame.registry import make_method
@@ -23,7 +23,7 @@ NAME = "perspective_spherical"
 
 
 def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside():
-    vertices, faces = grid_of_squares(5)
+    vertices, faces = box(5)
     for wound in (faces, faces[:, ::-1]):  # inward or outward, as long as it is consistent
         both = np.concatenate([vertices, vertices * 0.5 + [1.9, 0.4, 0.2]])
         prepared = make_scene(both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0))
@@ -133,7 +133,7 @@ def test_the_papers_configuration_applies_to_every_scene():
 
 def cube(eye, light, closed=True, frames=1, at=lambda frame: 0.0, **fields) -> Scene:
     """A cube of side 2; ``at(frame)``: its middle."""
-    vertices, faces = grid_of_squares(2)
+    vertices, faces = box(2)
     geometry = Geometry(faces, lambda frame: vertices + at(frame), frames)
     light = light if isinstance(light, Light) else Light(light)
     return Scene("cube", "Cube", lambda: geometry, Camera(eye, (0.1, 0.2, 0.4)), (light,), closed=closed, **fields)

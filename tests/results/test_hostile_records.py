@@ -183,7 +183,7 @@ def test_odd_facts_of_an_environment_are_left_out(tmp_path, capsys, facts):
     assert read_environment(place, "none") is None
 
 
-@pytest.mark.parametrize("error", [RuntimeError("broken\x1b"), SystemExit(3), ImportError("no module")])
+@pytest.mark.parametrize("error", [RuntimeError("broken\x1b"), SystemExit(3), ImportError("no\nmodule")])
 def test_a_package_that_fails_on_import_hides_no_record_and_no_method(tmp_path, monkeypatch, error):
     class Point:
         value = "broken:Method"

@@ -23,29 +23,19 @@ from shadowbench.harness.runner.planning.experiment import Entry
 
 
 def round_event(number, times, frames=(0,), stages=2):
-    passes = [("sort", "build"), ("walk", "trace"), ("bin", "light build"), ("any hit", "shadow")]
+    parts = (("sort", "build"), ("walk", "trace"), ("bin", "light build"), ("any hit", "shadow"))
+    passes = [{"name": n, "part": p, "ms": [1.0 + k] * stages} for k, (n, p) in enumerate(parts)]
+    one = {
+        "started": 1.0 * number, "passes": passes, "stopped_by": "samples", "regrown": number, "memory_bytes": 64,
+        "memory_source": "warp allocations",
+    }  # fmt: skip
+    samples = [
+        {"frame": k, "total_ms": [t + k for t in times], "wall_ms": [t + k + 0.5 for t in times]} for k in frames
+    ]
     return {
-        "event": "round",
-        "round": number,
-        "place": 0,
-        "peak_rss_bytes": 100 + number,
-        "spent_s": 1.0,
-        "method": {"built": {"kind": "lbvh"}},
-        "frames": [
-            {
-                "frame": frame,
-                "started": 1.0 * number,
-                "total_ms": [t + frame for t in times],
-                "wall_ms": [t + frame + 0.5 for t in times],
-                "passes": [{"name": n, "part": p, "ms": [1.0 + k] * stages} for k, (n, p) in enumerate(passes)],
-                "stopped_by": "samples",
-                "regrown": number,
-                "memory_bytes": 64,
-                "memory_source": "warp allocations",
-            }
-            for frame in frames
-        ],
-    }
+        "event": "round", "round": number, "place": 0, "peak_rss_bytes": 100 + number, "spent_s": 1.0,
+        "method": {"built": {"kind": "lbvh"}}, "frames": [{**one, **sampled} for sampled in samples],
+    }  # fmt: skip
 
 
 SCENE = {"name": "s", "title": "S", "triangles": 3, "lights": [{}], "load_s": 0.25}
@@ -279,7 +269,6 @@ def test_a_wrong_field_is_reported_by_its_file_and_its_name(tmp_path, line):
     with pytest.raises(UserError) as refused:
         read_records(tmp_path)
     assert f"records/k.json: not a record ({said}" in str(refused.value)
-    assert "\n" not in str(refused.value)
     assert len(str(refused.value)) < 600
 
 

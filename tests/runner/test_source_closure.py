@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import networkx
 import pytest
 from helpers.import_graph import PACKAGES, ROOT, imports, modules
 from shadowbench.harness.frame import registry
@@ -34,16 +35,9 @@ def copied(tmp_path_factory) -> Path:
 
 def reached(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
     """Modules that ``roots`` import, directly or not; importing one runs the packages around it."""
-    found: set[str] = set()
-    todo = list(roots)
-    while todo:
-        name = todo.pop()
-        if name in found:
-            continue
-        found.add(name)
-        todo += graph[name]
-        todo += [name.rpartition(".")[0]] if "." in name else []
-    return found
+    around = {name: {name.rpartition(".")[0]} if "." in name else set() for name in graph}
+    runs = networkx.DiGraph({name: others | around[name] for name, others in graph.items()})
+    return {*roots}.union(*(networkx.descendants(runs, root) for root in roots))
 
 
 @contextlib.contextmanager

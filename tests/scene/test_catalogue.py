@@ -10,6 +10,9 @@ from helpers import mesh_files as files
 from helpers.loaded_shapes import shape_of
 from helpers.real_scenes import REAL, needs_real
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.hardcases import shapes
+from shadowbench.harness.judge.receivers import facing
+from shadowbench.harness.judge.reference import embree_reference
 from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.names import NAMES, TITLES
 from shadowbench.harness.scene.prepared import prepare
@@ -189,15 +192,9 @@ def test_the_view_holds_every_frame_of_an_animation_and_no_vertex_that_no_face_u
 
 def box(low, high, without=()) -> Loaded:
     """A box of 12 triangles less the sides (axis, end) in ``without``."""
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
-    faces = []
-    for axis in range(3):
-        for end in (0, 1):
-            if (axis, end) not in without:
-                side = np.flatnonzero(corners[:, axis] == end)
-                faces += [side[[0, 1, 3]], side[[0, 3, 2]]]
-    points = np.asarray(low) + corners * (np.asarray(high) - low)
-    return Loaded(np.array(faces, np.int32), (points,), ())
+    points, faces = shapes.box(low, high)
+    kept = [faces[2 * side : 2 * side + 2] for side in range(6) if divmod(side, 2) not in without]
+    return Loaded(np.concatenate(kept).astype(np.int32), (points,), ())
 
 
 @pytest.mark.parametrize(("axis", "end"), [(0, 0), (0, 1), (2, 0), (2, 1)])
@@ -252,27 +249,13 @@ def test_front_views_are_right_handed(up):
 
 def lit_and_shadowed(scene: Scene, size: int = 48) -> tuple[float, float, float]:
     """Shares of the pixels that see the scene, of those that are lit, and of those in another surface's shadow."""
-    from embreex import rtcore_scene
-    from embreex.mesh_construction import TriangleMesh
-
     prepared = prepare(scene)
     moment = prepared.moment(0, size, size)
-    corners = moment.points[prepared.faces]
-    tracer = rtcore_scene.EmbreeScene(robust=True)
-    TriangleMesh(tracer, corners)
-    rays = moment.directions(np.arange(size * size))
-    found = tracer.run(np.broadcast_to(moment.eye, rays.shape).copy(), rays.copy(), output=True)
-    hit = found["primID"] >= 0
-    triangle, rays = corners[found["primID"][hit]].astype(np.float64), rays[hit]
-    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    normal *= -np.sign((normal * rays).sum(axis=1, keepdims=True))
-    place = moment.eye + rays * found["tfar"][hit, None] + normal * 1e-4 * prepared.radius
-    to_light = moment.lights[0] - place
-    faces_light = (normal * to_light).sum(axis=1) > 0
-    blocked = tracer.run(place.astype(np.float32), to_light.astype(np.float32), output=True)
-    dark = (blocked["primID"] >= 0) & (blocked["tfar"] < 1)
-    return float(hit.mean()), float((faces_light & ~dark).mean()), float((faces_light & dark).mean())
+    seen = embree_reference(prepared, moment)
+    hit = seen.triangle >= 0
+    toward = facing(moment, moment.points[prepared.faces[seen.triangle[hit]]], 0)
+    dark = seen.shadowed[0][hit] != 0
+    return float(hit.mean()), float((toward & ~dark).mean()), float((toward & dark).mean())
 
 
 @needs_real

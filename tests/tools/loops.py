@@ -6,8 +6,8 @@ steps inside one of the tests, the lanes test one by one, and a frame takes up t
 """
 
 import re
-from collections import defaultdict
 
+import networkx as nx
 import warp as wp
 
 ARCH = 90
@@ -25,9 +25,13 @@ def loop_counts(module: wp.Module | str) -> dict[str, int]:
 
 def loop_heads(body: str) -> set[int]:
     """The blocks to which an edge leads from a block that they dominate."""
-    after = successors(body)
-    dominators = dominators_of(after)
-    return {to for at in dominators for to in after[at] if to in dominators[at]}
+    graph = nx.DiGraph(dict(enumerate(successors(body))))
+    above = nx.immediate_dominators(graph, 0)
+
+    def dominators(block: int) -> set[int]:
+        return {block, *(dominators(above[block]) if block else ())}
+
+    return {to for block, to in graph.edges if block in above and to in dominators(block)}
 
 
 def successors(body: str) -> list[list[int]]:
@@ -52,27 +56,3 @@ def successors(body: str) -> list[list[int]]:
         goes_on = not LEAVE.match(last) and (branch is None or branch.group(1) is not None)
         result.append(to + ([i + 1] if goes_on and i + 1 < len(blocks) else []))
     return result
-
-
-def dominators_of(after: list[list[int]]) -> dict[int, set[int]]:
-    """The blocks through which every way from the first to a block leads, of each block that is reached."""
-    before = defaultdict(set)
-    reached, waiting = set(), [0]
-    while waiting:
-        at = waiting.pop()
-        if at not in reached:
-            reached.add(at)
-            waiting += after[at]
-    for at in reached:
-        for to in after[at]:
-            before[to].add(at)
-    found = {at: set(reached) for at in reached}
-    found[0] = {0}
-    changed = True
-    while changed:
-        changed = False
-        for at in sorted(reached - {0}):
-            now = set.intersection(*(found[b] for b in before[at])) | {at}
-            changed = changed or now != found[at]
-            found[at] = now
-    return found

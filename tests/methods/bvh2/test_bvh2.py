@@ -11,7 +11,7 @@ from helpers.effect_scenes import all_mirrors
 from helpers.holed_scenes import SIZE as HOLED_SIZE
 from helpers.holed_scenes import holed
 from helpers.lattice_examples import Example, true_errors
-from helpers.method_trials import TRIALS, Answers, assert_exact, assert_nearly, assert_same, random_trial, trace
+from helpers.method_trials import Answers, assert_exact, assert_nearly, assert_same, random_trial, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.tuned_trees import tuned
 from hypothesis import given
@@ -39,13 +39,6 @@ SETTINGS = [
 def test_equals_brute_force_on_random_scenes(seed, device):
     with tuned(SETTINGS[seed]) as settings:
         assert_exact(NAME, settings, *random_trial(seed + 300), device)
-
-
-@pytest.mark.parametrize("settings", SETTINGS[::4], ids=str)
-@pytest.mark.parametrize("trial", TRIALS)
-def test_equals_brute_force_on_hard_scenes(trial, settings, device):
-    with tuned(settings) as given:
-        assert_exact(NAME, given, *TRIALS[trial], device)
 
 
 @some(60)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.holed_scenes import holed
+from helpers.installed_package import declare_methods
 from helpers.mirror_scenes import hall_of_mirrors
 from helpers.recorded_slangpy import Recording, recorded
 from shadowbench.harness.errors import CapacityRejected, UserError
@@ -49,10 +50,7 @@ def installed(tmp_path, monkeypatch) -> Path:
             text = file.read_text(encoding="utf-8").replace("from ...harness", "from shadowbench.harness")
             text = re.sub(r"from \.\.(?=\w)", "from shadowbench.methods.", text)
             (package / file.name).write_text(text.replace('name = "driver"', f'name = "{THEIRS}"'), encoding="utf-8")
-    about = package.parent / f"{THEIRS}-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {THEIRS}\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(f"[shadowbench.methods]\n{THEIRS} = {THEIRS}:Driver\n")
+    declare_methods(package.parent, THEIRS, {THEIRS: f"{THEIRS}:Driver"})
     monkeypatch.syspath_prepend(str(package.parent))
     importlib.invalidate_caches()
     yield package.parent

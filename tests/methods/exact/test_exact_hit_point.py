@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.launched import launched
+from helpers.second_judge import Flat, Point, dot, exactly
+from helpers.second_judge import along as along_ray
 from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.exact.hit_point import along, hit_point, is_vague, plane_distance
 
@@ -29,22 +31,12 @@ def point_kernel(
     vague[i] = wp.uint8(is_vague(ray, corners))
 
 
-def rational(vector) -> list[Fraction]:
-    return [Fraction(float(x)) for x in vector]
-
-
-def dot(a, b) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
-
-
-def exact_hit(o, d, a, b, c) -> tuple[list[Fraction], Fraction, float]:
+def exact_hit(o, d, a, b, c) -> tuple[Point, Fraction, float]:
     """The hit, its t, and the sine of the angle between ray and plane."""
-    o, d, a, b, c = (rational(v) for v in (o, d, a, b, c))
-    e, f = [x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)]
-    n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
-    t = dot(n, [x - y for x, y in zip(a, o, strict=True)]) / dot(n, d)
-    sine = abs(float(dot(n, d))) / np.sqrt(float(dot(n, n)) * float(dot(d, d)))
-    return [x + t * y for x, y in zip(o, d, strict=True)], t, sine
+    flat, o, d = Flat.of(np.stack([a, b, c])), exactly(o), exactly(d)
+    slope = dot(flat.normal, d)
+    t = -flat.side(o) / slope
+    return along_ray(o, t, d), t, abs(float(slope)) / np.sqrt(float(dot(flat.normal, flat.normal)) * float(dot(d, d)))
 
 
 def rays(slope: float, size: float, random: np.random.Generator):
@@ -68,7 +60,7 @@ def rays(slope: float, size: float, random: np.random.Generator):
     return result
 
 
-def off(point: np.ndarray, hit: list[Fraction]) -> float:
+def off(point: np.ndarray, hit: Point) -> float:
     """By how much a point is, in its worst coordinate."""
     return max(abs(float(Fraction(float(x)) - y)) for x, y in zip(point, hit, strict=True))
 

@@ -1,6 +1,7 @@
 """Rays through the cells of one grid (``walk.py``): what they test, and the same answers through one cell and through
 many."""
 
+from helpers.answers import answers_in
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same, trace
 
@@ -17,7 +18,7 @@ def test_counted_tests_are_those_of_the_cells_walked():
     counters = session.method.counters()
     assert counters["primary tests"] == 30 * 256
     assert 0 < counters["shadow tests"] < 30 * 256
-    assert_same(session.frame.answers.to_host(), before)
+    assert_same(answers_in(session), before)
 
 
 def test_walks_through_many_cells_find_what_one_cell_holds():

@@ -5,13 +5,13 @@ from functools import partial
 
 import numpy as np
 import pytest
+from helpers.answers import answers_in
 from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import POINT, scene
 from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
-from helpers.method_trials import TRIALS, assert_same, trace
+from helpers.method_trials import assert_same, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
-from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -42,7 +42,7 @@ def test_has_the_bits_of_ray_grids_in_replays_of_the_graph_too(settings, device)
     for _ in range(3):
         session.poison()
         session.replay()
-    assert_same(session.frame.answers.to_host(), wanted)
+    assert_same(answers_in(session), wanted)
 
 
 @pytest.mark.parametrize("settings", SETTINGS[:2], ids=str)
@@ -144,12 +144,3 @@ def test_tree_and_stream_are_branches_of_one_fork():
         forked.append(work)
     branches = {name: {w.hints.parallel[0] for w in forked if w.name == name} for name in ("tree", "camera: resolve")}
     assert len(branches["tree"] | branches["camera: resolve"]) == 2
-
-
-def test_queues_of_both_parts_grow(device):
-    prepared, width, height = TRIALS["rays at vertices"]
-    _, _, roomy = trace(NAME, WITH_TREE, prepared, width, height, device)
-    with tuned({"ROOM": 1}):
-        session, _, tight = trace(NAME, WITH_TREE, prepared, width, height, device)
-    assert session.regrown > 0
-    assert_same(tight, roomy)

@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
-from helpers.closed_meshes import grid_of_squares
-from helpers.method_trials import assert_same
+from helpers.method_trials import assert_same, box
 from helpers.paper_knobs import answers_of, drawn
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS
 
@@ -63,7 +62,7 @@ def test_inexact_tests_differ_from_the_exact_one_at_edges_only():
 @pytest.mark.parametrize("name", ["exact", "edge_planes"])
 def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     """Split vertices, pixels exactly on edges and corners, from inside: every ray must hit."""
-    vertices, faces = grid_of_squares(16)
+    vertices, faces = box(16)
     prepared = make_scene(vertices, faces, [(0.0, 0.0, 0.0)], eye=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), fov=90.0)
     _, _, got = answers_of(prepared, 33, 33, {"triangle_test": name})
     assert (got["triangle"] >= 0).all()

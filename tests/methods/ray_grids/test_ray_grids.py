@@ -3,6 +3,7 @@ it."""
 
 import numpy as np
 import pytest
+from helpers.answers import answers_in, assert_same
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, random_trial, trace
 from helpers.streams import trial
@@ -29,8 +30,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
     session, _, _ = trace("ray_grids", settings, *scene, device)
     session.poison()
     session.replay()  # on the GPU a graph, in which lights run beside each other
-    for name, values in session.frame.answers.to_host().items():
-        np.testing.assert_array_equal(values, got[name], err_msg=name)
+    assert_same(answers_in(session), got)
 
 
 def test_few_pairs_are_undecided_however_far_the_eye():

@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene
-from helpers.method_trials import TRIALS, assert_exact, assert_same, trace
+from helpers.method_trials import assert_exact, assert_same, trace
 from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -64,13 +64,3 @@ def test_a_box_is_met_where_its_middle_over_the_direction_is_infinite(settings, 
     _, _, wanted = trace("warp_bvh", {"update": "bvh_rebuild"}, prepared, 3, 3, device)
     assert (wanted["triangle"] >= 0).all()
     assert_same(got, wanted)
-
-
-def test_queues_grow_and_the_frame_is_repeated(device):
-    """A fan of triangles at whose middle every ray is aimed leaves more pairs than there is room for."""
-    prepared, width, height = TRIALS["rays at vertices"]
-    _, _, roomy = trace(NAME, {}, prepared, width, height, device)
-    with tuned({"ROOM": 1}):
-        session, _, tight = trace(NAME, {}, prepared, width, height, device)
-    assert session.regrown > 0
-    assert_same(tight, roomy)

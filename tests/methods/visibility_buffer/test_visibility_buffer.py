@@ -3,12 +3,10 @@ every setting."""
 
 import numpy as np
 import pytest
-import warp as wp
+from helpers.answers import answers_in
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, assert_same, trace
 from helpers.streams import trial
-from shadowbench.harness.errors import CapacityRejected
-from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.prepared import Prepared
 
 NAME = "visibility_buffer"
@@ -38,7 +36,7 @@ def test_equals_brute_force_under_every_setting(settings, device):
     session, _, _ = trace(NAME, trial(**settings), *scene)
     session.poison()
     session.replay()  # on the GPU a graph, in which lights and shares run beside each other
-    assert_same(session.frame.answers.to_host(), got)
+    assert_same(answers_in(session), got)
 
 
 def test_tiles_that_hold_nothing_are_left_out():
@@ -68,26 +66,3 @@ def test_thin_triangles_that_a_light_sees_nearly_edge_on_are_decided_in_float32(
     _, _, wanted = trace("ray_grids", {}, prepared, 64, 64)
     assert 0.0 < got["shadowed"].mean() < 1.0
     np.testing.assert_array_equal(got["shadowed"], wanted["shadowed"])
-
-
-def test_queues_grow_and_the_frame_is_repeated(device, monkeypatch):
-    """Whatever the memory of the queues held before: they are not cleared."""
-    prepared, empty = small_and_large(), wp.empty
-
-    def used(*given, **named):
-        array = empty(*given, **named)
-        array.fill_(0x7B7B7B7B)
-        return array
-
-    tiny = trial(**TILES, items=1, chunks=1, undecided=1)
-    _, _, roomy = trace(NAME, trial(**TILES), prepared, 40, 40, device)
-    monkeypatch.setattr(wp, "empty", used)
-    session, _, tight = trace(NAME, tiny, prepared, 40, 40, device)
-    assert session.regrown >= 1
-    assert_same(tight, roomy)
-
-
-def test_a_need_beyond_the_memory_limit_is_rejected():
-    given = trial(**TILES, cells=8, items=1, shares=1)
-    with pytest.raises(CapacityRejected, match=r"needs .* work items"):
-        trace(NAME, given, small_and_large(), 32, 32, limits=Limits(memory=3 * 2**10))
