@@ -21,8 +21,6 @@ import numpy as np
 from ..arrays import F64, I64
 from ..frame.registry import label_of
 from ..frame.schedule.passes import BUILD_PARTS, PARTS
-from ..judge.counts import Score, total
-from ..judge.verdict import ERRORS
 from ..texts import scalar
 from . import costs
 from .newest import newest_as, settings_text
@@ -283,14 +281,8 @@ def _score(frame: Frame) -> dict[str, Any]:
         "excused_share": score.excused_share,
         "check": score.check,
         "pixels_scored": score.primary.pixels,
-        "reference_errors": reference_errors(score),
+        "reference_errors": score.reference_errors.true_errors if score.reference_errors else 0,
     }
-
-
-def reference_errors(score: Score) -> int:
-    """How many answers of the reference the referee found wrong while it decided this score's disputes."""
-    counts = score.reference_errors
-    return sum(total(counts, kind) for kind in ERRORS) if counts else 0
 
 
 def _shadow_rays(frame: Frame) -> int | None:
