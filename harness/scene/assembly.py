@@ -66,7 +66,6 @@ def declared_parts(path: Path, tables: Any, resolve: Callable[[str, Wanted], Sce
 
 
 def matrix_of(path: Path, where: str, table: Any) -> MATRIX:
-    """The matrix of a transform."""
     given = Table(path, where, table, ("scale", "rotate", "translate", "matrix"))
     if "matrix" in table:
         if len(table) > 1:
