@@ -166,7 +166,6 @@ def findings(results: Results, prefix: str, *folders: str) -> list[str]:
 
 
 def machine(results: Results, folder: str) -> str:
-    """What measured a folder."""
     names = results.points(folder)["environment"].unique()
     facts = [read_environment(results.folder / folder, name) or {} for name in names]
     return numbers.listed(list(dict.fromkeys(map(machine_of, facts))))

@@ -46,7 +46,6 @@ def entries(light_tiles: int, values: tuple[str, ...]) -> tuple[Entry, ...]:
 
 
 def distances(*radii: float) -> tuple[Lighting, ...]:
-    """The light at each of these distances."""
     return tuple(Lighting(f"{radius:g} radii", distance=radius) for radius in radii)
 
 

@@ -2,7 +2,6 @@
 
 import ast
 import importlib.util
-import inspect
 import itertools
 import re
 import sys
@@ -18,7 +17,7 @@ from shadowbench.experiments._documents import PARTS, judged, measured
 from shadowbench.harness.frame.registry import method_class, method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.report import claims, documents
-from shadowbench.harness.results import samples, tidy
+from shadowbench.harness.results import points, samples, table, tidy
 from shadowbench.harness.runner.planning.experiment import experiment_names
 from shadowbench.harness.runner.planning.planned_point import source_hash
 
@@ -199,16 +198,24 @@ def test_roles_in_docstrings_name_what_exists():
     assert lost == []
 
 
-def test_the_page_of_the_table_of_results_has_the_columns_of_its_docstrings():
+def page_columns(function: str) -> dict[str, str]:
+    """Each column that the page of the table of results lists of a function, and its type."""
     page = (ROOT / "docs" / "results-table.md").read_text()
-    for function in (tidy, samples):
-        table = re.search(r"^=+ .*^=+ [= ]*$", inspect.getdoc(function), re.MULTILINE | re.DOTALL)
-        assert table[0] in page
+    listed = page.partition(f"## Columns of `{function}`")[2].partition("```text\n")[2].partition("```")[0]
+    kind = r"(?:text|object|category|float|int|Int64)"
+    found: list[tuple[str, str]] = []
+    for names, kinds in re.findall(rf"^(\S.*?) +({kind}(?:, {kind})*)  ", listed, re.MULTILINE):
+        columns, several = names.split(", "), kinds.split(", ")
+        found += zip(columns, several if len(several) == len(columns) else several * len(columns), strict=True)
+    assert len(dict(found)) == len(found), "a column is listed twice"
+    return dict(found)
 
 
-def test_no_column_of_the_table_of_results_is_listed_twice():
-    table = inspect.getdoc(tidy).split("====\n", 2)[2]
-    names = re.findall(r"^(\S.*?)  ", table, re.MULTILINE)
-    columns = [name for line in names for name in line.split(", ")]
-    assert len(columns) > 60
-    assert sorted(set(columns)) == sorted(columns)
+def test_the_page_of_the_table_of_results_has_every_column_with_its_type():
+    kinds = {"Int64": table.COUNTS, "float": table.NUMBERS, "text": table.TEXTS}
+    known = {name: kind for kind, names in kinds.items() for name in names}
+    assert {name: kind for name, kind in page_columns("tidy").items() if "." not in name} == known
+    folder = ROOT / "results" / "nvidia-h100" / "key_bits"
+    frames = tidy(folder)
+    assert set(page_columns("points")) == set(points(frames)) - set(frames)
+    assert list(page_columns("samples")) == list(samples(folder))

@@ -91,7 +91,6 @@ def method(name: str) -> Row:
 
 
 def experiment(name: str) -> Row:
-    """An experiment with its presets."""
     from ..runner.planning.experiment import about, find_experiment
 
     declared = find_experiment(name)
@@ -161,14 +160,12 @@ def contents(name: str, seen: ChosenView, scene_dir: Path | None) -> Row:
 
 
 def camera_text(camera: Row) -> str:
-    """A camera in words."""
     wide = f"{camera['fov']:g} degrees"
     shows = wide if camera["height"] is None else f"orthographic, {camera['height']:g} high"
     return f"from {place_text(camera['eye'])} to {place_text(camera['target'])}, {shows}"
 
 
 def light_text(light: Row) -> str:
-    """A light in words."""
     kind = "directional, from" if light["directional"] else "spot at" if light["spot"] else "at"
     return f"{kind} {place_text(light['position'])}{area_text(light)}"
 

@@ -18,7 +18,7 @@ from ..judge.context import Judge
 from ..judge.distances import plane_distance
 from ..judge.referee import Referee
 from ..judge.reference import exact_reference
-from ..judge.score import Judgement, judge_frame, score_frame
+from ..judge.score import Judgement, judge_frame, score_answers
 from ..judge.verdict import ERRORS, EXCUSED, WRONG_BIT, Verdict
 from ..runner.machine.lock import MACHINE
 from ..scene.effects import Effects
@@ -119,7 +119,7 @@ class Judged:
                     examples.append({"kind": example})
 
         found = judge_frame(self.judge, answers)
-        score = score_frame(self.judge, answers, found).score
+        score = score_answers(self.judge, answers, found).score
         bits_outside = 0
         for part in score.parts:
             for counts in (part.primary, *part.shadow):

@@ -113,11 +113,6 @@ def plane_of(o: Whole, triangle: Whole) -> tuple[Integers, int]:
     return normal, dot(normal, a)
 
 
-def in_plane(point: Whole, triangle: Whole) -> bool:
-    """Whether a point lies in the plane of a triangle of nine integers in one scale."""
-    return plane_of(point, triangle)[1] == 0
-
-
 def between(p: Whole, light: Whole, triangle: Whole) -> bool:
     """Whether the open segment from ``p`` to ``light`` meets the closed triangle: integers of one scale."""
     normal, near = plane_of(p, triangle)

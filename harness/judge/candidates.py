@@ -19,7 +19,7 @@ from ..frame.alpha import device_alpha
 from ..frame.geometry import filled
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
-from .arithmetic import in_plane, integers
+from .arithmetic import integers, plane_of
 from .filter_kernels import LEAF, Found, Tree
 
 BATCH = 8192
@@ -74,7 +74,7 @@ def in_planes(corners: F32, points: F32) -> Bools:
     for k in doubtful:
         if np.isfinite(points[k]).all() and np.isfinite(corners[k]).all():
             _, ints = integers(points[k], corners[k])
-            result[k] = in_plane(ints[0:3], ints[3:12])
+            result[k] = plane_of(ints[0:3], ints[3:12])[1] == 0
     return result
 
 

@@ -26,7 +26,6 @@ class Holes:
         return self.mask.triangles[triangles] != 0
 
     def has(self, triangle: int) -> bool:
-        """Whether a triangle has a mask."""
         return self.mask is not None and bool(self.mask.triangles[triangle])
 
     def counts(self, triangle: int, weights: Sequence[int]) -> bool:

@@ -155,7 +155,6 @@ def reference_for(
 
 
 def embree_installed() -> bool:
-    """Whether Embree is installed."""
     return importlib.util.find_spec("embreex") is not None
 
 

@@ -76,14 +76,9 @@ def gravest_classes(found: list[Judgement]) -> I8:
     return result
 
 
-def score_answers(judge: Judge, answers: dict[str, NDArray]) -> Scored:
-    """The score of a method's answers to a frame."""
-    return score_frame(judge, answers, judge_frame(judge, answers))
-
-
-def score_frame(judge: Judge, answers: dict[str, NDArray], found: list[Judgement]) -> Scored:
-    """The score of answers that :func:`judge_frame` has judged."""
-    primary, *mirrored = found
+def score_answers(judge: Judge, answers: dict[str, NDArray], found: list[Judgement] | None = None) -> Scored:
+    """The score of a method's answers to a frame. ``found``: what :func:`judge_frame` says of them, where that is known."""
+    primary, *mirrored = found = found or judge_frame(judge, answers)
     counts, examples = _count(primary), examples_of(primary)
     bounces = []
     for bounce, one in enumerate(mirrored, 1):

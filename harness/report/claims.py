@@ -63,7 +63,6 @@ class Evidence:
 
     @cached_property
     def versions(self) -> dict[str, str]:
-        """The version of each method."""
         return dict(self.frames.groupby("method")["method_sha256"].last())
 
     @cached_property

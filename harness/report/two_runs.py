@@ -159,7 +159,7 @@ def compared(
     again  a second run of A on the same machine, whose gap to A is added to what is known of the machine's own spread
     cores  of the machine: points of a CPU leave out rounds in which the load exceeded them. None: not known
     """
-    usual = usual_clock([*a.values(), *b.values()])
+    usual = usual_clock(one for record in (*a.values(), *b.values()) for one in record.rounds or ())
 
     def over_common_frames(*runs: Record) -> tuple[Timed, Timed]:
         frames = set.intersection(*({frame.frame for frame in one.measured} for one in runs))

@@ -63,7 +63,6 @@ def _median(values: Iterable[float | None]) -> float:
 
 
 def _per_ray(frame: Frame, name: str, rays: int) -> float:
-    """A counter for each ray."""
     counters = frame.counters or {}
     if name in counters:
         return counters[name] / rays if rays else math.nan

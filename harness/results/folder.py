@@ -125,7 +125,6 @@ class ResultsFolder:
         return self.path / "logs" / f"{worker}.log"
 
     def journal(self, key: str) -> Journal:
-        """The journal of a point."""
         with self.writing():
             return Journal(self.path / "journal" / f"{key}.jsonl", EVENTS)
 

@@ -160,7 +160,6 @@ class Journal:
         return {event["round"]: event for event in self.events if event["event"] == "round"}
 
     def first(self, kind: str) -> dict[str, Any] | None:
-        """The first event of a kind, or None."""
         return next((event for event in self.events if event["event"] == kind), None)
 
     def remove(self) -> None:

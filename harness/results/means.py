@@ -27,21 +27,8 @@ def points(table: DataFrame) -> DataFrame:
     """One row per point of a tidy table, in its order: the columns of :func:`.results.table.tidy`, over the point's
     frames.
 
-    Times, counters, classes and FLIP are means over the frames, as an animation's time is the sum over its frames;
-    ``samples`` is the least of any frame; ``memory_bytes``, ``regrown`` and ``excused_share`` are the most;
-    ``true_errors`` the sum, <NA> where nothing was found wrong and not every frame was judged. Further columns:
-
-    ==========================  =======  ======================================================================
-    frames                      Int64    how many were measured
-    frame_numbers               object   which, as a tuple
-    between_ms                  float    the range between the rounds' own times, each a mean over the frames
-    stage_gap                   float    (sum of the parts - whole frame) / whole frame
-    wrong_per_frame             float    ``true_errors`` per frame
-    primary_mrays_per_s         float    1e6 primary rays per second of ``trace_ms``
-    shadow_mrays_per_s          float    1e6 shadow rays per second of ``shadow_ms``
-    frame_mrays_per_s           float    1e6 rays of both kinds per second of ``total_ms``; like the others of the rays that
-                                         are traced: NaN where nothing moved, so that none is
-    ==========================  =======  ======================================================================
+    Times, counters, classes and FLIP are means over the frames, as an animation's time is the sum over its frames.
+    docs/results-table.md says how the other columns are joined, and which come in addition.
     """
     import pandas as pd
 

@@ -272,7 +272,6 @@ class Record:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """The record as JSON has it."""
         return to_json(self)
 
 

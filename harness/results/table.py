@@ -21,8 +21,6 @@ import numpy as np
 from ..arrays import F64, I64
 from ..frame.registry import label_of
 from ..frame.schedule.passes import BUILD_PARTS, PARTS
-from ..judge.counts import Score, total
-from ..judge.verdict import ERRORS
 from ..texts import scalar
 from . import costs
 from .newest import newest_as, settings_text
@@ -62,84 +60,10 @@ TEXTS = (
 
 def tidy(folder: Path | str) -> DataFrame:
     """The results of a folder, or of the folders in it where it has no records itself: one row per point and measured frame;
-    a point without one has one row, with its reason.
+    a point without one has one row, with its reason. docs/results-table.md says what each column is.
 
     Of several records of one table entry the one asked for last counts (:func:`.results.newest.newest`);
     ``table.attrs["older"]`` is the number of the others. Raises :class:`~.errors.UserError` where there are none.
-
-    ==================  ========  ==========================================================================
-    column              dtype     meaning
-    ==================  ========  ==========================================================================
-    key                 text      the point: one method with its settings on one scene, size and device
-    folder              text      name of the folder; in a tree the way to it, which is before each ``key`` too
-    run                 text      one value for all points of one run, which are interleaved; times of different
-                                  runs must not be compared. Older records have the ``environment`` here
-    experiment, preset  text      what was run
-    scene, scene_title  text      its name, and its title
-    stand_in            text      what the scene stands in for; "": it is the original
-    scene_sha256        text      hash of its arrays
-    source, source_file, source_sha256  text  procedural or file, and the file
-    left_out            text      what of the file was left out or approximated
-    triangles, vertices, invalid_triangles, frame_count  Int64  of the scene
-    method, method_title, label  text  its name, its title, and the name of its column in the experiment
-    settings, built     text      what was set, "-" for nothing; what was really built
-    known_inexact       text      why the method declares itself inexact
-    method_sha256       text      hash of its code: its version
-    device, device_name  text     ``cpu`` or ``cuda:0``, and what it is
-    width, height, pixels  Int64  of the image
-    view                text      a camera or lights given on the command line; "": the scene's own
-    light_label         text      how the experiment placed the lights; "": as the scene has them
-    lights              Int64     number of lights
-    targets             Int64     points that shadow rays are traced to: as many as lights, more where one has an area
-    light_distance      float     of the lights from the middle of the scene, in its radii; NaN: the scene's own
-    light_turns         float     full turns of the lights over the frames
-    moved               text      what alone changed since the last frame; "": everything is rebuilt
-    status, reason      text      ok, skipped, failed, timeout or rejected; and why
-    rounds              Int64     rounds in which the point was measured
-    frames_left_out     Int64     frames beyond the budget
-    compile_s, first_frame_s  float  seconds
-    peak_rss_bytes      Int64     of the worker's process
-    environment         text      file in ``environments/``: machine, driver, versions, commit
-    frame               Int64     number of the frame in the scene's animation; <NA>: none was measured
-    total_ms            float     median of the samples of the whole frame, on the device's clock
-    q1_ms, q3_ms, iqr_ms  float   their quartiles, and the range between them
-    wall_ms             float     the same median on the host's clock
-    submitted_ms        float     of frames that are no graph on a GPU: median of the host's time to submit one
-    samples             Int64     how many there are
-    build_ms, trace_ms, light_build_ms, shadow_ms  float  the parts: sums of the medians of their passes
-    build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's passes
-    memory_bytes        Int64     structures and work buffers
-    regrown             Int64     how often a capacity grew before the frame was measured
-    pass_count, build_count  Int64  passes that the frame launches, and those that build structures
-    shadow_rays         Int64     number of shadow rays: one for each light and each pixel that needs one
-    mirrored_rays       Int64     of all bounces; <NA>: not judged
-    true_errors         Int64     wrong pixels and shadow bits; <NA>: the frame was not judged
-    unscored            text      why it was not judged
-    check               text      ok or failed: no true error, and at most 0.1 % of the pixels excused
-    excused_share       float     pixels too close to an edge to decide, over all pixels
-    pixels_scored       Int64     pixels that were judged
-    reference_errors    Int64     answers of the reference that the referee found wrong
-    flip, flip_missing  float, text  mean FLIP against the reference's picture; why there is none
-    started, stopped_by  float, text  start of the last samples, seconds since the epoch; what ended them
-    p50_ms, p95_ms, p99_ms  float  percentiles of the samples of all frames of the point, each frame counting equally;
-                                  NaN for one frame
-    energy_mj, idle_w   float     millijoules of the frame above those of the idle card, and the watts of that
-    alone_ms, pair_ms   float     milliseconds a frame of frames one after another, and of two at the same time
-    energy_missing, flight_missing  text  why there is no energy, and no two frames in flight
-    primary_tests, shadow_tests  float  triangle tests a ray, where the method counts them
-    expected_nodes, expected_tests, sah_cost  float  nodes and triangles that a ray through the scene's box meets in a tree
-                                  in the mean, by the areas of its boxes; and 1.2 times the nodes plus the tests
-    bytes_per_ray       float     ``memory_bytes`` over the primary and shadow rays
-    round.N             float     median of the whole frame's samples of round N, ms
-    pass.PART.NAME      float     median of a pass, ms. Missing, like the times of parts, where they contradict each
-                                  other: on a GPU a pass is the difference of two graphs, and one was disturbed
-    counter.NAME        float     work counters
-    primary.CLASS       float     pixels by the class of their primary ray's answer
-    shadow.CLASS        float     shadow bits by class, of all lights
-    set.NAME            object    settings and all other parameters of the method
-    light.NAME          object    what the experiment changed of the scene's lights: distance, target, angle, spot, ...
-    point.NAME          object    what the run asked for: samples, rounds, budget_s, ...
-    ==================  ========  ==========================================================================
     """
     folder = Path(folder)
     places, rows, older = folders_with_records(folder), list[dict[str, Any]](), 0
@@ -172,18 +96,7 @@ def _typed(rows: list[dict[str, Any]]) -> DataFrame:
 
 
 def samples(folder: Path | str) -> DataFrame:
-    """Every sample of a folder's results, in long form: tens of bytes for each.
-
-    ========  ========  ====================================================================================
-    key       category  the point, as in :func:`tidy`
-    frame     int       number of the frame
-    round     int       the round that the sample was taken in
-    part      category  ``frame``: the whole frame; ``wall``: the same on the host's clock; else a part of the frame
-    pass      category  name of the pass; "" for whole frames
-    sample    int       number of the sample
-    ms        float     milliseconds
-    ========  ========  ====================================================================================
-    """
+    """Every sample of a folder's results, in long form, tens of bytes for each: docs/results-table.md says the columns."""
     import pandas as pd
 
     series = [one for found in newest_as(folder, _series)[0] for one in found]
@@ -368,14 +281,8 @@ def _score(frame: Frame) -> dict[str, Any]:
         "excused_share": score.excused_share,
         "check": score.check,
         "pixels_scored": score.primary.pixels,
-        "reference_errors": reference_errors(score),
+        "reference_errors": score.reference_errors.true_errors if score.reference_errors else 0,
     }
-
-
-def reference_errors(score: Score) -> int:
-    """How many answers of the reference the referee found wrong while it decided this score's disputes."""
-    counts = score.reference_errors
-    return sum(total(counts, kind) for kind in ERRORS) if counts else 0
 
 
 def _shadow_rays(frame: Frame) -> int | None:

@@ -8,7 +8,6 @@ from typing import Any
 
 from .folder import read_environment
 from .newest import newest_as
-from .record import Record
 
 REASONS = {
     0x04: "power limit",
@@ -24,12 +23,8 @@ LOWEST = 0.97
 """Share of the usual clock below which a round counts as throttled where the driver reports no reasons."""
 
 
-def usual_clock(records: Iterable[Record]) -> float:
+def usual_clock(rounds: Iterable[Mapping[str, Any]]) -> float:
     """The median of the SM clocks that rounds have, MHz; NaN where none has one."""
-    return _usual(one for record in records for one in record.rounds or ())
-
-
-def _usual(rounds: Iterable[Mapping[str, Any]]) -> float:
     known = [mhz for one in rounds if (mhz := _clock(one)) is not None]
     return median(known) if known else float("nan")
 
@@ -55,7 +50,7 @@ def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | No
 def disturbances(folder: Path) -> str:
     """The number of disturbed rounds of a results folder and the worst disturbance, as a phrase; "" if there are none."""
     found = newest_as(folder, lambda own: (own.method["device"], own.environment, list(own.rounds or ())))[0]
-    usual = _usual(one for _, _, rounds in found for one in rounds)
+    usual = usual_clock(one for _, _, rounds in found for one in rounds)
     cores, texts, count = dict[str, int | None](), list[str](), 0
     for device, environment, rounds in found:
         if environment not in cores:

@@ -1,10 +1,7 @@
 """Several meshes as one scene: ``[[meshes]]`` of a declaration, each a file or a scene in its place, at rest or moving.
 
-    [[meshes]]
-    file = "room.glb"                 # a file, a folder or a pattern of frames beside the declaration, or a scene
-
-    [[meshes]]
-    file = "dancer/%04d.ply"
+    [[meshes]]                        # docs/files.md shows several
+    file = "dancer/%04d.ply"          # a file, a folder or a pattern of frames beside the declaration, or a scene
     frames = "0:90:10"
     transform = {scale = 0.01, rotate = [90, 0, 0], translate = [0, 0, 2]}
 
@@ -69,7 +66,6 @@ def declared_parts(path: Path, tables: Any, resolve: Callable[[str, Wanted], Sce
 
 
 def matrix_of(path: Path, where: str, table: Any) -> MATRIX:
-    """The matrix of a transform."""
     given = Table(path, where, table, ("scale", "rotate", "translate", "matrix"))
     if "matrix" in table:
         if len(table) > 1:

@@ -1,40 +1,13 @@
 """A scene declared in a TOML file: a mesh or a catalogue scene with its own camera, lights and effects.
 
     mesh = "room.ply"                 # a file or folder beside this one, or a scene of the catalogue
-    title = "Room at night"
-    closed = false
-    facing = true                     # shadow rays only where a surface faces the light
-    outputs = ["ids", "shadows"]      # any of depth, ids, shadows, color, counters
-
-    [camera]
-    eye = [0, 1.7, 4]                 # of = "NAME": as the camera of this name in the mesh's file
-    target = [0, 1, 0]
-    fov = 50
 
     [[lights]]
     position = [0, 2.4, 0]
     spot = {direction = [0, -1, 0], angle = 40}
 
-    [[lights]]
-    position = [1, 3, 0.5]            # of a directional light: the direction towards it
-    directional = true
-    shadows = false
-
-    [orbit]                           # every light turns about an axis during the animation
-    centre = [0, 1, 0]
-    turns = 1
-    frames = 12                       # number of frames, if the mesh is static
-
-    [alpha]
-    every = 4                         # every fourth triangle has holes
-    holes = 4
-
-    [mirror]
-    share = 0.5                       # the largest triangles that together have half of the area are mirrors
-    bounces = 1
-
-Everything else is taken from the mesh. [[cameras]] are offered by their names, and so are lights with one. Instead of one
-mesh there may be several [[meshes]], see :mod:`.assembly`.
+docs/effects.md has all keys. What a file leaves out is taken from the mesh. [[cameras]] are offered by their names, and so
+are lights with one. Instead of one mesh there may be several [[meshes]], see :mod:`.assembly`.
 """
 
 import dataclasses

@@ -32,11 +32,9 @@ class Table:
         return f"{self.path}: {self.where}" if self.where else str(self.path)
 
     def error(self, name: str, said: str) -> UserError:
-        """What is wrong with the value of a name."""
         return UserError(f"{self}.{name} {said}" if self.where else f"{self}: {name} {said}")
 
     def table(self, name: str, names: Iterable[str]) -> Table:
-        """The table of a name."""
         return Table(self.path, f"{self.where}.{name}" if self.where else name, self.values[name], names)
 
     def typed(self, name: str, kind: type, default: Any = None) -> Any:

@@ -116,7 +116,6 @@ class Effects:
         )
 
     def is_directional(self, light: int) -> bool:
-        """Whether ``light`` is directional."""
         return light < len(self.directional) and self.directional[light]
 
     def names(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from shadowbench.harness.frame.effects.shading import shaded
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.context import Judge
-from shadowbench.harness.judge.score import judge_frame, score_frame
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.prepared import under
 
 TRACING = [(name, given) for name, given in exact_methods() if "orthographic" in make_method(name, given).simulates]
@@ -29,7 +29,7 @@ def test_embree_is_the_reference_of_parallel_rays_too() -> None:
     judge = Judge.of(trial.prepared, trial.moment)
 
     def true_errors(given) -> int:
-        return score_frame(judge, given, judge_frame(judge, given)).score.true_errors
+        return score_answers(judge, given).score.true_errors
 
     assert judge.reference.provenance["reference"] == "Embree"
     session = Session(make_method("uniform_grid"), trial.prepared, 24, 17, "cpu")

@@ -7,7 +7,6 @@ import secrets
 import socket
 import struct
 from concurrent.futures import ThreadPoolExecutor
-from importlib.resources import files
 from typing import Any
 
 import uvicorn
@@ -20,7 +19,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ...errors import UserError, one_line
-from ...report.page.build import filled, head, inert, script_source
+from ...report.page.build import filled, head, inert, resource, script_source
 from ...typed_json import checked
 from .frames import Frames, Wish
 
@@ -135,8 +134,8 @@ class Server:
 
 def page(facts: dict[str, Any]) -> str:
     """The HTML of the page; ``facts`` are what its script begins with."""
-    texts = {"FACTS": inert(facts), "PROGRAM": resource("view.js")}
-    return head(facts["title"], resource("view.css")) + filled(resource("view.html"), texts)
+    texts = {"FACTS": inert(facts), "PROGRAM": resource("view.js", __package__)}
+    return head(facts["title"], resource("view.css", __package__)) + filled(resource("view.html", __package__), texts)
 
 
 def policy(text: str, sockets: str) -> str:
@@ -146,11 +145,6 @@ def policy(text: str, sockets: str) -> str:
         f"default-src 'none'; script-src {script_source(program)}; style-src 'unsafe-inline'; img-src data: blob:; "
         f"connect-src {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
-
-
-def resource(name: str) -> str:
-    """A file of ``web/``, from the checkout or from an installed wheel."""
-    return files(__package__).joinpath("web", name).read_text(encoding="utf-8")
 
 
 def listen(port: int) -> socket.socket:

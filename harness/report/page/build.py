@@ -69,9 +69,9 @@ def script_source(script: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
 
 
-def resource(name: str) -> str:
-    """A file of ``web/``, from the checkout or from an installed wheel."""
-    return files(__package__).joinpath("web", *name.split("/")).read_text(encoding="utf-8")
+def resource(name: str, package: str = __package__) -> str:
+    """A file of a package's ``web/``, from the checkout or from an installed wheel."""
+    return files(package).joinpath("web", *name.split("/")).read_text(encoding="utf-8")
 
 
 def write_site(out: Path, data: dict[str, Any], places: Mapping[str, Path], docs: Path | None) -> list[Path]:

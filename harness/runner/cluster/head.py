@@ -194,10 +194,9 @@ class ClusterRun:
         for seat in self.seats.values():
             if (worker := seat.worker) is None:
                 continue
-            reference = self.ledger.reference(worker.device_name)
-            if reference is None:
+            if self.ledger.reference(worker.device_name) is None:
                 self._drop(seat, f"it is another product ({worker.device_name}) than the reference")
-            elif worker.card != reference[0] and (gap := worker.calibration.apart(reference[1])) > LIMIT:
+            elif (gap := self.ledger.gap(worker, worker.calibration)) > LIMIT:
                 self._drop(seat, _too_far(gap))
 
     def _drop(self, seat: Seat, reason: str) -> None:
@@ -225,7 +224,6 @@ class ClusterRun:
         sent = replace(
             shard,
             known=delivery.known_files(self.folder, shard.options),
-            reference=self.ledger.reference(worker.device_name),
             beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
         seat.task = self._submit(measure, sent, address)
@@ -259,13 +257,9 @@ class ClusterRun:
         own."""
         points = {n: asdict(p) for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
         about = {**shard.about, "card": outcome.card, **points, "points": len(outcome.keys)}
-        gap = outcome.apart
-        reference = self.ledger.reference(outcome.device_name)
-        if outcome.after and reference and reference[0] != outcome.card:
-            gap = max(gap, outcome.after.apart(reference[1]))
+        gap = self.ledger.gap(outcome, *filter(None, (outcome.before, outcome.after)))
         if gap > LIMIT:
-            if outcome.keys:
-                delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
+            delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
             self.ledger.note("apart", **about, apart=round(gap, 4))
             self._drop(seat, _too_far(gap))
             self.todo.append(shard)

@@ -12,7 +12,7 @@ from typing import Any
 
 from ...results.journal import Journal
 from .calibration import LIMIT, Calibration
-from .shard import Worker
+from .shard import Outcome, Worker
 
 NAME = "cluster.jsonl"
 
@@ -40,6 +40,11 @@ class Ledger:
         return chosen, Calibration(
             *(median(point[name] for point in points) for name in ("arithmetic_ms", "memory_ms"))
         )
+
+    def gap(self, one: Worker | Outcome, *points: Calibration) -> float:
+        """How far calibration points of a card are from its reference, at most; 0 for the reference itself."""
+        known = self.reference(one.device_name)
+        return 0.0 if known is None or known[0] == one.card else max((p.apart(known[1]) for p in points), default=0.0)
 
 
 def reference_of(workers: list[Worker]) -> Worker:

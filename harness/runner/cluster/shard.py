@@ -24,7 +24,7 @@ from ..progress import Silent
 from ..run import GRADERS, Run
 from ..source.closure import project
 from . import spool
-from .calibration import LIMIT, Calibration, calibrate
+from .calibration import Calibration, calibrate
 
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -54,9 +54,8 @@ class Worker:
 class Shard:
     """The points to be measured. ``options``: of one scene; ``known``: files of the results folder that concern it.
 
-    run        the name of the run, common to all its shards; attempt: which one this is, from 1
-    reference  card and calibration that this card must be within :data:`.calibration.LIMIT` of; None: there is none yet
-    beside     workers on its machine, which share the cores for scoring
+    run     the name of the run, common to all its shards; attempt: which one this is, from 1
+    beside  workers on its machine, which share the cores for scoring
     """
 
     number: int
@@ -64,7 +63,6 @@ class Shard:
     run: str
     attempt: int = 1
     known: spool.Files = field(default_factory=dict)
-    reference: tuple[str, Calibration] | None = None
     beside: int = 1
     wait: bool = True
 
@@ -79,8 +77,7 @@ class Outcome:
     """The outcome of a shard. ``folder``: its name in the :mod:`.spool` of the worker.
 
     before, after  calibration points; none where nothing was to be measured
-    apart  how far the card was from the reference before the shard, if too far; nothing was measured then
-    keys   the keys of all its points in the declared order
+    keys           the keys of all its points in the declared order
     """
 
     card: str
@@ -88,7 +85,6 @@ class Outcome:
     folder: str
     before: Calibration | None = None
     after: Calibration | None = None
-    apart: float = 0.0
     keys: tuple[str, ...] = ()
     files: spool.Files = field(default_factory=dict)
 
@@ -173,12 +169,8 @@ def measure(shard: Shard) -> Outcome:
         spool.fill(folder, shard.known)
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
-            if shard.reference is not None and shard.reference[0] != card:
-                apart = before.apart(shard.reference[1])
-                if apart > LIMIT:
-                    return Outcome(card, device_title(device), name, before, apart=apart)
         records = Run(options, relay, name=shard.run, card=card, graders=graders).go()
         if before is not None:
             after = _calibrated(device)
     keys = tuple(record.key for record in records)
-    return Outcome(card, device_title(device), name, before, after, 0.0, keys, spool.fresh(folder, shard.known))
+    return Outcome(card, device_title(device), name, before, after, keys, spool.fresh(folder, shard.known))

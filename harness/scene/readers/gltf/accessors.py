@@ -45,7 +45,6 @@ class Accessors:
         self._unpacked: dict[int, memoryview] = {}
 
     def layout(self, entry: Entry, key: str) -> Layout:
-        """The layout of an accessor."""
         own = self.file.named(entry, entry.get(key), "accessors")
         kind, component = own.get("type"), own.get("componentType")
         if kind not in _WIDTHS or component not in _TYPES:

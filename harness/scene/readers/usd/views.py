@@ -10,7 +10,8 @@ import numpy as np
 from pxr import Gf, UsdGeom, UsdLux
 
 from ....arrays import F64
-from ...scene import Camera, Light, Spot, Vector
+from ...light_paths import vector
+from ...scene import Camera, Light, Spot
 from .prims import Node
 
 _LIGHTS = (UsdLux.DistantLight, UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight, UsdLux.CylinderLight)
@@ -63,7 +64,7 @@ def _camera(node: Node, time: float) -> Camera | None:
         return None
     distance = lens.focusDistance if 0.0 < lens.focusDistance < math.inf else 1.0
     flat = lens.projection == Gf.Camera.Orthographic
-    return Camera(_vector(eye), _vector(eye - back * distance), _vector(up), fov, height if flat else None)
+    return Camera(vector(eye), vector(eye - back * distance), vector(up), fov, height if flat else None)
 
 
 def _light(node: Node, time: float) -> Light | None:
@@ -79,14 +80,14 @@ def _light(node: Node, time: float) -> Light | None:
     if not (np.isfinite(color).all() and (color >= 0.0).all() and 0.0 <= strength < math.inf):
         return None
     if distant:
-        return Light(_vector(back), True, _vector(color), float(strength), directional=True)
+        return Light(vector(back), True, vector(color), float(strength), directional=True)
     spot = None
     if prim.HasAPI(UsdLux.ShapingAPI):
         shaping = UsdLux.ShapingAPI(prim)
         angle = float(shaping.GetShapingConeAngleAttr().Get(time))
         if 0.0 < angle < 90.0:
-            spot = Spot(_vector(-back), angle, falloff=max(0.0, float(shaping.GetShapingFocusAttr().Get(time))))
-    light = Light(_vector(place), True, _vector(color), float(strength), spot)
+            spot = Spot(vector(-back), angle, falloff=max(0.0, float(shaping.GetShapingFocusAttr().Get(time))))
+    light = Light(vector(place), True, vector(color), float(strength), spot)
     return light if _is_point(prim, time) else _with_extent(light, prim, matrix, back, time)
 
 
@@ -110,8 +111,8 @@ def _with_extent(light: Light, prim: Any, matrix: F64, back: F64, time: float) -
         return light
     return replace(
         light, shape=shape, size=(float(size[0]), float(size[1])) if flat else float(size[0]),
-        towards=None if shape == "sphere" else _vector(-back),
-        across=_vector(across) if flat and across is not None else None,
+        towards=None if shape == "sphere" else vector(-back),
+        across=vector(across) if flat and across is not None else None,
     )  # fmt: skip
 
 
@@ -128,12 +129,8 @@ def _note_lost(notes: list[str], what: str, made: Sequence[tuple[Node, Any]]) ->
         notes.append(f"{what} not offered: {len(kinds)} ({', '.join(sorted(set(kinds)))})")
 
 
-def _unit(vector: F64) -> F64 | None:
+def _unit(way: F64) -> F64 | None:
     """The vector at length 1; None where that cannot be."""
     with np.errstate(over="ignore", invalid="ignore"):
-        length = float(np.linalg.norm(vector))
-    return vector / length if 0.0 < length < math.inf else None
-
-
-def _vector(values: F64) -> Vector:
-    return float(values[0]), float(values[1]), float(values[2])
+        length = float(np.linalg.norm(way))
+    return way / length if 0.0 < length < math.inf else None
