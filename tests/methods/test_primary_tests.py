@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

@@ -1,11 +1,11 @@
-"""Packets (``coherent_grid/packets.py``) of every size against float64 brute force, and against the bits of the
+"""Packets (``coherent_grid/packets.py``) of every size against the exact answers, and against the bits of the
 uniform grid."""
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.prepared import Prepared
 
@@ -19,7 +19,7 @@ def small_and_large() -> Prepared:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_equals_brute_force_with_any_view_and_density(seed):
+def test_answers_are_exact_with_any_view_and_density(seed):
     """Wide views have packets that are not coherent; eyes lie inside and far outside."""
     random = np.random.default_rng(seed)
     vertices, faces = soup(seed, 60, size=float(np.exp(random.uniform(-3, 1))))

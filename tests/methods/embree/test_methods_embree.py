@@ -1,4 +1,4 @@
-"""Embree as a method (``embree/packets.py``): embreex's bits, nearly brute force, shadow rays that start off their
+"""Embree as a method (``embree/packets.py``): embreex's bits, nearly right, shadow rays that start off their
 surface (``offset.py``), settings and threads that change nothing, a library that lacks."""
 
 import ctypes
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_nearly, assert_same, lattice, moving, random_trial, trace
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import TRIALS, assert_exact, lattice, listed, random_trial, trace
+from helpers.small_scenes import make_scene, soup
 
 NAME = "uniform_grid"
 

@@ -6,12 +6,12 @@ from functools import partial
 import numpy as np
 import pytest
 from helpers.answers import answers_in
-from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import POINT, scene
 from helpers.holed_scenes import answers_of as holed_answers
 from helpers.holed_scenes import holed
 from helpers.method_trials import assert_same, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare

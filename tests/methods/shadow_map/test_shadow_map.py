@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.devices import needs_gpu
-from helpers.method_trials import TRIALS, assert_misses, box, lattice, trace
+from helpers.method_trials import TRIALS, assert_misses, box, expected, lattice, trace
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.scene.prepared import under
 from shadowbench.harness.scene.scene import Light
 
@@ -22,12 +22,10 @@ def blocker(height: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def wrong_share(settings, prepared, width=48, height=48, light=0, device="cpu"):
-    """Share of hit pixels whose shadow bit differs from brute force."""
-    _, moment, got = trace(NAME, settings, prepared, width, height, device)
-    best, t = closest(prepared, moment)
-    np.testing.assert_array_equal(got["triangle"], best)
-    wanted = shadowed(prepared, moment, light, best, t)
-    return float((got["shadowed"][light] != wanted)[best >= 0].mean())
+    """Share of hit pixels whose shadow bit is wrong."""
+    got, exact = trace(NAME, settings, prepared, width, height, device)[2], expected(prepared, width, height)
+    np.testing.assert_array_equal(got["triangle"], exact["triangle"])
+    return float((got["shadowed"] != exact["shadowed"])[light, exact["triangle"] >= 0].mean())
 
 
 @pytest.mark.parametrize("shape", ["aimed", "cube"])
@@ -91,10 +89,9 @@ def test_a_soft_filter_draws_one_map_for_an_area():
 
 @pytest.mark.parametrize("trial", TRIALS)
 def test_primary_rays_of_hard_scenes_are_exact(trial):
-    prepared, width, height = TRIALS[trial]
-    _, moment, got = trace(NAME, {"size": "64"}, prepared, width, height)
+    got = trace(NAME, {"size": "64"}, *TRIALS[trial])[2]
     assert_misses(got)
-    np.testing.assert_array_equal(got["triangle"], closest(prepared, moment)[0])
+    np.testing.assert_array_equal(got["triangle"], expected(*TRIALS[trial])["triangle"])
 
 
 def test_lights_do_not_disturb_each_other(device):

@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import TRIALS, assert_same, listed, random_trial, trace
+from helpers.small_scenes import make_scene, soup
 
 NAME = "two_level_grid"
 
