@@ -251,7 +251,7 @@ def test_plan_of_a_declared_scene(folder):
 
 def test_plan_command_prints_and_gives_json(folder, call, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
-    command = ("plan", declare(folder, FULL), "--method", "uniform_grid", "--size", "16x16", "--device", "cpu")
+    command = ("plan", declare(folder, FULL), "--method", "uniform_grid", "--size", "16x16")
     code, shown, _ = call(*command)
     assert code == 0
     assert "light 1: directional, with shadows, fixed" in shown

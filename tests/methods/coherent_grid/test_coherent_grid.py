@@ -1,10 +1,8 @@
-"""Packets (``coherent_grid/packets.py``) of every size against the exact answers, and against the bits of the
-uniform grid."""
+"""Packets (``coherent_grid/packets.py``) of every size against the exact answers."""
 
 import numpy as np
 import pytest
 from helpers.method_trials import assert_exact, trace
-from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.prepared import Prepared
@@ -28,14 +26,6 @@ def test_answers_are_exact_with_any_view_and_density(seed):
     prepared = make_scene(vertices, faces, [(5.0, 4.0, 3.0)], eye, (0.0, 0.0, 0.0), angle)
     settings = {"side": ["64", "5"][seed % 2], "density": ["5", "300"][seed // 2 % 2]}
     assert_exact(NAME, settings, prepared, 31, 22)
-
-
-def test_mirrored_rays_have_the_bits_of_the_uniform_grid():
-    mirrors = hall_of_mirrors()
-    _, wanted = answered("uniform_grid", {}, mirrors, "cpu")
-    _, got = answered(NAME, {}, mirrors, "cpu")
-    for key in ("triangle", "shadowed", "bounce_triangle", "bounce_shadowed"):
-        np.testing.assert_array_equal(got[key], wanted[key], key)
 
 
 def test_a_packet_tests_a_triangle_once_and_ends_behind_its_hits():
