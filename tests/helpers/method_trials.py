@@ -81,6 +81,16 @@ def assert_weights(got: Answers, prepared: Prepared, moment: Moment) -> None:
     assert (error <= 0.05).all()
 
 
+def assert_lit(name: str, settings: dict[str, str], height: float, scale: float = 1.0, device: str = "cpu") -> None:
+    """A lit plane has none, whatever its own coordinate is; one of its lights stands low."""
+    vertices, faces = lattice(8, scale)
+    lights = [(0.1 * scale, 0.2 * scale, (height + 1) * scale), (30.0 * scale, 0.0, (height + 1e-2) * scale)]
+    eye, middle = (0.0, 0.0, (height + 1.5) * scale), (0.0, 0.0, height * scale)
+    got = trace(name, settings, make_scene(vertices + middle, faces, lights, eye, middle), 32, 32, device)[2]
+    assert (got["triangle"] >= 0).sum() > 500
+    assert got["shadowed"].sum() == 0
+
+
 def listed(pairs: Any, triangles: int) -> NDArray[np.int64]:
     """The (cell, triangle) pairs in a grid's lists, as cell * ``triangles`` + triangle."""
     begin, end = pairs.begin.numpy(), pairs.end.numpy()
@@ -156,17 +166,14 @@ def hard_trials() -> Iterator[tuple[str, Prepared, int, int]]:
     broken = [[3, 3, 3], [3, 4, 5], [6, 7, 8], [0, 1, 3], [5, 7, 0], [1, 1, 2], [0, 1, 2], [8, 5, 4]]
     yield "broken triangles", make_scene(odd, broken, above), 12, 12
     yield "only broken triangles", make_scene(odd, broken[:4], above), 3, 3
-    dense, cluster = soup(3, 300, size=2e-4, spread=1e-3)
-    ground = np.array([[-1e3, -1e3, -2e-3], [1e3, -1e3, -2e-3], [1e3, 1e3, -2e-3], [-1e3, 1e3, -2.5e-3]])
-    stadium = np.concatenate([ground, dense])
-    floor = np.concatenate([[[0, 1, 2], [0, 2, 3]], cluster + 4])
+    ground = shapes.quad((-1e3, -1e3, -2e-3), (1e3, -1e3, -2e-3), (1e3, 1e3, -2e-3), (-1e3, 1e3, -2.5e-3))
+    stadium = shapes.joined(ground, soup(3, 300, size=2e-4, spread=1e-3))
     lights = [(3.0, 2.0, 5.0), (1e-3, 0.0, 4e-3)]
-    yield ("teapot in a stadium", make_scene(stadium, floor, lights, (0.0, -4e-3, 3e-3), up=(0.0, 0.0, 1.0)), 24, 24)
+    yield "teapot in a stadium", make_scene(*stadium, lights, (0.0, -4e-3, 3e-3), up=(0.0, 0.0, 1.0)), 24, 24
     slanted = np.array([[-5.0, -4.0, -3.0], [5.0, 4.1, 2.9], [-4.5, 5.0, 3.5], [4.0, -5.0, 4.0]])
-    small, bits = soup(5, 400, size=0.05, spread=3.0)
-    crossing = np.concatenate([slanted, small])
-    across = np.concatenate([[[0, 1, 2], [1, 2, 3], [0, 1, 3]], bits + 4])
-    yield ("triangles through every cell", make_scene(crossing, across, [(0.1, 0.2, 6.0)], (0.5, 0.4, 9.0)), 24, 24)
+    across = slanted, np.array([[0, 1, 2], [1, 2, 3], [0, 1, 3]])
+    crossing = shapes.joined(across, soup(5, 400, size=0.05, spread=3.0))
+    yield "triangles through every cell", make_scene(*crossing, [(0.1, 0.2, 6.0)], (0.5, 0.4, 9.0)), 24, 24
 
 
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}

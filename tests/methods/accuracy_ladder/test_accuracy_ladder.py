@@ -6,6 +6,7 @@ import pytest
 from helpers.method_trials import expected, lattice, trace
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.hardcases.shapes import joined, moved
 
 NAME = "accuracy_ladder"
 
@@ -38,16 +39,15 @@ def test_a_fixed_determinant_loses_a_small_scene_and_the_others_do_not():
 )
 def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     # A tilted floor and a thin roof just above a part of it, nearer than 1e-2 radii.
-    flat, faces = lattice(4, 2.0)
+    floor = lattice(4, 2.0)
+    points, faces = joined(floor, moved(lattice(2, 0.7), (0, 0, 0.01)))
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
-    roof, own = lattice(2, 0.7)
-    both = np.concatenate([flat, roof + [0.0, 0.0, 0.01]]) @ turn.T
-    prepared = make_scene(both, np.concatenate([faces, own + len(flat)]), [(0.3, -3.0, 4.0)], (1.9, 1.5, 1.5))
+    prepared = make_scene(points @ turn.T, faces, [(0.3, -3.0, 4.0)], (1.9, 1.5, 1.5))
     settings = {"origin": origin}
     got, exact = trace(NAME, settings, prepared, 48, 48)[2], expected(prepared, 48, 48)
     bits, wanted = (answers["shadowed"][0].astype(bool) for answers in (got, exact))
     assert bool((bits & ~wanted).any()) == acne
-    below = exact["triangle"] < len(faces)
+    below = exact["triangle"] < len(floor[1])
     assert bool((~bits & wanted & below).any()) == leak
     assert (make_method(NAME, settings).known_inexact is None) == (origin == "hit_point")
 

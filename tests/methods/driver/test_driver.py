@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.holed_scenes import SIZE, answers_of, holed
-from helpers.method_trials import TRIALS, assert_misses, assert_nearly, lattice, trace
+from helpers.method_trials import TRIALS, assert_lit, assert_misses, assert_nearly, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors, plane_and_ball
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError
@@ -74,12 +74,7 @@ def test_survives_hard_scenes(trial, at):
 
 @pytest.mark.parametrize("height", [0.0, 0.1, 1000.0])
 def test_a_lit_plane_does_not_shadow_itself(height, at):
-    vertices, faces = lattice(8)
-    lights = [(0.1, 0.2, height + 1), (30.0, 0.0, height + 1e-2)]
-    prepared = make_scene(vertices + [0.0, 0.0, height], faces, lights, (0.0, 0.0, height + 1.5), (0.0, 0.0, height))
-    got = trace(NAME, at[0], prepared, 32, 32, at[1])[2]
-    assert (got["triangle"] >= 0).sum() > 500
-    assert got["shadowed"].sum() == 0
+    assert_lit(NAME, at[0], height, device=at[1])
 
 
 def test_holes_are_decided_by_the_bitmap(at):

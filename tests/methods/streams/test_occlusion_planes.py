@@ -1,22 +1,19 @@
 """A light in the plane of a large triangle: its rays are decided by planes, not one by one in float64."""
 
-import numpy as np
 import pytest
 from helpers.exact_answers import assert_right, exact_answers
 from helpers.method_trials import box, trace
 from helpers.small_scenes import make_scene
 from helpers.streams import trial
+from shadowbench.harness.hardcases.shapes import joined, quad
 
 SIZE = 64
-SQUARE = [(0, 1, 2), (0, 2, 3)]
 
 
 def room(light):
     """A cube from -2 to 2, and a square in the plane x = 0 within it."""
-    walls, faces = box(1, 2.0)
-    square = [(0, y, z) for y, z in ((-1.5, -1.5), (1.5, -1.5), (1.5, 1.25), (-1.5, 1.25))]
-    vertices, faces = np.concatenate([walls, square]), np.concatenate([faces, len(walls) + np.array(SQUARE)])
-    return make_scene(vertices, faces, [light], eye=(1.7, 0.9, 1.8), fov=95.0)
+    square = quad(*((0, y, z) for y, z in ((-1.5, -1.5), (1.5, -1.5), (1.5, 1.25), (-1.5, 1.25))))
+    return make_scene(*joined(box(1, 2.0), square), [light], eye=(1.7, 0.9, 1.8), fov=95.0)
 
 
 @pytest.mark.parametrize("groups", ["stream", "split"])
