@@ -8,11 +8,11 @@ import sys
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
-from helpers import brute_force
+from helpers.exact_answers import assert_right, exact_answers
 from helpers.import_graph import modules
+from helpers.small_scenes import make_scene, soup
 from shadowbench.experiments._documents import PARTS, judged, measured
 from shadowbench.harness.frame.registry import method_class, method_names
 from shadowbench.harness.frame.session import Session
@@ -42,18 +42,14 @@ def example(tmp_path_factory):
 
 
 def test_the_example_method_answers_exactly(example):
-    vertices, faces = brute_force.soup(3, 60)
-    prepared = brute_force.make_scene(vertices, faces, [(1.0, 2.5, 1.5), (-3.0, 0.4, 0.2)])
+    prepared = make_scene(*soup(3, 60), [(1.0, 2.5, 1.5), (-3.0, 0.4, 0.2)])
     moment = prepared.moment(0, 24, 20)
     answers = Session(example(), prepared, 24, 20, "cpu").answers(moment)
-    triangle, t = brute_force.closest(prepared, moment)
-    assert (triangle >= 0).sum() > 50
-    assert (answers["triangle"] == triangle).all()
-    assert np.allclose(answers["t"], t.astype(np.float32), rtol=1e-6)
-    for light in range(2):
-        expected = brute_force.shadowed(prepared, moment, light, triangle, t)
-        assert 0 < expected.sum() < (triangle >= 0).sum()
-        assert (answers["shadowed"][light] == expected).all()
+    exact = exact_answers(prepared, moment)
+    hits = (exact["triangle"] >= 0).sum()
+    assert hits > 50
+    assert all(0 < dark < hits for dark in exact["shadowed"].sum(axis=1))
+    assert_right(answers, exact)
 
 
 @pytest.mark.parametrize("document", LINKED, ids=lambda path: str(path.relative_to(ROOT)))

@@ -21,7 +21,6 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.judge.answer_files import save_raw
-from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.chosen_view import ChosenView
@@ -199,10 +198,7 @@ def test_check_warns_where_its_cases_hit_nothing(capsys):
 def shadowed_pixel(mesh: str) -> tuple[int, int]:
     """Where the wrong method leaks."""
     prepared = prepare(resolve(mesh))
-    moment = prepared.moment(0, 24, 18)
-    referee = Referee(moment.points, prepared.faces, moment.valid)
-    hits = referee.closest(moment.eye, moment.directions(np.arange(24 * 18)))
-    pixel = int(np.argmax(referee.occluded(hits, moment.lights[0])))
+    pixel = int(np.argmax(cases.exact_answers(prepared, prepared.moment(0, 24, 18))["shadowed"][0]))
     return pixel % 24, pixel // 24
 
 
@@ -264,9 +260,8 @@ def folder(tmp_path, mesh):
     """Raw answers of two points, one right and one wrong, and their unscored records."""
     prepared = prepare(resolve(mesh))
     moment = prepared.moment(0, 40, 30)
-    referee = Referee(moment.points, prepared.faces, moment.valid)
     for cls in (Right, Wrong):
-        answers = cases.exact_answers(prepared, moment, referee)
+        answers = cases.exact_answers(prepared, moment)
         cls().spoil(answers)
         key = f"point-{cls.name}"
         save_raw(tmp_path / "answers" / f"{key}-0.npz", prepared, moment, answers, mesh, extra={"key": key})
@@ -322,7 +317,7 @@ def test_answers_that_name_another_record_do_not_change_it(capsys, folder):
     before = other.read_bytes()
     prepared = prepare(resolve(ball_file(folder)))
     moment = prepared.moment(0, 4, 3)
-    answers = cases.exact_answers(prepared, moment, Referee(moment.points, prepared.faces, moment.valid))
+    answers = cases.exact_answers(prepared, moment)
     extra = {"key": "../other/records/point-right"}
     save_raw(folder / "answers" / "a-0.npz", prepared, moment, answers, prepared.scene.name, extra=extra)
     assert score(folder, as_json=True) == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from helpers.tuned_trees import built
 from shadowbench.methods.trees.constants import BLOCK
 

@@ -6,7 +6,7 @@ import importlib.util
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from helpers.tiny_runs import write_scene
 from shadowbench.experiments import accuracy as declared
 from shadowbench.experiments.accuracy import untimed

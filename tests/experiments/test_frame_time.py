@@ -1,9 +1,9 @@
 """Ratios of the frame-time experiment, from made-up rows."""
 
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.experiment_records import record_of, report_of
 from helpers.planned_for_cuda import plan_for_cuda
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from shadowbench.experiments import _floor as floor
 from shadowbench.experiments import frame_time

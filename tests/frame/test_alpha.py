@@ -9,15 +9,16 @@ import warp as wp
 from helpers.holed_scenes import EXACT, NAMES, SIZE, answers_of, holed, make, same
 from helpers.second_judge import Bitmap, SecondJudge
 from helpers.second_opinion import Count, compare
+from helpers.small_scenes import make_scene
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.shapes import ball, ball_on_floor, quad, soup
+from shadowbench.harness.hardcases.shapes import ball, ball_on_floor, joined, quad, soup
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared, prepare
-from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.scene import AlphaMask, Geometry
 from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.culling import refusal
 
@@ -34,7 +35,7 @@ def random_mask(geometry: Geometry) -> AlphaMask:
 
 
 @pytest.mark.parametrize("mask", [random_mask, lambda g: perforated(g, 1, 3)], ids=["random", "perforated"])
-def test_the_referee_agrees_with_rational_brute_force(mask):
+def test_the_referee_agrees_with_rational_arithmetic(mask):
     prepared = make(soup(3, 14, 0.9), mask, lights=((0.3, 0.2, 0.1), (2, 3, 1)), eye=(0, 0, 2.5), target=(0, 0, 0))
     moment = prepared.moment(0, 9, 7)
     referee = Referee(moment.points, prepared.faces, moment.valid, mask=prepared.alpha)
@@ -51,13 +52,7 @@ def wall(mask, lights=((0.0, 0.0, 3.0),)) -> Prepared:
     """A masked square before a plain one, seen head on: pixel centres at odd multiples of 1/16 at the first."""
     near = quad((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0))
     far = quad((-8, -8, -4), (8, -8, -4), (8, 8, -4), (-8, 8, -4))
-    points, faces = np.concatenate([near[0], far[0]]), np.concatenate([near[1], np.asarray(far[1]) + 4])
-    return prepare(
-        Scene(
-            "wall", "Wall", lambda: Geometry.static(points, faces.astype(np.int32)),
-            Camera((0, 0, 1), (0, 0, 0), fov=90.0), tuple(Light(x) for x in lights), alpha=mask,
-        )
-    )  # fmt: skip
+    return make_scene(*joined(near, far), list(lights), (0, 0, 1), fov=90.0, alpha=mask)
 
 
 def squares(side: float):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers import brute_force
+from helpers import small_scenes
 from helpers.answers import answers_in, assert_same
 from helpers.mirror_scenes import EXACT, INEXACT, SIZE, answered, hall_of_mirrors, plane_and_ball, with_mirrors
 from shadowbench.harness.errors import UserError
@@ -23,7 +23,7 @@ from shadowbench.harness.scene.surface_rules import perforated
 def test_no_bounce_leaves_launches_memory_and_answers_as_they_were(name, settings):
     if name == "embree":
         pytest.importorskip("embreex", reason="needs Embree")
-    plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
+    plain = small_scenes.make_scene(*small_scenes.soup(3, 60), [(1.0, 2.5, 1.5)])
     scenes = [plain, *(with_mirrors(plain, np.ones(60, dtype=np.uint8), bounces) for bounces in (0, 2))]
     sessions = [Session(make_method(name, settings), one, SIZE, SIZE, "cpu") for one in scenes]
     launches = [[(work.name, work.reads, work.writes) for work in s.passes] for s in sessions]
@@ -167,7 +167,7 @@ def test_the_same_mesh_under_another_scene_has_that_scene_s_mirrors():
 @pytest.mark.parametrize("broken", [False, True])
 def test_nothing_to_hit_is_a_miss_at_every_bounce(broken):
     faces = [[0, 0, 0]] if broken else np.zeros((0, 3))
-    empty = brute_force.make_scene([[0.0, 0, 0]], faces, [(1.0, 1.0, 1.0)])
+    empty = small_scenes.make_scene([[0.0, 0, 0]], faces, [(1.0, 1.0, 1.0)])
     _, answers = answered("uniform_grid", {}, with_mirrors(empty, np.ones(len(faces), dtype=np.uint8), 2))
     assert (answers["bounce_triangle"] == -1).all()
     assert np.isposinf(answers["bounce_t"]).all()
@@ -175,6 +175,6 @@ def test_nothing_to_hit_is_a_miss_at_every_bounce(broken):
 
 
 def test_mirrors_of_another_length_are_refused():
-    plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
+    plain = small_scenes.make_scene(*small_scenes.soup(3, 60), [(1.0, 2.5, 1.5)])
     with pytest.raises(UserError, match=r"mirrors of shape \(3,\), but there are 60 triangles"):
         Session(make_method("uniform_grid"), with_mirrors(plain, np.ones(3), 1), 4, 4, "cpu")

@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers import brute_force
-from helpers.answers import assert_same
+from helpers.answers import assert_same, trace
 from helpers.method_trials import box
+from helpers.mirror_scenes import FLOATING, seen_from_within, with_mirrors
+from helpers.small_scenes import make_scene
 from PIL import Image
 from shadowbench.harness.commands import render as render_command
 from shadowbench.harness.frame.effects.shading import AMBIENT, HEADLIGHT, REFLECTANCE, SKY_BOTTOM, SKY_TOP, shaded
@@ -32,27 +33,14 @@ LIGHTS = (
 def room(bounces: int = 2, lights=LIGHTS, outputs=("shadows", "color")) -> Prepared:
     """An open box, half of its walls mirrors, seen from within, with triangles floating in it."""
     walls, sides = box(2)
-    sides = sides[16:]
-    vertices, faces = brute_force.soup(5, 40, size=0.15, spread=0.6)
-    prepared = brute_force.make_scene(
-        np.concatenate([walls, vertices]),
-        np.concatenate([sides, faces + len(walls)]),
-        list(lights),
-        eye=(0.21, 0.13, 0.83),
-        target=(-0.1, 0.05, -0.3),
-        fov=70.0,
-    )
-    mirror = ((np.arange(len(sides) + len(faces)) % 4 < 2) * (np.arange(len(sides) + len(faces)) < len(sides))).astype(
-        np.uint8
-    )
-    scene = dataclasses.replace(prepared.scene, mirror=lambda g: mirror, bounces=bounces, outputs=outputs)
-    return prepare(scene)
+    prepared = seen_from_within((walls, sides[16:]), list(lights))
+    number = np.arange(len(prepared.faces))
+    mirror = (number % 4 < 2) & (number < len(number) - FLOATING)
+    return with_mirrors(prepared, mirror.astype(np.uint8), bounces, outputs=outputs)
 
 
-def traced(prepared: Prepared, device: str = "cpu", name: str = "uniform_grid"):
-    session = Session(make_method(name), prepared, SIZE, SIZE, device)
-    moment = prepared.moment(0, SIZE, SIZE)
-    return session, moment, session.answers(moment)
+def traced(prepared: Prepared, device: str = "cpu"):
+    return trace("uniform_grid", {}, prepared, SIZE, SIZE, device)
 
 
 def unit(vectors):
@@ -178,7 +166,7 @@ def test_render_shows_mirrors_where_a_scene_declares_them(tmp_path, monkeypatch)
 
 
 def test_an_empty_frame_has_the_colour_of_the_sky():
-    empty = brute_force.make_scene(np.zeros((0, 3)), np.zeros((0, 3)), [Light((1.0, 1.0, 1.0))])
+    empty = make_scene(np.zeros((0, 3)), np.zeros((0, 3)), [Light((1.0, 1.0, 1.0))])
     scene = dataclasses.replace(empty.scene, outputs=("color",))
     session, _, _ = traced(prepare(scene))
     rows = session.frame.color.numpy().reshape(SIZE, SIZE, 3)

@@ -3,8 +3,9 @@ to it under every knob."""
 
 import numpy as np
 import pytest
-from helpers.brute_force import closest, make_scene, shadowed, soup
+from helpers.exact_answers import exact_answers
 from helpers.paper_knobs import answers_of, drawn
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.judge.receivers import in_spot
 from shadowbench.harness.scene.scene import Light, Spot
@@ -31,17 +32,18 @@ def test_only_what_the_spot_holds_has_a_shadow(name, device):
     prepared = spotted(*SPOTS[name])
     random = np.random.default_rng(len(name))
     moment = prepared.moment(0, 47, 33)
-    best, t = closest(prepared, moment)
+    exact = exact_answers(prepared, moment)
+    hit = exact["triangle"] >= 0
     pixels = np.arange(47 * 33)
-    points = moment.eye + moment.directions(pixels).astype(np.float64) * np.where(best >= 0, t, 0)[:, None]
-    held = in_spot(moment.spots[0], points - moment.lights[0].astype(np.float64)) & (best >= 0)
-    bits = shadowed(prepared, moment, 0, best, t)
+    points = moment.eye + moment.directions(pixels).astype(np.float64) * np.where(hit, exact["t"], 0)[:, None]
+    held = in_spot(moment.spots[0], points - moment.lights[0].astype(np.float64)) & hit
+    bits, others = exact["shadowed"]
     assert 0 < (bits & held).sum() < bits.sum()
     for light_map in LIGHT_MAPS:
         settings = drawn(random, light_map=light_map)
         session, _, got = answers_of(prepared, 47, 33, settings, device)
         assert (got["shadowed"][0] == (bits & held)).all(), settings
-        assert (got["shadowed"][1] == shadowed(prepared, moment, 1, best, t)).all()
+        assert (got["shadowed"][1] == others).all()
         assert session.method.counters()["light 0 rays"] == held.sum()
 
 

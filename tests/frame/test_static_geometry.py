@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from helpers.answers import answers_in, assert_same
 from helpers.effect_scenes import POINT
 from helpers.effect_scenes import scene as lit
 from shadowbench.harness.commands.plan import declared, frame_plan
@@ -11,6 +11,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.needed import stale
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.shapes import plane
 from shadowbench.harness.scene.light_paths import Orbit
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Geometry
@@ -49,8 +50,7 @@ def test_only_the_lights_part_is_made_anew(method: str) -> None:
         run = stale(session.all_passes, {"light/0"})
         assert run
         assert {one.part for one in run} <= {"light build", "shadow"}
-        found, fresh = session.frame.answers.to_host(), session_of(method, prepared).answers(moment)
-        assert all(np.array_equal(found[name], values, equal_nan=True) for name, values in fresh.items())
+        assert_same(answers_in(session), session_of(method, prepared).answers(moment))
 
 
 @pytest.mark.parametrize("method", [method for method in METHODS if method != "hybrid"])  # it may take no tree
@@ -71,10 +71,5 @@ def test_plan_says_so(tmp_path) -> None:
         assert one["after"]["light 0"]["runs"] == (one["part"] in ("light build", "shadow")), one["name"]
     moving = turning(moving=True)
     assert declared(moving.scene, moving)["geometry"].endswith("deforming over 3 frames, all of it")
-    still = prepare(replace(moving.scene, geometry=lambda: Geometry.static(*square())))
+    still = prepare(replace(moving.scene, geometry=lambda: Geometry.static(*plane(2, 0, 1))))
     assert declared(still.scene, still)["geometry"] == "2 triangles, static"
-
-
-def square() -> tuple[np.ndarray, np.ndarray]:
-    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
-    return corners, np.array([[0, 1, 2], [0, 2, 3]])

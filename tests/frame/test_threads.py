@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.answers import assert_same
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.threads import at_once, cpu_threads, processors, ranges, threads_given

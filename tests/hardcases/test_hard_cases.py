@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
+from helpers.exact_method import ExactMethod
 from helpers.judged_hard_cases import (
     CASES,
     EVERYTHING,
@@ -17,7 +18,6 @@ from helpers.judged_hard_cases import (
     judged,
     settings_of,
 )
-from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.registry import make_method, method_class
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import HardCase
@@ -129,11 +129,8 @@ def test_known_weaknesses_of_others_show() -> None:
 # --- the judge itself, on methods with an error planted ----------------------------------------------------------
 
 
-class Forger(SimpleMethod):
+class Forger(ExactMethod):
     """Answers a case with the exact answers and one change."""
-
-    name = "forger"
-    capturable = False
 
     def __init__(self, answers, change):
         super().__init__()
@@ -142,13 +139,6 @@ class Forger(SimpleMethod):
 
     def build_structure(self, frame):
         pass
-
-    def trace_primary(self, frame):
-        for key in ("triangle", "t", "u", "v"):
-            getattr(frame.answers, key).assign(self.answers[key])
-
-    def trace_shadow(self, frame, light):
-        frame.answers.shadowed[light].assign(self.answers["shadowed"][light])
 
 
 def forged(name: str, change) -> dict[str, int]:

@@ -19,7 +19,7 @@ class AnsweredScene:
         self.prepared = prepare(scene)
         self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
         self.judge = Judge.of(self.prepared, self.moment)
-        self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)
+        self.right = cases.exact_answers(self.prepared, self.moment)
 
     def answers(self) -> dict[str, np.ndarray]:
         return {name: value.copy() for name, value in self.right.items()}

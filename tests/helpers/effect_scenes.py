@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import soup
+from helpers.small_scenes import soup
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare

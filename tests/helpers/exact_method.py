@@ -1,8 +1,7 @@
 """A method that asks the referee, through the contract of a method; and what is changed of its answers, to be found."""
 
+from helpers.exact_answers import exact_answers
 from shadowbench.harness.frame.method import SimpleMethod
-from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.judge.reference import exact_reference
 
 
 class ExactMethod(SimpleMethod):
@@ -13,13 +12,8 @@ class ExactMethod(SimpleMethod):
     devices = ("cpu",)
 
     def build_structure(self, frame):
-        moment = frame.host
-        referee = Referee(moment.points, frame.prepared.faces, moment.valid)
-        self.answers = self.exact(frame.prepared, moment, referee)
+        self.answers = exact_answers(frame.prepared, frame.host)
         self.spoil(self.answers)
-
-    def exact(self, prepared, moment, referee):
-        return exact_reference(prepared, moment, referee).answers()
 
     def spoil(self, answers):
         pass

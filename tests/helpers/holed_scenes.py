@@ -2,14 +2,12 @@
 
 from functools import cache
 
-import numpy as np
-from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.frame.session import Session
+from helpers.answers import trace
+from helpers.small_scenes import make_scene
 from shadowbench.harness.hardcases.shapes import ball_on_floor
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.moment import Moment
-from shadowbench.harness.scene.prepared import Prepared, prepare
-from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.surface_rules import perforated
 
 SIZE = (24, 18)
@@ -34,13 +32,7 @@ NAMES = ["-".join([name, *(f"{k}={v}" for k, v in settings.items())]) for name, 
 
 
 def make(mesh, alpha, lights=((1.0, 2.5, 0.5), (0.1, 0.7, 0.05)), eye=(0.3, 1.7, 3.1), target=(0.2, 0.25, 0.1)):
-    points, faces = np.asarray(mesh[0], dtype=np.float64), np.asarray(mesh[1], dtype=np.int32)
-    return prepare(
-        Scene(
-            "holes", "Holes", lambda: Geometry.static(points, faces), Camera(eye, target),
-            tuple(Light(tuple(light)) for light in lights), alpha=alpha,
-        )
-    )  # fmt: skip
+    return make_scene(*mesh, list(lights), eye, target, 45.0, alpha=alpha)
 
 
 @cache
@@ -52,8 +44,7 @@ def holed() -> tuple[Prepared, Moment, Judge]:
 
 
 def answers_of(name: str, settings: dict, prepared: Prepared, size=SIZE, device="cpu"):
-    moment = prepared.moment(0, *size)
-    return Session(make_method(name, settings), prepared, *size, device).answers(moment)
+    return trace(name, settings, prepared, *size, device)[2]
 
 
 def same(one, other) -> list[str]:

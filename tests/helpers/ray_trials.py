@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
-from helpers import brute_force
+from helpers import small_scenes
 from helpers.mirror_scenes import with_mirrors
 from numpy.typing import NDArray
 from shadowbench.harness.frame.effects.specialise import specialised
@@ -66,7 +66,7 @@ def rays_at(corners: NDArray, kinds: Sequence[int], seed: int) -> tuple[NDArray,
 
 def session_of(vertices: NDArray, faces: NDArray, settings: dict[str, str], device: str) -> Session:
     """A scene whose triangles are all mirrors, its frame run once."""
-    prepared = brute_force.make_scene(vertices, faces, [(5.0, 4.0, 3.0)])
+    prepared = small_scenes.make_scene(vertices, faces, [(5.0, 4.0, 3.0)])
     prepared = with_mirrors(prepared, np.ones(len(faces), dtype=np.uint8), 1)
     session = Session(make_method("bvh2", settings), prepared, SIDE, SIDE, device)
     session.answers(prepared.moment(0, SIDE, SIDE))

@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from helpers.brute_force import closest, shadowed, soup
+from helpers.exact_answers import assert_right, exact_answers
+from helpers.small_scenes import soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -88,15 +89,9 @@ def dealt(prepared: Prepared, bodies: NDArray[np.integer]) -> Prepared:
 def assert_exact_in_frames(
     prepared: Prepared, frames: Sequence[int], size: int = 24, device: str = "cpu", **settings: str
 ) -> Session:
-    """The answers of one session in these frames equal brute force; the session."""
+    """The answers of one session in these frames are exact; the session."""
     session = Session(make_method(NAME, settings), prepared, size, size, device)
     for frame in frames:
         moment = prepared.moment(frame, size, size)
-        got = session.answers(moment)
-        best, t = closest(prepared, moment)
-        np.testing.assert_array_equal(got["triangle"], best, f"frame {frame}")
-        np.testing.assert_allclose(got["t"][best >= 0], t[best >= 0], rtol=2**-22)
-        for light in range(len(moment.lights)):
-            wanted = shadowed(prepared, moment, light, best, t)
-            np.testing.assert_array_equal(got["shadowed"][light], wanted, f"frame {frame}, light {light}")
+        assert_right(session.answers(moment), exact_answers(prepared, moment), f"in frame {frame}")
     return session

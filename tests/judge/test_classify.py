@@ -158,7 +158,7 @@ def test_distances_of_segments():
     assert ask((0, 2, 3), (0, 2, 3)) == (4.0, 0.75)  # a point
 
 
-def test_a_sample_of_a_whole_picture_equals_rational_brute_force():
+def test_a_sample_of_a_whole_picture_equals_rational_arithmetic():
     """Ten thousand rays, decided in more than one batch."""
     prepared = prepare(cases.ball_on_floor())
     moment = prepared.moment(0, 100, 100)

@@ -43,7 +43,7 @@ def lattice_case(draw):
 
 @settings(derandomize=True, max_examples=40, deadline=None)
 @given(lattice_case())
-def test_lattice_soup_equals_rational_brute_force(case):
+def test_lattice_soup_equals_rational_arithmetic(case):
     points, faces, eye, directions, light = case
     # Rays through vertices and the middles of edges, besides those through lattice points.
     corners = points[faces[: min(4, len(faces))]]

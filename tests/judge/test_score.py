@@ -110,7 +110,7 @@ def test_an_edge_is_excused_and_counted_and_too_many_fail():
     """Rays on a lattice run exactly along the diagonal that two triangles of a square share."""
     prepared, moment = lattice_of_rays([(0, 1, 2), (0, 2, 3)])
     judge = Judge.of(prepared, moment)
-    right = cases.exact_answers(prepared, moment, judge.referee)
+    right = cases.exact_answers(prepared, moment)
     assert (right["triangle"] == 0).sum() == 45
     assert (right["triangle"] == 1).sum() == 36
     assert score_answers(judge, right).score.check == "ok"

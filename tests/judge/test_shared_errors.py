@@ -107,7 +107,7 @@ def test_ties_and_edges_keep_their_classes():
     ball = WrongReference.__new__(WrongReference)
     ball.prepared, ball.moment = lattice_of_rays([(0, 1, 2), (0, 2, 3)] * 2)
     ball.judge = Judge.of(ball.prepared, ball.moment)
-    ball.right = cases.exact_answers(ball.prepared, ball.moment, ball.judge.referee)
+    ball.right = cases.exact_answers(ball.prepared, ball.moment)
     ball.provenance = ball.judge.reference.provenance
     middle = 16 * 33 + 16
     inside = 16 * 33 + 20  # in the first triangle, away from its edges

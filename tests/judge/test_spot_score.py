@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import brute_force
+from helpers import small_scenes
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge import score
@@ -21,8 +21,8 @@ SIZE = 32
 @pytest.fixture(scope="module")
 def scene():
     pytest.importorskip("embreex", reason="the reference needs Embree")
-    vertices, faces = brute_force.soup(3, 60)
-    prepared = brute_force.make_scene(vertices, faces, [(1.0, 2.5, 1.5)])
+    vertices, faces = small_scenes.soup(3, 60)
+    prepared = small_scenes.make_scene(vertices, faces, [(1.0, 2.5, 1.5)])
     middle = tuple(float(x) for x in prepared.middle + prepared.centre)
     return Lighting("spot", target=middle, angle=12.0).applied(prepared)
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.compiled_variants import FACTORIES, WITHOUT_FACTORY, Compiled, compiled_variants
 from helpers.paper_knobs import answers_of, drawn
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.effects import specialise
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.planned_for_cuda import plan_for_cuda
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule import graphs
 from shadowbench.harness.frame.schedule.capture import capture_passes

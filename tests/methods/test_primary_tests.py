@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.shapes import plane
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Light
 
@@ -85,6 +86,5 @@ def test_a_tree_tests_what_its_shadow_rays_meet(prepared, precision, device):
 
 
 def test_both_triangles_of_a_leaf_are_counted(device):
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
-    square = make_scene(corners, np.array([[0, 1, 2], [0, 2, 3]]), [(0.0, 0.0, 4.0)], (0.0, 0.0, 3.0))
+    square = make_scene(*plane(2, 0, 1), [(0.0, 0.0, 4.0)], (0.0, 0.0, 3.0))
     assert (counted(square, "bvh2", None, device) == 2).all()

@@ -3,8 +3,8 @@ boxes, and over regions."""
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.devices import DEVICES
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods.kdtree import levels

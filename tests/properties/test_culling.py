@@ -5,16 +5,17 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene
 from helpers.closed_meshes import rays_along_an_edge, rays_through_vertices
 from helpers.drawn_examples import CLOSED, exact_hits, some
 from helpers.lattice_examples import CULLING, Example, answers_of, fresh_method, true_errors
 from helpers.method_trials import assert_same, box
 from helpers.paper_knobs import answers_of as knob_answers
+from helpers.small_scenes import make_scene
 from hypothesis import given
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.judge import same_bits
+from shadowbench.harness.hardcases.shapes import joined, moved
 from shadowbench.harness.scene.light_paths import Orbit
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.methods.perspective_spherical.parameters import PAPER, TRIANGLE_TESTS
@@ -23,10 +24,9 @@ NAME = "perspective_spherical"
 
 
 def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside():
-    vertices, faces = box(5)
+    points, faces = joined(box(5), moved(box(5), (1.9, 0.4, 0.2), 0.5))
     for wound in (faces, faces[:, ::-1]):  # inward or outward, as long as it is consistent
-        both = np.concatenate([vertices, vertices * 0.5 + [1.9, 0.4, 0.2]])
-        prepared = make_scene(both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0))
+        prepared = make_scene(points, wound, [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0))
         scene = dataclasses.replace(prepared.scene, closed=True)
         _, _, off = knob_answers(prepared, 61, 47, {})
         pairs = []

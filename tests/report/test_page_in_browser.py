@@ -17,6 +17,8 @@ VIEWS = (
 SAVED = (
     "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
 )
+webdriver = pytest.importorskip("selenium.webdriver")
+ActionChains, Keys = webdriver.ActionChains, webdriver.Keys
 pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
 
 
@@ -74,13 +76,20 @@ def css(driver, selector):
     return driver.find_elements("css selector", selector)
 
 
+def text_of(driver, selector):
+    """Of the first element."""
+    return css(driver, selector)[0].text
+
+
+def texts_of(driver, selector):
+    return [element.text for element in css(driver, selector)]
+
+
 def column(driver, number):
-    return [cell.text for cell in css(driver, f".grid tbody tr > :nth-child({number})")]
+    return texts_of(driver, f".grid tbody tr > :nth-child({number})")
 
 
 def press(driver, *keys):
-    from selenium.webdriver import ActionChains
-
     for key in keys:
         ActionChains(driver).send_keys(key).perform()
 
@@ -119,20 +128,18 @@ def test_sorting_filtering_and_the_address(visit):
 
 
 def test_times_have_their_errors_their_spread_and_their_origin(visit):
-    from selenium.webdriver import ActionChains
-
     found = visit("view=table&t=frame_time")
     cells = {cell.text: cell for cell in css(found, ".grid tbody td")}
     assert any(re.fullmatch(r"0.253\s+✗ 7", text) for text in cells), list(cells)
     assert any("†" in text for text in cells), "a record of an earlier version says so"
     ActionChains(found).move_to_element(next(c for t, c in cells.items() if "✗ 7" in t)).perform()
-    tip = css(found, "#tip")[0].text
+    tip = text_of(found, "#tip")
     assert "quartiles\n0.251 to 0.254 ms" in tip
     assert "✗ 7 wrong" in tip
     assert "stand-in for" in tip
     found = visit("view=table&t=table1")
-    assert "paper, GTX 280, 1024x1024" in css(found, "thead")[0].text
-    assert "44.47 ms" in css(found, "tbody")[0].text
+    assert "paper, GTX 280, 1024x1024" in text_of(found, "thead")
+    assert "44.47 ms" in text_of(found, "tbody")
     found = visit("view=table&t=frame_time&m=ratio:tree")
     assert any(cell.text.startswith("0.250") for cell in css(found, "tbody td"))
 
@@ -170,7 +177,7 @@ def test_errors_stand_against_time_with_the_front(visit):
 
 def test_machines_stand_side_by_side(visit):
     found = visit("view=machines")
-    heads = [head.text for head in css(found, ".grid thead th")]
+    heads = texts_of(found, ".grid thead th")
     assert heads == ["scene", "method", "A GPU", "Another GPU"]
     assert any("0.505 ✓ 0.707 ✓" in " ".join(row.text.split()) for row in css(found, ".grid tbody tr"))
 
@@ -220,25 +227,25 @@ def near_wins(tmp_path_factory):
 def test_the_chart_of_the_fastest_has_the_least_times(visit):
     """As the tables have them, whichever of two that tie wins more often; and three marks at one place are three."""
     found = visit("")
-    assert css(found, ".kinds .dot-label")[0].text == "0.504"
+    assert text_of(found, ".kinds .dot-label") == "0.504"
     assert len({mark.rect["y"] for mark in css(found, ".kind-row:first-child .dot")}) == 3
 
 
 @pytest.mark.parametrize("page", ["ties"], indirect=True)
 def test_the_folders_of_one_machine_are_one_column(visit):
     found = visit("view=machines")
-    assert [head.text for head in css(found, ".grid thead th")] == ["scene", "method", "A GPU", "Another GPU"]
+    assert texts_of(found, ".grid thead th") == ["scene", "method", "A GPU", "Another GPU"]
     assert sorted(column(found, 1)) == ["Buddha (stand-in)", "Cloth (stand-in)"]
 
 
 def test_a_table_says_how_sure_it_is_and_its_controls_keep_their_names(visit):
     """Disturbed rounds, means over fewer frames and bold stand beside a table and in what is saved of it."""
     found = visit("view=table&t=other/frame_time")
-    text = css(found, "main")[0].text
+    text = text_of(found, "main")
     assert "2 of 2 rounds were disturbed, the worst by load 9.0 on 2 cores" in text
     assert "2.73 [1/3]" in text
     assert "the mean over 1 of 3 frames" in text
-    assert css(found, "td.is-best")[0].text.startswith("0.707")
+    assert text_of(found, "td.is-best").startswith("0.707")
     labels = [label.text.split("\n")[0] for label in css(found, ".controls label > span")]
     found = visit("view=table&t=other/frame_time&rows=methods")
     assert [label.text.split("\n")[0] for label in css(found, ".controls label > span")] == labels
@@ -260,30 +267,22 @@ def test_drawings_follow_the_theme(visit, dark):
 
 
 def test_the_slider_goes_through_distances_and_frames(visit):
-    from selenium.webdriver.common.keys import Keys
-
     found = visit("view=curves&c=figure11&y=total_ms")
     assert css(found, ".u-over"), "a chart is drawn"
     slider = css(found, "#place")[0]
-    values = []
+    places, times = [], []
     for key in (Keys.HOME, Keys.ARROW_RIGHT, Keys.END):
         slider.send_keys(key)
-        values.append(
-            (
-                css(found, ".place output")[0].text,
-                float(css(found, ".at-place tbody tr:last-child td:last-child")[0].text.split()[0]),
-            )
-        )
-    assert [text for text, _ in values] == ["0.1 radii", "1 radius", "10 radii"]
-    assert [ms for _, ms in values] == sorted(ms for _, ms in values)
+        places.append(text_of(found, ".place output"))
+        times.append(float(text_of(found, ".at-place tbody tr:last-child td:last-child").split()[0]))
+    assert places == ["0.1 radii", "1 radius", "10 radii"]
+    assert times == sorted(times)
     assert "at=2" in found.current_url
     found = visit("view=curves&c=figure11&x=frame&at=0")
-    assert css(found, ".place output")[0].text == "frame 0"
+    assert text_of(found, ".place output") == "frame 0"
 
 
 def test_hovering_a_curve_names_the_nearest_point(visit):
-    from selenium.webdriver import ActionChains
-
     found = visit("view=curves&c=figure11&y=total_ms&scale=linear")
     x, y, name = found.execute_script(
         "const u = document.querySelector('.plot')._plot;"
@@ -293,14 +292,12 @@ def test_hovering_a_curve_names_the_nearest_point(visit):
     ActionChains(found).move_to_element_with_offset(
         over, x - over.rect["width"] / 2 - 3, y - over.rect["height"] / 2 + 2
     ).perform()
-    tip = css(found, "#tip")[0].text
+    tip = text_of(found, "#tip")
     assert tip.startswith(f"{name} · Cloth (stand-in), 10 radii")
     assert "10 radii" in tip
 
 
 def test_dragging_zooms_a_logarithmic_chart_and_a_button_shows_all_again(visit):
-    from selenium.webdriver import ActionChains
-
     found = visit("view=curves&c=figure11&y=total_ms")
     scales = "const {x, y} = document.querySelector('.plot')._plot.scales; return [x.min, x.max, y.min, y.max]"
     whole = found.execute_script(scales)
@@ -314,11 +311,9 @@ def test_dragging_zooms_a_logarithmic_chart_and_a_button_shows_all_again(visit):
 
 
 def test_pictures_part_under_a_slider_with_wrong_pixels_marked(visit):
-    from selenium.webdriver.common.keys import Keys
-
     found = visit("view=pictures")
-    assert "acne" in css(found, ".legend")[0].text
-    assert "64" in css(found, ".legend")[0].text
+    assert "acne" in text_of(found, ".legend")
+    assert "64" in text_of(found, ".legend")
     pixel = "return [...document.querySelector('.over canvas').getContext('2d').getImageData(1, 1, 1, 1).data]"
     assert found.execute_script(pixel)[:3] == [235, 90, 0]
     slider = css(found, ".under-picture input")[0]
@@ -330,8 +325,6 @@ def test_pictures_part_under_a_slider_with_wrong_pixels_marked(visit):
 
 
 def test_heat_maps_share_a_scale_and_tell_their_counts(visit):
-    from selenium.webdriver import ActionChains
-
     found = visit("view=maps&scale=linear")
     assert {(r.text.split()[0], r.text.split()[-1]) for r in css(found, ".split tbody tr")} == {
         ("grids", "300"),
@@ -340,15 +333,13 @@ def test_heat_maps_share_a_scale_and_tell_their_counts(visit):
     assert css(found, ".ends span")[-1].text == "300"
     frame = css(found, ".frame")[0]
     ActionChains(found).move_to_element(frame).perform()
-    first, *lines = css(found, "#tip")[0].text.splitlines()
+    first, *lines = text_of(found, "#tip").splitlines()
     x, y = map(int, re.fullmatch(r"pixel (\d+), (\d+)", first).groups())
     told = dict(zip(lines[::2], lines[1::2], strict=True))
     assert told == {name: f"{(16 * y + x) * most // 255} tests" for name, most in (("grids", 300), ("tree", 9))}
 
 
 def test_the_keyboard_alone_reaches_everything(visit):
-    from selenium.webdriver.common.keys import Keys
-
     found = visit("view=points")
     names = []
     for _ in range(40):
@@ -362,7 +353,7 @@ def test_the_keyboard_alone_reaches_everything(visit):
     assert {"A", "SELECT", "SUMMARY", "INPUT", "BUTTON", "TH"} <= reached
     assert all(style != "none" and width >= 1 for _, _, style, width in names), "the focus is seen everywhere"
     press(found, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_DOWN)
-    assert "whole frame" in css(found, "#tip")[0].text, "a focused cell shows its spread"
+    assert "whole frame" in text_of(found, "#tip"), "a focused cell shows its spread"
     press(found, Keys.ENTER)
     dialog = css(found, "dialog[open]")[0]
     assert "method's source" in dialog.text

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 from shadowbench.experiments import figure9
 from shadowbench.harness.frame.materials import pieces
+from shadowbench.harness.hardcases.shapes import quad
 from shadowbench.harness.report import picture as pictures
 from shadowbench.harness.report.picture import png_bytes, save_png, shade, shown_in
 from shadowbench.harness.results.folder import image_name
@@ -20,10 +21,9 @@ SIZE = 16
 
 def square(lights: tuple[Light, ...], name: str = "square", stand_in: str | None = None) -> Prepared:
     """Two triangles that fill the left half of the view, seen from +z."""
-    vertices = np.array([[-9.0, -9, 0], [0, -9, 0], [0, 9, 0], [-9, 9, 0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    left = quad((-9, -9, 0), (0, -9, 0), (0, 9, 0), (-9, 9, 0))
     camera = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
-    return prepare(Scene(name, "Square", lambda: Geometry.static(vertices, faces), camera, lights, stand_in))
+    return prepare(Scene(name, "Square", lambda: Geometry.static(*left), camera, lights, stand_in))
 
 
 def points(*scenes: str, size: tuple[int, int] = (60, 40)) -> pd.DataFrame:

@@ -4,13 +4,13 @@ import contextlib
 import json
 import lzma
 import os
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
 from helpers.tiny_runs import options
+from helpers.traced_memory import traced_memory
 from shadowbench.harness import files
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep
@@ -61,13 +61,9 @@ def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, c
     monkeypatch.setattr(schema, limit, 2_000_000)
     monkeypatch.setattr(schema, "BLOCK", 1 << 16)
     whole = packed(tmp_path, lzma.compress(content * 20))
-    tracemalloc.start()
-    try:
-        line = refused(whole)
-        assert tracemalloc.get_traced_memory()[1] < 20_000_000
-    finally:
-        tracemalloc.stop()
-    assert "line" in line
+    with traced_memory() as most:
+        assert "line" in refused(whole)
+        assert most() < 20_000_000
 
 
 @pytest.mark.parametrize(
@@ -113,14 +109,10 @@ def test_records_are_read_one_after_another(tmp_path):
     write_records(tmp_path, made)
     size = sum(path.stat().st_size for path in (tmp_path / "records").iterdir())
     tidy(tmp_path)
-    tracemalloc.start()
-    try:
+    with traced_memory() as most:
         tidy(tmp_path)
         disturbances(tmp_path)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < size / 2, "all of them would take more than their text"
+        assert most() < size / 2, "all of them would take more than their text"
     found = samples(tmp_path)
     assert len(found) == 30 * 2000 * 6
     assert found.memory_usage(deep=True).sum() < 60 * len(found)
@@ -246,7 +238,7 @@ PLACES = (
 
 @pytest.mark.parametrize("place", PLACES)
 def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, place: str) -> None:
-    victim, out = tmp_path / "victim", tmp_path / "out"
+    victim, out, kept = (tmp_path / name for name in ("victim", "out", "kept"))
     victim.write_text("precious")
     files.write_atomic(out / "records" / "a.json", {})
     (tmp_path / "larger disk").mkdir()
@@ -260,13 +252,7 @@ def test_links_and_pipes_in_place_of_files_are_refused(tmp_path: Path, place: st
         lambda: os.mkfifo(path),
     ):
         plant()
-        acts = [
-            lambda: run(chosen),
-            lambda: show("table1", out),
-            lambda: report(out),
-            lambda: keep([out], tmp_path / "kept"),
-        ]
-        for act in acts:
+        for act in (lambda: run(chosen), lambda: show("table1", out), lambda: report(out), lambda: keep([out], kept)):
             with pytest.raises(UserError) as refused:
                 act()
             assert str(refused.value) == f"{path}: a link, or no file at all; put a file in its place, or remove it"

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import ClassVar
 
-import numpy as np
 import pytest
 import warp as wp
+from helpers.small_scenes import make_scene
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.results.throttled import throttled
@@ -20,8 +20,6 @@ from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.runner.measuring.timing import Sampling, compile_clock, sample_frame, stop_reason
 from shadowbench.harness.runner.planning.planned_point import orders
-from shadowbench.harness.scene.prepared import prepare
-from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 
 @wp.func_native("""
@@ -77,15 +75,7 @@ class Spinner(SimpleMethod):
 
 
 def triangle():
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    scene = Scene(
-        "one",
-        "One triangle",
-        lambda: Geometry.static(corners, np.array([[0, 1, 2]])),
-        Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
-        (Light((2.0, 2.0, 2.0)),),
-    )
-    return prepare(scene)
+    return make_scene([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [(2.0, 2.0, 2.0)], (0.0, 0.0, 3.0))
 
 
 def session(method=None, device="cpu"):

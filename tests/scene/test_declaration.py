@@ -11,7 +11,6 @@ from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.chosen_view import ChosenView
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import prepare
-from typer.testing import CliRunner
 
 MESH = """v -1 -1 0
 v 1 -1 0
@@ -250,20 +249,14 @@ def test_plan_of_a_declared_scene(folder):
     assert all(step["first"] for step in work.values())
 
 
-def test_plan_command_prints_and_gives_json(folder):
-    from shadowbench.harness.cli import app, register
-
-    register("plan")
-    path = str(declare(folder, FULL))
-    command = ["plan", path, "--method", "uniform_grid", "--size", "16x16"]
-    narrow = CliRunner().invoke(app, command, env={"COLUMNS": "80"})
-    assert max(map(len, narrow.stdout.splitlines())) <= 80
-    shown = CliRunner().invoke(app, command, env={"COLUMNS": "160"})
-    assert shown.exit_code == 0
-    assert "light 1: directional, with shadows, fixed" in shown.stdout
-    assert "passes that run" in shown.stdout
-    told = CliRunner().invoke(app, [*command, "--json"])
-    assert json.loads(told.stdout)["methods"][0]["method"] == "uniform_grid"
+def test_plan_command_prints_and_gives_json(folder, call, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
+    command = ("plan", declare(folder, FULL), "--method", "uniform_grid", "--size", "16x16")
+    code, shown, _ = call(*command)
+    assert code == 0
+    assert "light 1: directional, with shadows, fixed" in shown
+    assert "passes that run" in shown
+    assert json.loads(call(*command, "--json")[1])["methods"][0]["method"] == "uniform_grid"
 
 
 @pytest.mark.parametrize("scene", ["fairy", "sibenik"])

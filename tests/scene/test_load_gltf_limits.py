@@ -1,8 +1,8 @@
 """glTF files that promise more than they hold, and damaged ones: linear memory, and one line for each refusal."""
 
+import contextlib
 import itertools
 import json
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -10,7 +10,8 @@ from helpers.fuzzed_inputs import READ, REFUSED
 from helpers.gltf_files import SQUARE, Gltf, binary
 from helpers.gltf_samples import FACES, POINTS, draco, everything, packed
 from helpers.mesh_files import refused, written
-from helpers.reader_fuzz import outcome
+from helpers.reader_fuzz import outcome, within_memory
+from helpers.traced_memory import traced_memory
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.readers.gltf import model
 from shadowbench.harness.scene.readers.load import load
@@ -37,12 +38,9 @@ def primitives(count: int, shared: bool) -> Gltf:
 def test_memory_grows_with_the_file_not_with_its_primitives(tmp_path, shared):
     """Of one array of vertices, 20,000 primitives would hold it 20,000 times: 5 GB."""
     path = primitives(600, shared).write(tmp_path)
-    tracemalloc.start()
-    try:
+    with traced_memory() as most:
         loaded = load(path)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+        peak = most()
     assert len(loaded.faces) == 600
     assert len(loaded.frames[0]) == (600 if shared else 2_400)
     assert peak < 20 * path.stat().st_size, f"{peak / path.stat().st_size:.1f} times the file"
@@ -134,13 +132,5 @@ def test_counts_that_the_file_does_not_hold_take_no_memory(tmp_path):
         for count in (10**5, 10**12):
             changed = everything()
             changed.head["accessors"][accessor]["count"] = count
-            path = changed.write(tmp_path)
-            tracemalloc.start()
-            try:
-                load(path)
-            except UserError:
-                pass
-            finally:
-                peak = tracemalloc.get_traced_memory()[1]
-                tracemalloc.stop()
-            assert peak < 10 * path.stat().st_size + (1 << 19)
+            with contextlib.suppress(UserError):
+                within_memory(changed.write(tmp_path))

@@ -1,12 +1,12 @@
 """PLY: headers and rows in all the forms that programs write, triangle strips, and broken files in one line."""
 
 import struct
-import tracemalloc
 
 import numpy as np
 import pytest
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
+from helpers.traced_memory import traced_memory
 from shadowbench.harness.scene.readers.load import load
 
 PLAIN = files.ply_ascii().decode()
@@ -90,12 +90,9 @@ end_header
 def test_a_long_list_that_is_not_read_takes_no_memory(tmp_path):
     blob = files.ply_binary(polygons=[(0, 1, 2)]).replace(b"end_header", b"property list uint uchar more\nend_header")
     path = written(tmp_path, "a.ply", blob + struct.pack("<I", 1_000_000) + bytes(1_000_000))
-    tracemalloc.start()
-    try:
+    with traced_memory() as most:
         assert load(path).faces.tolist() == [[0, 1, 2]]
-        assert tracemalloc.get_traced_memory()[1] < 4_000_000
-    finally:
-        tracemalloc.stop()
+        assert most() < 4_000_000
 
 
 STRIP = """ply

@@ -4,8 +4,6 @@
 """
 
 import struct
-import tracemalloc
-import warnings
 from collections import Counter
 from random import Random
 
@@ -14,9 +12,8 @@ import pytest
 from helpers import mesh_files as files
 from helpers.fuzzed_bytes import damaged
 from helpers.fuzzed_inputs import READ, REFUSED
-from helpers.reader_fuzz import outcome
+from helpers.reader_fuzz import outcome, within_memory
 from helpers.reader_seeds import npz, seeds
-from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.readers import apart
 from shadowbench.harness.scene.readers.load import load
 
@@ -24,30 +21,6 @@ CASES = 80
 """Damaged files of each format, and as many cut short."""
 
 SEEDS = seeds()
-ROOM = 1 << 19
-"""What a reader may hold beside ten times the file: its own tables and buffers, whatever the file."""
-
-
-def within_memory(path):
-    """Load a file in this process, where warnings are errors and memory is counted."""
-    limit = 10 * path.stat().st_size + ROOM
-    for _ in range(2):  # again: what a first call imports for damage of this kind is not the file's
-        tracemalloc.start()
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", RuntimeWarning)
-                found = load(path)
-        except UserError as error:
-            found = error
-        finally:
-            peak = tracemalloc.get_traced_memory()[1]
-            tracemalloc.stop()
-        if peak <= limit:
-            break
-    assert peak <= limit, f"{peak} bytes for a file of {path.stat().st_size}"
-    if isinstance(found, UserError):
-        raise found
-    return found
 
 
 @pytest.mark.parametrize("ending", SEEDS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.hardcases.shapes import sheet
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light

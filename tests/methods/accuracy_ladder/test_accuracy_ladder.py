@@ -3,9 +3,10 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import closest, make_scene, shadowed, soup
-from helpers.method_trials import lattice, trace
+from helpers.method_trials import expected, lattice, trace
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.hardcases.shapes import joined, moved
 
 NAME = "accuracy_ladder"
 
@@ -15,11 +16,9 @@ NAME = "accuracy_ladder"
 def test_float32_tests_are_right_on_an_ordinary_scene_and_say_that_they_need_not_be(test):
     vertices, faces = soup(21, 150, size=0.2)
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
-    _, moment, got = trace(NAME, {"test": test}, prepared, 41, 29)
-    best, t = closest(prepared, moment)
-    assert (got["triangle"] != best).sum() <= 2
-    wanted = shadowed(prepared, moment, 0, best, t)
-    assert (got["shadowed"][0] != wanted).sum() <= 5
+    got, exact = trace(NAME, {"test": test}, prepared, 41, 29)[2], expected(prepared, 41, 29)
+    assert (got["triangle"] != exact["triangle"]).sum() <= 2
+    assert (got["shadowed"] != exact["shadowed"]).sum() <= 5
     assert "float32" in make_method(NAME, {"test": test}).known_inexact
 
 
@@ -40,18 +39,15 @@ def test_a_fixed_determinant_loses_a_small_scene_and_the_others_do_not():
 )
 def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     # A tilted floor and a thin roof just above a part of it, nearer than 1e-2 radii.
-    flat, faces = lattice(4, 2.0)
+    floor = lattice(4, 2.0)
+    points, faces = joined(floor, moved(lattice(2, 0.7), (0, 0, 0.01)))
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
-    roof, own = lattice(2, 0.7)
-    both = np.concatenate([flat, roof + [0.0, 0.0, 0.01]]) @ turn.T
-    prepared = make_scene(both, np.concatenate([faces, own + len(flat)]), [(0.3, -3.0, 4.0)], (1.9, 1.5, 1.5))
+    prepared = make_scene(points @ turn.T, faces, [(0.3, -3.0, 4.0)], (1.9, 1.5, 1.5))
     settings = {"origin": origin}
-    _, moment, got = trace(NAME, settings, prepared, 48, 48)
-    best, t = closest(prepared, moment)
-    wanted = shadowed(prepared, moment, 0, best, t).astype(bool)
-    bits = got["shadowed"][0].astype(bool)
+    got, exact = trace(NAME, settings, prepared, 48, 48)[2], expected(prepared, 48, 48)
+    bits, wanted = (answers["shadowed"][0].astype(bool) for answers in (got, exact))
     assert bool((bits & ~wanted).any()) == acne
-    below = best < len(faces)
+    below = exact["triangle"] < len(floor[1])
     assert bool((~bits & wanted & below).any()) == leak
     assert (make_method(NAME, settings).known_inexact is None) == (origin == "hit_point")
 

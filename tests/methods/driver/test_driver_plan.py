@@ -12,11 +12,11 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.holed_scenes import holed
 from helpers.installed_package import declare_methods
 from helpers.mirror_scenes import hall_of_mirrors
 from helpers.recorded_slangpy import Recording, recorded
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.registry import make_method

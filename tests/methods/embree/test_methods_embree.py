@@ -1,4 +1,4 @@
-"""Embree as a method (``embree/packets.py``): embreex's bits, nearly brute force, shadow rays that start off their
+"""Embree as a method (``embree/packets.py``): embreex's bits, nearly right, shadow rays that start off their
 surface (``offset.py``), settings and threads that change nothing, a library that lacks."""
 
 import ctypes
@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from helpers.brute_force import make_scene, soup
-from helpers.method_trials import assert_nearly, assert_same, lattice, moving, random_trial, trace
+from helpers.method_trials import assert_lit, assert_nearly, assert_same, lattice, moving, random_trial, trace
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.shapes import joined, moved
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.methods.embree import library
 from shadowbench.methods.embree.packets import Arguments
@@ -30,23 +31,15 @@ def test_random_scenes(seed):
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_a_lit_plane_does_not_shadow_itself(scale, height):
     """The offset must exceed the rounding of the query, also where the plane's own coordinate is zero or large."""
-    vertices, faces = lattice(8, scale)
-    vertices = vertices + [0.0, 0.0, height * scale]
-    lights = [(0.1 * scale, 0.2 * scale, (height + 1) * scale), (30.0 * scale, 0.0, (height + 1e-2) * scale)]
-    eye = (0.0, 0.0, (height + 1.5) * scale)
-    prepared = make_scene(vertices, faces, lights, eye, (0.0, 0.0, height * scale))
-    got = trace(NAME, {}, prepared, 32, 32)[2]
-    assert (got["triangle"] >= 0).sum() > 500
-    assert got["shadowed"].sum() == 0
+    assert_lit(NAME, {}, height, scale)
 
 
 def test_a_surface_at_the_light_does_not_count():
-    vertices, faces = lattice(4)
-    above = vertices + [0.0, 0.0, 1.0]
-    both = np.concatenate([vertices, above]), np.concatenate([faces, faces + len(vertices)])
+    floor = lattice(4)
+    both = joined(floor, moved(floor, (0, 0, 1)))
     lights = [(0.1, 0.2, 1.0), (0.1, 0.2, 1.001)]
     got = trace(NAME, {}, make_scene(*both, lights, (0.0, 0.0, 0.9)), 16, 16)[2]
-    below = got["triangle"] < len(faces)
+    below = got["triangle"] < len(floor[1])
     assert below.all()
     assert (got["shadowed"][0] == 0).all()
     assert (got["shadowed"][1] == 1).all()

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import TRIALS, assert_exact, lattice, listed, random_trial, trace
+from helpers.small_scenes import make_scene, soup
+from shadowbench.harness.hardcases.shapes import joined, moved
 
 NAME = "uniform_grid"
 
@@ -41,13 +42,8 @@ def test_a_slanted_triangle_is_not_binned_by_its_box():
 
 
 def test_large_triangles_take_the_queue_and_change_nothing():
-    vertices, faces = soup(5, 300, size=0.02)
-    wide, sheet = lattice(1, 3.0)
-    prepared = make_scene(
-        np.concatenate([vertices, wide + [0.0, 0.0, -1.0]]),
-        np.concatenate([faces, sheet + len(vertices)]),
-        [(0.0, 0.0, 4.0)],
-    )
+    mesh = joined(soup(5, 300, size=0.02), moved(lattice(1, 3.0), (0, 0, -1)))
+    prepared = make_scene(*mesh, [(0.0, 0.0, 4.0)])
     session, _, _ = trace(NAME, {"density": "60"}, prepared, 16, 16)
     assert session.method.counters()["large triangles"] >= 2
     assert_exact(NAME, {"density": "60"}, prepared, 16, 16)

@@ -2,8 +2,8 @@
 many."""
 
 from helpers.answers import answers_in
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same, trace
+from helpers.small_scenes import make_scene, soup
 
 NAME = "uniform_grid"
 

@@ -3,8 +3,8 @@ scene."""
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import trace
+from helpers.small_scenes import make_scene, soup
 
 NAME = "uniform_grid"
 

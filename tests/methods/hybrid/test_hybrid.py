@@ -6,12 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 from helpers.answers import answers_in
-from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import POINT, scene
-from helpers.holed_scenes import answers_of as holed_answers
-from helpers.holed_scenes import holed
 from helpers.method_trials import assert_same, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -46,12 +44,7 @@ def test_has_the_bits_of_ray_grids_in_replays_of_the_graph_too(settings, device)
 
 
 @pytest.mark.parametrize("settings", SETTINGS[:2], ids=str)
-def test_effects_have_the_bits_of_other_methods(settings, device):
-    prepared, _, _ = holed()
-    wanted = holed_answers("ray_grids", {}, prepared, device=device)
-    got = holed_answers(NAME, settings, prepared, device=device)
-    for key in ("triangle", "shadowed"):
-        np.testing.assert_array_equal(got[key], wanted[key], key)
+def test_mirrors_have_the_bits_of_another_method(settings, device):
     mirrors = hall_of_mirrors()
     _, wanted = answered("uniform_grid", {}, mirrors, device)
     _, got = answered(NAME, settings, mirrors, device)

@@ -6,10 +6,10 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
 from helpers.method_trials import assert_same
 from helpers.paper_knobs import answers_of
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case

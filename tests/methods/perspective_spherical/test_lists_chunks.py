@@ -6,8 +6,8 @@ import itertools
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.paper_knobs import answers_of
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.methods.perspective_spherical.lists.chunks import Chunks
 from shadowbench.methods.perspective_spherical.lists.sorting import TileLists

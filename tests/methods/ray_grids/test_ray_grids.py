@@ -1,16 +1,16 @@
-"""The streamed dual against float64 brute force, under all settings: every answer as ``camera/resolve.py`` writes
+"""The streamed dual against the exact answers, under all settings: every answer as ``camera/resolve.py`` writes
 it."""
 
 import numpy as np
 import pytest
 from helpers.answers import answers_in, assert_same
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, random_trial, trace
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_equals_brute_force_under_random_knobs(seed, device):
+def test_answers_are_exact_under_random_knobs(seed, device):
     random = np.random.default_rng(1000 + seed)
     settings = trial(
         cells=[8, 64, 200, 512][seed % 4],

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.devices import needs_gpu
-from helpers.method_trials import TRIALS, assert_misses, box, lattice, trace
+from helpers.method_trials import TRIALS, assert_misses, box, expected, lattice, trace
+from helpers.small_scenes import make_scene, soup
+from shadowbench.harness.hardcases.shapes import joined, moved
 from shadowbench.harness.scene.prepared import under
 from shadowbench.harness.scene.scene import Light
 
@@ -16,18 +17,14 @@ NAME = "shadow_map"
 
 def blocker(height: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """A floor of half width 4 at z = 0 and a square of half width 0.5 above it."""
-    floor, faces = lattice(4, 4.0)
-    roof, own = lattice(2, 0.5)
-    return np.concatenate([floor, roof + [0.0, 0.0, height]]), np.concatenate([faces, own + len(floor)])
+    return joined(lattice(4, 4.0), moved(lattice(2, 0.5), (0, 0, height)))
 
 
 def wrong_share(settings, prepared, width=48, height=48, light=0, device="cpu"):
-    """Share of hit pixels whose shadow bit differs from brute force."""
-    _, moment, got = trace(NAME, settings, prepared, width, height, device)
-    best, t = closest(prepared, moment)
-    np.testing.assert_array_equal(got["triangle"], best)
-    wanted = shadowed(prepared, moment, light, best, t)
-    return float((got["shadowed"][light] != wanted)[best >= 0].mean())
+    """Share of hit pixels whose shadow bit is wrong."""
+    got, exact = trace(NAME, settings, prepared, width, height, device)[2], expected(prepared, width, height)
+    np.testing.assert_array_equal(got["triangle"], exact["triangle"])
+    return float((got["shadowed"] != exact["shadowed"])[light, exact["triangle"] >= 0].mean())
 
 
 @pytest.mark.parametrize("shape", ["aimed", "cube"])
@@ -41,9 +38,7 @@ def test_error_falls_with_the_size_of_the_map(shape, device):
 
 @pytest.mark.parametrize("position", [(0.2, 0.1, 0.3), (0.9, -0.9, 0.0), (0.0, 0.0, 0.0)])
 def test_a_light_inside_the_scene_gets_a_cube(position):
-    walls, sides = box(4)
-    small, faces = soup(9, 20, size=0.1, spread=0.4)
-    mesh = np.concatenate([walls, small]), np.concatenate([sides, faces + len(walls)])
+    mesh = joined(box(4), soup(9, 20, size=0.1, spread=0.4))
     prepared = make_scene(*mesh, [position], (-0.7, -0.6, 0.5), (0.5, 0.5, -0.3), 90.0)
     settings = {"size": "1024"}
     session, _, _ = trace(NAME, settings, prepared, 8, 8)
@@ -91,10 +86,9 @@ def test_a_soft_filter_draws_one_map_for_an_area():
 
 @pytest.mark.parametrize("trial", TRIALS)
 def test_primary_rays_of_hard_scenes_are_exact(trial):
-    prepared, width, height = TRIALS[trial]
-    _, moment, got = trace(NAME, {"size": "64"}, prepared, width, height)
+    got = trace(NAME, {"size": "64"}, *TRIALS[trial])[2]
     assert_misses(got)
-    np.testing.assert_array_equal(got["triangle"], closest(prepared, moment)[0])
+    np.testing.assert_array_equal(got["triangle"], expected(*TRIALS[trial])["triangle"])
 
 
 def test_lights_do_not_disturb_each_other(device):

@@ -4,8 +4,8 @@ order hits."""
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.methods.common.reads import corners_at, direction_at

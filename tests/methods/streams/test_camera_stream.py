@@ -4,7 +4,7 @@ off, and groups hold all."""
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh, filled
 from shadowbench.methods.common.reads import corners_at, direction_at

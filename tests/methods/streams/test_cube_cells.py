@@ -6,13 +6,14 @@ import itertools
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene
 from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
 from helpers.method_trials import assert_exact, trace
+from helpers.small_scenes import make_scene
 from helpers.streams import on_gpu_side, trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.shapes import joined, plane, triangles
 from shadowbench.methods.streams.cube.cells import all_rays_end_before, raise_from, tile_index
 
 CELLS = 32
@@ -24,12 +25,10 @@ def test_more_rays_in_a_cell_than_a_slot_has_room_for(region, device):
     """A square that nearly fills the view, in one cell of a light far away, however narrow cells are there; a surface far
     behind it, seen beside it, spans the other cells. The cell has more rays than the 8 bits of a rank beside 23 bits of a
     cell hold."""
-    square = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
-    blocker = [(0.1, 0.1, 0.5), (0.2, 0.1, 0.5), (0.1, 0.2, 0.5)]
-    behind = [(0.0, 0.0, -2.5e5), (1.0e6, 0.0, -2.5e5), (1.0e6, 1.0e6, -2.5e5)]
-    faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (7, 8, 9)])
-    eye, target = (0.0, 0.0, 0.9), (0.0, 0.0, 0.0)
-    prepared = make_scene(np.array(square + blocker + behind), faces, [(0.0, 0.0, 1.0e6)], eye, target, 90.0)
+    blocker = triangles((0.1, 0.1, 0.5), (0.2, 0.1, 0.5), (0.1, 0.2, 0.5))
+    behind = triangles((0.0, 0.0, -2.5e5), (1.0e6, 0.0, -2.5e5), (1.0e6, 1.0e6, -2.5e5))
+    mesh = joined(plane(2, 0, 1), blocker, behind)
+    prepared = make_scene(*mesh, [(0.0, 0.0, 1.0e6)], (0.0, 0.0, 0.9), fov=90.0)
     session = Session(make_method("ray_grids", trial(region=region, cells=1024)), prepared, *SIZE, device)
     answers = session.answers(prepared.moment(0, *SIZE))
     (light,) = lights_of_session(session)

@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene
 from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
 from helpers.method_trials import assert_same, lattice, trace
+from helpers.small_scenes import make_scene
 from helpers.streams import trial
 from shadowbench.harness.frame.effects.specialise import with_type
 from shadowbench.harness.frame.geometry import filled
+from shadowbench.harness.hardcases.shapes import joined, quad
 from shadowbench.methods.streams.cube import spacing
 from shadowbench.methods.streams.cube.cells import RayCells, SpacedCells
 from shadowbench.methods.streams.cube.footprint import first_cell, last_cell
@@ -113,10 +114,10 @@ def test_cells_are_narrow_where_the_camera_sees_closely(device):
     """A small bumpy object before the eye, in a hall a hundred times as large: its rays lie in a small part of the cube."""
     points, faces = lattice(12, 0.5)
     points[:, 2] = np.random.default_rng(11).uniform(-0.05, 0.05, len(points))
-    hall = np.array([(-60.0, -60.0, -9.0), (60.0, -60.0, -9.0), (60.0, 60.0, -9.0), (-60.0, 60.0, -9.0)])
-    vertices = np.concatenate([points, hall])
-    faces = np.concatenate([faces, len(points) + np.array([(0, 1, 2), (0, 2, 3)])])
-    prepared = make_scene(vertices, faces, [(3.0, 2.0, 80.0), (-20.0, 5.0, 60.0)], (0.1, 0.1, 0.9), fov=70.0)
+    hall = quad((-60, -60, -9), (60, -60, -9), (60, 60, -9), (-60, 60, -9))
+    prepared = make_scene(
+        *joined((points, faces), hall), [(3.0, 2.0, 80.0), (-20.0, 5.0, 60.0)], (0.1, 0.1, 0.9), fov=70.0
+    )
     crowd, answers = {}, {}
     for kind in ("even", "rays"):
         given = trial(spacing=kind, cells=128, lights_at_once=2)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.answers import answers_in
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_same
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method

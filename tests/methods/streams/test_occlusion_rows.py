@@ -3,8 +3,8 @@ ones apart from large ones, in one array."""
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import trace
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import on_gpu_side, trial
 from shadowbench.methods.gpu.prefetch import FEW_ROWS
 from shadowbench.methods.gpu.warps import LANES

@@ -2,10 +2,10 @@
 
 import numpy as np
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
 from helpers.method_trials import trace
+from helpers.small_scenes import make_scene, soup
 from numpy.typing import NDArray
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.common.pixels import thread_count, tile_pixel

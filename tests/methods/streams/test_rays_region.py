@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
 from helpers.lights_of_session import placings_of_session
 from helpers.method_trials import assert_same, box, trace
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from numpy.typing import NDArray
 from shadowbench.harness.scene.prepared import Prepared, prepare

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from helpers.tuned_trees import built, children
 from numpy.typing import NDArray
 from shadowbench.harness.frame.session import Session

@@ -5,8 +5,8 @@ Pairs of triangles with a common edge: shadow rays leave out what cannot hide th
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, assert_same, trace
+from helpers.small_scenes import make_scene, soup
 from helpers.tuned_trees import tuned
 from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.trees.records.planes import joined_pairs
@@ -82,7 +82,7 @@ def folded(angle: float, faces: list[list[int]]):
 @pytest.mark.parametrize("area", [0.0, 1000.0])
 @pytest.mark.parametrize("faces", [OPPOSITE, SAME], ids=["opposite", "same"])
 @pytest.mark.parametrize("angle", [5, 20, 85, 100, 175, 180, 185, 230, 340, 355])
-def test_folds_are_shadowed_as_by_brute_force(angle, faces, area, device):
+def test_folds_are_shadowed_right(angle, faces, area, device):
     """At 20 degrees the light sees the back of the upper triangle: leaving out every neighbour would find no shadow."""
     with tuned({"SHARED_AREA": area}) as settings:
         answers = assert_exact("bvh2", settings, folded(angle, faces), 40, 30, device)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
+from helpers.small_scenes import make_scene, soup
 from helpers.tuned_trees import built, children
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method

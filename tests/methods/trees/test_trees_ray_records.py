@@ -3,9 +3,9 @@ verdict, and float32 decides nearly all."""
 
 import numpy as np
 import pytest
-from helpers.brute_force import soup
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.ray_trials import PLAIN, SIDE, answers_of, assert_same, session_of
+from helpers.small_scenes import soup
 from numpy.typing import NDArray
 from shadowbench.methods.trees.trace import closest, traversal, triangle_tests
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.methods.trees.builders.scene_box import BLOCK, BLOCKS, SceneBox
 from shadowbench.methods.trees.nodes import padding

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.devices import DEVICES
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.methods.trees.trace import shares as shares_module
 from shadowbench.methods.trees.trace.order import Order

@@ -1,15 +1,15 @@
-"""Two levels: the answers of brute force and of other exact methods, however bodies lie and move (``poses.py``); and
+"""Two levels: the exact answers, and those of other methods, however bodies lie and move (``poses.py``); and
 what does not move as bodies do."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.brute_force import soup
 from helpers.effect_scenes import BEHIND, SPOT, all_mirrors
 from helpers.judged_hard_cases import judged
 from helpers.method_trials import assert_same, lattice
 from helpers.rigid_scenes import GROUND, LIGHTS, NAME, SCENES, assert_exact_in_frames, dealt, moving, tumbling, turn
+from helpers.small_scenes import soup
 from shadowbench.harness import api
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
@@ -33,14 +33,14 @@ def bodies_of(session: Session) -> int:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_equals_brute_force_as_bodies_move(name, device):
+def test_answers_are_exact_as_bodies_move(name, device):
     session = assert_exact_in_frames(SCENES[name](), [0, 1, 2, 1], device=device)
     assert bodies_of(session) == session.frame.prepared.bodies.max() + 1
     assert session.regrown == 0
 
 
 @pytest.mark.parametrize("scale", [1e-36, 1e-30, 1e-6, 1e6, 1e30, 3e37])
-def test_equals_brute_force_at_any_size(scale, device):
+def test_answers_are_exact_at_any_size(scale, device):
     """A scene too large to be turned in float32 has one tree."""
     session = assert_exact_in_frames(moving(TWO_BALLS, tumbling, scale=scale), [0, 2], device=device)
     assert bodies_of(session) == (3 if scale < 1e37 else 0)

@@ -3,8 +3,9 @@
 
 import numpy as np
 import pytest
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import TRIALS, assert_same, listed, random_trial, trace
+from helpers.small_scenes import make_scene, soup
+from shadowbench.harness.hardcases.shapes import joined, quad
 
 NAME = "two_level_grid"
 
@@ -34,10 +35,9 @@ def test_every_leaf_cell_that_a_triangle_meets_lists_it(trial):
 
 def test_a_teapot_in_a_stadium_is_divided_where_the_teapot_is():
     """2,000 triangles within a fiftieth of the scene's width: some cells of a uniform grid hold many of them."""
-    ground = np.array([[-5.0, -5, -0.2], [5, -5, -0.2], [5, 5, -0.2], [-5, 5, -0.2]])
-    dense, cluster = soup(3, 2000, size=0.02, spread=0.2)
-    faces = np.concatenate([[[0, 1, 2], [0, 2, 3]], cluster + 4])
-    scene = make_scene(np.concatenate([ground, dense]), faces, [(3.0, 2.0, 5.0)], (0.0, -1.6, 0.3), fov=40.0)
+    ground = quad((-5, -5, -0.2), (5, -5, -0.2), (5, 5, -0.2), (-5, 5, -0.2))
+    mesh = joined(ground, soup(3, 2000, size=0.02, spread=0.2))
+    scene = make_scene(*mesh, [(3.0, 2.0, 5.0)], (0.0, -1.6, 0.3), fov=40.0)
     (one, _, expected), (two, _, got) = (trace(name, {}, scene, 24, 24) for name in ("uniform_grid", NAME))
     assert_same(got, expected)
     plain, nested = one.method.counters(), two.method.counters()

@@ -1,11 +1,11 @@
-"""The rasteriser (``visibility_buffer/raster.py``, ``visibility_buffer/shadow.py``) against float64 brute force, under
+"""The rasteriser (``visibility_buffer/raster.py``, ``visibility_buffer/shadow.py``) against the exact answers, under
 every setting."""
 
 import numpy as np
 import pytest
 from helpers.answers import answers_in
-from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_exact, assert_same, trace
+from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from shadowbench.harness.scene.prepared import Prepared
 
@@ -30,7 +30,7 @@ def small_and_large() -> Prepared:
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
-def test_equals_brute_force_under_every_setting(settings, device):
+def test_answers_are_exact_under_every_setting(settings, device):
     scene = small_and_large(), 37, 29, device
     got = assert_exact(NAME, trial(**settings), *scene)
     session, _, _ = trace(NAME, trial(**settings), *scene)

@@ -1,5 +1,5 @@
-"""Warp's BVHs: the rebuilt Bvh (``box_tree.py``, ``common/bounds.py``, ``corner_records.py``) exact against brute
-force, the Mesh (``mesh_kernels.py``, ``mesh_triangles.py``) within what is known of it; what was built."""
+"""Warp's BVHs: the rebuilt Bvh (``box_tree.py``, ``common/bounds.py``, ``corner_records.py``) with the exact
+answers, the Mesh (``mesh_kernels.py``, ``mesh_triangles.py``) within what is known of it; what was built."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.answers import answers_in
-from helpers.brute_force import make_scene, soup
 from helpers.launched import launched
 from helpers.method_trials import assert_exact, assert_nearly, assert_same, trace
+from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -43,7 +43,7 @@ def test_built_says_what_was_really_built():
     assert make_method(NAME, {"update": "refit", "leaf_size": "2"}).built() == {"update": "refit", "leaf_size": 2}
 
 
-def test_exact_variant_has_the_answers_of_brute_force_and_counts_fewer_tests():
+def test_exact_variant_has_the_exact_answers_and_counts_fewer_tests():
     prepared = make_scene(*soup(7, 300), [(5.0, 4.0, 3.0)])
     exact = assert_exact(NAME, EXACT, prepared, 16, 16)
     session, _, _ = trace(NAME, EXACT, prepared, 16, 16)
