@@ -7,27 +7,18 @@ import json
 import re
 import tarfile
 import threading
-import zipfile
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from helpers import mesh_files as files
 from helpers.tiny_runs import TETRAHEDRON
+from helpers.zipped import zipped
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import archives, catalogue
 from shadowbench.harness.scene.download import downloaded, recorded
 from shadowbench.harness.scene.names import scene_names
 from shadowbench.harness.scene.offered import FURTHER, OFFERS, ORIGINALS, Offer
-
-
-def zipped(files):
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, text in files.items():
-            packed.writestr(name, text)
-    return buffer.getvalue()
-
 
 WHOLE = zipped({"a/readme.txt": "x" * 5000, "a/sibenik.obj": TETRAHEDRON})
 

@@ -3,12 +3,12 @@
 import hashlib
 import json
 import subprocess
-import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers.zipped import zipped
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue, from_packages
@@ -38,9 +38,7 @@ def index(tmp_path, monkeypatch):
             "RECORD": "",
         }
         path = shelf / f"{stem}-py3-none-any.whl"
-        with zipfile.ZipFile(path, "w") as packed:
-            for name, content in (members | {f"{stem}.dist-info/{key}": text for key, text in about.items()}).items():
-                packed.writestr(name, content)
+        path.write_bytes(zipped(members | {f"{stem}.dist-info/{key}": text for key, text in about.items()}))
         made = hashlib.sha256(path.read_bytes()).hexdigest()
         monkeypatch.setitem(OFFERS, scene, replace(OFFERS[scene], sha256=pinned or made))
         return path

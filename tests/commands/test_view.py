@@ -18,6 +18,7 @@ import uvicorn
 import websocket
 from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
+from helpers.waiting import until
 from PIL import Image
 from shadowbench.harness.commands.answering import default_method
 from shadowbench.harness.commands.options import view_of
@@ -359,10 +360,7 @@ def checked_page(driver, address, scene):
     driver.find_element("css selector", f"#other option[value={OTHER}]").click()
     beside = driver.find_element("id", "beside")
     count, _ = facts(count)
-    for _ in range(600):
-        if "times as long as" in text("ratio"):
-            break
-        time.sleep(0.1)
+    until(lambda: "times as long as" in text("ratio"), "the ratio of times")
     found = json.loads(beside.get_attribute("data-facts"))
     assert (found["method"], found["answers"]) == (OTHER, walked["answers"])
     assert "Both find the same triangles and shadows." in text("ratio")
@@ -389,10 +387,7 @@ def checked_page(driver, address, scene):
     assert small["size"] == [SIZE[0] // 4, SIZE[1] // 4]
     driver.execute_script("HTMLAnchorElement.prototype.click = function () { window.saved = this.download; }")
     driver.find_element("id", "save").click()
-    for _ in range(100):
-        if saved := driver.execute_script("return window.saved"):
-            break
-        time.sleep(0.05)
+    saved = until(lambda: driver.execute_script("return window.saved"), "a saved picture")
     assert saved == f"room.obj-{OTHER}.png"
     for width in (360, 1920):
         browser.look(driver, width, 800, dark=width == 360)

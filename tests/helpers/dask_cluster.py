@@ -7,16 +7,13 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
+from helpers.waiting import PATIENCE_S, until
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.cluster.head import ClusterRun
 from shadowbench.harness.runner.cluster.pool import connected
 from shadowbench.harness.runner.progress import Silent
-
-PATIENCE_S = 90.0
-"""How long what must happen is waited for: the machine may have much else to do."""
 
 TTL_S = 6
 """Seconds without a heartbeat after which the scheduler gives a worker up."""
@@ -80,33 +77,16 @@ class Started:
         return self.result
 
 
-def until(there, what: str):
-    """Wait for something, and return it."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        found = there()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"waited in vain for {what}")
-
-
 @contextlib.contextmanager
 def connected_when_ready(cluster: Cluster):
     """The pool, as soon as the scheduler and a worker are there."""
-    end = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            context = connected(cluster.address, None)
-            pool = context.__enter__()
-            break
-        except UserError:
-            assert time.monotonic() < end, "no cluster"
-            time.sleep(0.3)
-    try:
-        yield pool
-    finally:
-        context.__exit__(None, None, None)
+    with contextlib.ExitStack() as stack:
+
+        def entered():
+            with contextlib.suppress(UserError):
+                return stack.enter_context(connected(cluster.address, None))
+
+        yield until(entered, "a cluster")
 
 
 @contextlib.contextmanager

@@ -45,6 +45,7 @@ from . import mesh_files
 from .experiment_records import record_of, write_records
 from .fuzzed_bytes import VALUES, changed, damaged
 from .reader_seeds import seeds
+from .zipped import zipped
 
 READ, REFUSED, STOPPED = "read", "refused", "reader stopped"
 """What may come of a case. A reader that its limits or a signal have stopped is a fault of its own, not of the program."""
@@ -106,10 +107,7 @@ def nasty(rng: Random) -> tuple[str, bytes]:
         change=lambda head: head["meshes"][0].update(primitives=head["meshes"][0]["primitives"] * (n // 10 + 1))
     )
     header = "ply\nformat ascii 1.0\n" + "comment x\n" * n + "element vertex 3\n"
-    squeezed = io.BytesIO()
-    with zipfile.ZipFile(squeezed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("V.npy", bytes(n * 1000))
-        archive.writestr("a.usda", b"#usda 1.0\n" + b" " * n * 1000)
+    squeezed = zipped({"V.npy": bytes(n * 1000), "a.usda": b"#usda 1.0\n" + b" " * n * 1000})
     return rng.choice(
         [
             ("a.obj", (face + "# \\\n" * n).encode()), ("a.obj", (face + "f " + "1 " * n).encode()),
@@ -120,7 +118,7 @@ def nasty(rng: Random) -> tuple[str, bytes]:
             ("a.glb", glb), ("a.gltf", b'{"asset": ' + b"[" * n + b"]" * n + b"}"), ("a.gltf", b"[" * n),
             ("a.ply", header.encode()), ("a.ply", f"{header}element face {n}0000\nend_header\n".encode()),
             ("a.stl", b"solid\n" + b"facet normal 0 0 0\n" * n), ("a.off", f"OFF\n{n}000 {n}000 0\n".encode()),
-            ("a.npz", squeezed.getvalue()), ("a.usdz", squeezed.getvalue()), ("a.3mf", squeezed.getvalue()),
+            ("a.npz", squeezed), ("a.usdz", squeezed), ("a.3mf", squeezed),
             ("a.toml", b"mesh = " + b"[" * n), ("a.toml", b'mesh = "a.toml"'),
         ]
     )  # fmt: skip

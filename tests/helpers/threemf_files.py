@@ -1,9 +1,10 @@
 """3MF files, written part by part."""
 
-import io
 import zipfile
 
 from helpers import mesh_files as files
+
+from .zipped import zipped
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
@@ -45,13 +46,8 @@ def model(objects, *build, more="") -> str:
 
 def package(text, stored=zipfile.ZIP_DEFLATED, **parts) -> bytes:
     """A package with a model, and other parts by their names in 3D/."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", stored) as archive:
-        archive.writestr("_rels/.rels", RELATIONSHIPS)
-        archive.writestr("3D/model.model", text)
-        for name, content in parts.items():
-            archive.writestr(f"3D/{name}.model", content)
-    return stream.getvalue()
+    models = {f"3D/{name}.model": content for name, content in {"model": text, **parts}.items()}
+    return zipped({"_rels/.rels": RELATIONSHIPS, **models}, stored)
 
 
 def quad() -> bytes:

@@ -2,12 +2,12 @@
 
 import json
 import re
-import time
 
 import pytest
 from helpers import browser
 from helpers.experiment_records import record_of
 from helpers.page_results import GRIDS, HYBRID, MAP, TREE, command, shared_results, write_machine, wrong
+from helpers.waiting import until
 
 VIEWS = (
     "overview", "table", "scatter", "curves", "machines", "points", "pictures", "maps", "claims", "drawings",
@@ -62,14 +62,11 @@ def visit(driver, page):
     assert {url for url in asked if not url.startswith(("data:", "blob:", "about:"))} <= {f"file://{page}"}
 
 
-def settle(
-    driver, until="return document.querySelector('main').dataset.ready === document.querySelector('main').dataset.view"
-):
-    for _ in range(1200):
-        if driver.execute_script(until):
-            return
-        time.sleep(0.05)
-    raise AssertionError(f"not within a minute: {until}")
+VIEW_READY = "const {ready, view} = document.querySelector('main').dataset; return ready === view"
+
+
+def settle(driver, script=VIEW_READY):
+    until(lambda: driver.execute_script(script), script)
 
 
 def css(driver, selector):

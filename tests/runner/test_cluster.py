@@ -18,9 +18,10 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from helpers.dask_cluster import PATIENCE_S, Cluster, Started, connected_when_ready, namespace, until
+from helpers.dask_cluster import Cluster, Started, connected_when_ready, namespace
 from helpers.experiment_records import record_of
 from helpers.tiny_runs import install_misbehaving, options, write_scene
+from helpers.waiting import PATIENCE_S, until
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.cluster import head, spool

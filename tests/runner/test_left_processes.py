@@ -12,6 +12,7 @@ import psutil
 import pytest
 from helpers.left_processes import MARK, alive, gone, marked_environment
 from helpers.tiny_runs import go, options
+from helpers.waiting import until
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner.planning.experiment import Entry
 
@@ -48,12 +49,14 @@ def started(out: Path, scene: str, environment: dict[str, str], how: str) -> Ite
     command = [sys.executable, "-m", "shadowbench.harness.cli", *words.split(), "--set", "forks.then=hangs"]
     command += ["--out", str(out), "--scene", scene]
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    log, end = out / "logs" / "forks.log", time.monotonic() + 900.0
+    log = out / "logs" / "forks.log"
+
+    def there() -> bool:
+        assert process.poll() is None, "the run ended early"
+        return log.exists() and "started" in log.read_text()
+
     try:
-        while not (log.exists() and "started" in log.read_text()):
-            assert process.poll() is None, "the run ended early"
-            assert time.monotonic() < end, "it did not come to the method"
-            time.sleep(0.05)
+        until(there, "the method", 900.0)
         yield process
     finally:
         process.kill()

@@ -15,6 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 from helpers.tiny_runs import options, write_scene
+from helpers.waiting import PATIENCE_S, until
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
@@ -25,9 +26,6 @@ from shadowbench.harness.runner.workers import pool as workers
 from shadowbench.harness.runner.workers.apart import PLACE
 
 STEP_S = 0.02
-PATIENCE_S = 120.0
-"""How long what must happen is waited for: the machine may have much else to do."""
-
 STEP_ENDS, SAMPLES_TAKEN = "has finished its current step", "has taken its samples"
 
 OTHER = """
@@ -65,15 +63,12 @@ def overlap(one: tuple[float, float], two: tuple[float, float]) -> bool:
     return one[0] < two[1] and two[0] < one[1]
 
 
-def until(condition, seconds: float = PATIENCE_S) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.01)
-
-
 def noted(log: Path, text: str) -> bool:
     return log.exists() and text in log.read_text()
+
+
+def until_noted(log: Path, text: str) -> None:
+    until(lambda: noted(log, text), text)
 
 
 MEASURE = "with lock.exclusive():\n    note('measuring')\n    time.sleep(600)"
@@ -84,7 +79,7 @@ def measuring(folder: Path) -> Iterator[subprocess.Popen]:
     """Another process that measures; it is killed at the end."""
     process = other(folder, folder / "log", MEASURE)
     try:
-        until(lambda: noted(folder / "log", "measuring"))
+        until_noted(folder / "log", "measuring")
         yield process
     finally:
         process.kill()
@@ -129,7 +124,7 @@ def test_who_waits_to_measure_is_let_in_before_those_who_go_on_working(tmp_path:
     mine, said = lock_on(tmp_path)
     with mine.shared():
         process = other(tmp_path, log, "with lock.exclusive():\n    note('measuring'); time.sleep(0.5)")
-        until(lambda: noted(log, STEP_ENDS))
+        until_noted(log, STEP_ENDS)
         assert not noted(log, "measuring")
         mine.give_way()
         assert noted(log, "measuring")
@@ -141,12 +136,12 @@ def test_whoever_waits_reads_for_which_process_and_what_to_do(tmp_path: Path) ->
     waiting = tmp_path / "waiting"
     with measuring(tmp_path) as process:
         others = [other(tmp_path, waiting, "with lock.shared():\n    note('in')")]
-        until(lambda: noted(waiting, f"waiting until process {process.pid} ("))
+        until_noted(waiting, f"waiting until process {process.pid} (")
         assert noted(waiting, SAMPLES_TAKEN)
         assert not noted(waiting, "suspended")
         process.send_signal(signal.SIGSTOP)
         others.append(other(tmp_path, waiting, "with lock.shared():\n    note('in')"))
-        until(lambda: noted(waiting, f"it is suspended: kill -CONT {process.pid} continues it"))
+        until_noted(waiting, f"it is suspended: kill -CONT {process.pid} continues it")
     assert [one.wait(PATIENCE_S) for one in others] == [0, 0]
 
 
@@ -176,7 +171,7 @@ def test_what_times_nothing_waits_for_nobody_on_a_cpu(tmp_path: Path, monkeypatc
         with pytest.raises(UserError, match="is in use"):
             lock.share_beside("cpu")
         waits = other(tmp_path, waiting, "lock.share_beside('cuda:0')")
-        until(lambda: noted(waiting, f"waiting until process {process.pid} ("))
+        until_noted(waiting, f"waiting until process {process.pid} (")
     assert waits.wait(PATIENCE_S) == 0
     lock.wait = True
     lock.share_beside("cpu")
@@ -191,9 +186,9 @@ def test_what_times_nothing_goes_on_when_who_measures_comes_later(tmp_path: Path
     lock.share_beside("cpu")
     process = other(tmp_path, log, MEASURE)
     try:
-        until(lambda: noted(log, STEP_ENDS))
+        until_noted(log, STEP_ENDS)
         lock.give_way()
-        until(lambda: noted(log, "measuring"))
+        until_noted(log, "measuring")
         assert (lock.held, said, nicer) == (FREE, [], [19])
     finally:
         process.kill()
@@ -209,7 +204,7 @@ def test_sharing_within_measuring_and_twice_does_nothing(tmp_path: Path) -> None
             lock.give_way()
         lock.share()
         process = other(tmp_path, log, "with lock.shared():\n    note('in')")
-        until(lambda: noted(log, SAMPLES_TAKEN))
+        until_noted(log, SAMPLES_TAKEN)
         assert not noted(log, "in\n")
     assert process.wait(PATIENCE_S) == 0
     assert noted(log, "in\n")

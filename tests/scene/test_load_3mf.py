@@ -1,14 +1,12 @@
 """3MF files: objects, components and parts of a package; broken and boundless ones are one line."""
 
-import io
-import zipfile
-
 import numpy as np
 import pytest
 import trimesh
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
 from helpers.threemf_files import group, item, mesh, model, package, use
+from helpers.zipped import zipped
 from shadowbench.harness.scene.readers.load import load
 
 
@@ -129,13 +127,6 @@ def test_broken_files(tmp_path, content, words):
     refused(written(tmp_path, "a.3mf", content), *words)
 
 
-def zipped(name: str, text: str) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr(name, text)
-    return stream.getvalue()
-
-
 def nested(first: str) -> bytes:
     """Twice the object before it, 64 times over."""
     return package(model([first, *(group(k + 1, use(k), use(k)) for k in range(64))], item(64)))
@@ -144,8 +135,8 @@ def nested(first: str) -> bytes:
 @pytest.mark.parametrize(
     ("content", "word"),
     [
-        (zipped("other.txt", ""), "no part '_rels/.rels'"),
-        (zipped("_rels/.rels", "<Relationships/>"), "names no 3D model"),
+        (zipped({"other.txt": ""}), "no part '_rels/.rels'"),
+        (zipped({"_rels/.rels": "<Relationships/>"}), "names no 3D model"),
         (package(model([" " * (70 << 20), mesh(1)], item(1))), "unpacks to far more than its size"),
         (nested(mesh(0)), "builds 36893488147419103231 objects"),
         (nested(group(0)), "builds 36893488147419103231 objects"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from helpers.mesh_files import refused, written
 from helpers.usd_stages import HEAD, bounds, mesh, moved_by, needs_usd
+from helpers.zipped import zipped
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.readers.checks import Wanted
@@ -30,10 +31,7 @@ def composed(folder: Path) -> Path:
     written(folder, "payload.usda", PART)
     written(folder, "chosen.usda", PART)
     written(folder, "not_chosen.usda", PART)
-    written(folder, "inner.usda", PART)
-    with zipfile.ZipFile(folder / "package.usdz", "w", zipfile.ZIP_STORED) as package:
-        package.write(folder / "inner.usda", "inner.usda")
-    (folder / "inner.usda").unlink()
+    written(folder, "package.usdz", zipped({"inner.usda": PART}, zipfile.ZIP_STORED))
     topology = "int[] faceVertexCounts = [3]\n    int[] faceVertexIndices = [0, 1, 2]\n"
     written(folder, "manifest.usda", HEAD + 'def Mesh "C" {\n    point3f[] points\n}\n')
     for k in (1, 2):
