@@ -3,31 +3,44 @@
 With a name of :data:`BROKEN`, that use of them, which must fail.
 """
 
+import itertools
 import sys
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import warp as wp
 
-LANES, WARPS, BLOCKS = 32, 3, 2
+LANES, WARPS, BLOCKS = 32, 4, 2
 THREADS = LANES * WARPS
 COUNT = THREADS * BLOCKS
 
+MODULES = itertools.count()
 
-def run(result: str, values: np.ndarray, count: int = COUNT) -> np.ndarray:
-    """What each of ``count`` threads gets from C++ of its number v."""
 
-    @wp.func_native(f"return {result};")
+def run_each(texts: Iterable[str], values: np.ndarray, count: int = COUNT) -> Iterator[np.ndarray]:
+    """What each of ``count`` threads gets from C++ of its number v, for each text. All are compiled at once."""
+    module = wp.get_module(f"exchanges_{next(MODULES)}")
+    for kernel in [kernel_of(text, module) for text in texts]:
+        given = wp.array(values, dtype=wp.int32, device="cpu")
+        results = wp.zeros(len(values), dtype=wp.int32, device="cpu")
+        wp.launch(kernel, dim=count, inputs=[given], outputs=[results], device="cpu", block_dim=THREADS)
+        yield results.numpy()
+
+
+def run(text: str, values: np.ndarray) -> np.ndarray:
+    return next(run_each([text], values))
+
+
+def kernel_of(text: str, module: wp.Module) -> wp.Kernel:
+    @wp.func_native(f"return {text};")
     def body(v: wp.int32) -> wp.int32: ...
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    @wp.kernel(enable_backward=False, grid_stride=False, module=module)
     def kernel(values: wp.array(dtype=wp.int32), results: wp.array(dtype=wp.int32)):
         k = wp.tid()
         results[k] = body(values[k])
 
-    given = wp.array(values, dtype=wp.int32, device="cpu")
-    results = wp.zeros(len(values), dtype=wp.int32, device="cpu")
-    wp.launch(kernel, dim=count, inputs=[given], outputs=[results], device="cpu", block_dim=THREADS)
-    return results.numpy()
+    return kernel
 
 
 ALL = "0xffffffffu"
@@ -69,9 +82,9 @@ def right() -> None:
         f"__fdividef((float){LANE}, 0.0f) == __int_as_float(0x7f800000)": (lane > 0)[None],
         "blockIdx.x * 100 + gridDim.x": np.repeat(np.arange(BLOCKS) * 100 + BLOCKS, WARPS)[:, None],
     }
-    for result, answer in expected.items():
-        given = run(result, values).reshape(-1, LANES)
-        np.testing.assert_array_equal(given, np.broadcast_to(answer, given.shape), err_msg=result)
+    for (text, answer), given in zip(expected.items(), run_each(expected, values), strict=True):
+        given = given.reshape(-1, LANES)
+        np.testing.assert_array_equal(given, np.broadcast_to(answer, given.shape), err_msg=text)
     print(f"{len(expected)} functions agree")
 
 
@@ -88,20 +101,19 @@ def returned() -> None:
         f"__popc(__match_any_sync({ALL}, 7))": len(row),
         "(__syncwarp(), __syncthreads(), v)": row,
     }
-    for result, answer in expected.items():
-        given = run(result, values, COUNT - 5)
-        np.testing.assert_array_equal(given[last], np.broadcast_to(answer, row.shape), err_msg=result)
+    for (text, answer), given in zip(expected.items(), run_each(expected, values, COUNT - 5), strict=True):
+        np.testing.assert_array_equal(given[last], np.broadcast_to(answer, row.shape), err_msg=text)
 
 
 SHARED = """([&] {{
-    __shared__ int kept[96];
+    __shared__ int kept[128];
     kept[threadIdx.x] = v;
     {wait}
     return kept[threadIdx.x ^ 1];
 }}())"""
 
 COPIED = """([&] {{
-    __shared__ float4 kept[96];
+    __shared__ float4 kept[128];
     const float4 given[2] = {{{{1.0f, 2.0f, 3.0f, 4.0f}}, {{5.0f, 6.0f, 7.0f, 8.0f}}}};
     unsigned int place = (unsigned int)__cvta_generic_to_shared(kept + threadIdx.x);
     asm volatile("cp.async.cg.shared.global [%0], [%1], 16, %2;" :: "r"(place), "l"(given), "r"(16) : "memory");
@@ -124,7 +136,7 @@ BROKEN = {
     "no wait for a copy": lambda: copied("__syncwarp();"),
     "the last group is not waited for": lambda: copied('asm volatile("cp.async.wait_group 2;" ::: "memory");'),
     "shared memory that nobody has written": lambda: np.testing.assert_array_equal(
-        run("([&] { __shared__ int kept[96]; return kept[threadIdx.x]; }())", np.zeros(COUNT, np.int32)), 0
+        run("([&] { __shared__ int kept[128]; return kept[threadIdx.x]; }())", np.zeros(COUNT, np.int32)), 0
     ),
     "lanes at another place": lambda: run(
         f"{LANE} ? __shfl_sync({ALL}, v, 0) : __syncthreads_or(v)", np.zeros(COUNT, np.int32)
