@@ -1,6 +1,8 @@
 """``tests/tools/answer_hashes.py``: what is kept, and a changed bit."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 from shadowbench.harness.frame.session import Session
@@ -23,6 +25,15 @@ def test_the_same_answers_have_the_kept_hashes(kept, capsys):
     assert {part.partition("=")[0] for part in frames["case M01"][0].split()} >= {"triangle", "bounce_t"}
     assert answer_hashes.main([*ASKED, "--file", str(kept)]) == 0
     assert ": 0 differ from cpu-16.json, 0 are not in it" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_kernels_that_are_compiled_as_for_users_have_the_same_hashes(kept):
+    """In a process of its own: tests compile with other flags (``conftest.py``)."""
+    asked = [*ASKED[:4], "--method", "bvh2:threads=1", "--file", str(kept)]
+    done = subprocess.run([sys.executable, answer_hashes.__file__, *asked], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert ": 0 differ from cpu-16.json, 0 are not in it" in done.stdout
 
 
 def test_a_changed_bit_is_named(kept, monkeypatch, capsys):
