@@ -127,7 +127,7 @@ def test_the_version_of_a_folder_is_of_the_method_that_it_names():
 
 
 def test_the_findings_say_whether_the_kept_figures_are_of_the_code_beside_them(results):
-    points = results.points("nvidia-h100/frame_time")
+    points = results.points("nvidia-h200/frame_time")
     kept = dict(points.groupby("method")["method_sha256"].last())
     older = [name for name, sha in kept.items() if source_hash(method_class(name)) != sha]
     said = "all kept figures are of an earlier version of the code than this checkout"
@@ -211,7 +211,7 @@ def test_the_page_of_the_table_of_results_has_every_column_with_its_type():
     kinds = {"Int64": table.COUNTS, "float": table.NUMBERS, "text": table.TEXTS}
     known = {name: kind for kind, names in kinds.items() for name in names}
     assert {name: kind for name, kind in page_columns("tidy").items() if "." not in name} == known
-    folder = ROOT / "results" / "nvidia-h100" / "key_bits"
+    folder = ROOT / "results" / "nvidia-h200" / "key_bits"
     frames = tidy(folder)
     assert set(page_columns("points")) == set(points(frames)) - set(frames)
     assert list(page_columns("samples")) == list(samples(folder))
