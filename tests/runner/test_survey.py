@@ -96,6 +96,9 @@ def test_a_busy_machine_is_named_in_the_first_line(monkeypatch, tmp_path):
     line = survey.announcement(chosen, survey.survey(chosen))
     assert line.endswith("The machine is busy (load 7.5 on 2 cores): CPU times will be too long")
     assert "\n" not in line
+    monkeypatch.delattr(survey.os, "sched_getaffinity")  # as on macOS
+    monkeypatch.setattr(survey.os, "cpu_count", lambda: 3)
+    assert "on 3 cores" in survey.busy("cpu")
 
 
 @pytest.mark.parametrize(("taken", "said"), [(1, ", 1 of 3 rounds: the budget of 5 s was spent"), (3, "")])

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...frame.devices import device_title
+from ...frame.schedule.threads import processors
 from ...results.folder import ResultsFolder
 from ...results.throttled import CROWDED
 from ...texts import numbered
@@ -103,7 +104,7 @@ def announcement(options: Options, points: list[Planned]) -> str:
 
 def busy(device: str) -> str:
     """A warning if the load of the machine exceeds its cores; else ""."""
-    load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
+    load, cores = os.getloadavg()[0], processors()
     if load <= CROWDED * cores:
         return ""
     what = "CPU times will be too long" if device == "cpu" else "wall-clock times will be too long"
