@@ -254,7 +254,8 @@ class Future:
 
 
 class Imagined:
-    """A pool of cards with given calibration points: one when the worker joins, then one after each shard."""
+    """A pool of cards with given calibration points: one when the worker joins, then one after the first shard; or, of
+    three, the second before it."""
 
     address, kind, local, device = "imagined", "cuda", True, "cuda:0"
 
@@ -281,22 +282,23 @@ class Imagined:
         record = record_of("trial", Entry("steady"), scene=Path(what.options.preset.scenes[0]).stem)
         files = {f"records/{record['key']}.json": json.dumps(record).encode()}
         points = self.given[card]
+        before = points.pop(1) if len(points) > 2 else points[0]
         after = points.pop(1) if len(points) > 1 else points[0]
-        return Future(Outcome(card, "Imaginary GPU", "", points[0], after, keys=(record["key"],), files=files))
+        return Future(Outcome(card, "Imaginary GPU", "", before, after, keys=(record["key"],), files=files))
 
 
 def test_cards_that_are_apart_are_not_merged(place):
-    """One is too slow from the start; one gets slow, and what it measured then goes beside the rest."""
+    """One is too slow from the start; one gets slow and one was, and what they measured then goes beside the rest."""
     chosen = slow(place, scenes=4)
-    pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99], "broken": [1.0]})
+    pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99], "f": [1.005, 1.04, 1.0], "broken": [1.0]})
     records = ClusterRun(pool, chosen, Silent()).go()
     assert sorted(record.scene["name"] for record in records) == [f"tetra{i}" for i in range(4)]
     assert len(list((place / "out" / "records").glob("*.json"))) == 4
-    (beside,) = (place / "out" / "card-b" / "records").glob("*.json")
-    assert (place / "out" / "records" / beside.name).exists(), "another card has measured it"
-    (apart,) = events(place, "apart")
-    assert (apart["card"], round(apart["apart"], 3)) == ("b", 0.03)
-    assert [event["card"] for event in events(place, "dropped")] == ["c", "b"]
+    for card in "bf":
+        (beside,) = (place / "out" / f"card-{card}" / "records").glob("*.json")
+        assert (place / "out" / "records" / beside.name).exists(), "another card has measured it"
+    assert {(one["card"], round(one["apart"], 3)) for one in events(place, "apart")} == {("b", 0.03), ("f", 0.04)}
+    assert sorted(event["card"] for event in events(place, "dropped")) == ["b", "c", "f"]
     assert {event["card"] for event in events(place, "shard")} == {"a", "d"}
     with pytest.raises(UserError, match=r"no worker is fit: card e .* differs by 5.0%"):
         ClusterRun(Imagined({"e": [1.05]}), chosen, Silent()).go()
