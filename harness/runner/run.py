@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import one_line, warn
-from ..frame.schedule.threads import processors
 from ..results.disputes import charged_records
 from ..results.folder import ResultsFolder
 from ..results.record import SCORING_FAILED, Record, as_read
@@ -33,13 +32,10 @@ from .planning.survey import announcement, survey
 from .planning.time_estimate import Estimate, expected_work, guess_of_scene, points_of, steps_of
 from .progress import Silent
 from .workers import scratch
+from .workers.apart import graders
 from .workers.handle import WorkerError, WorkerLostError
 from .workers.pool import GRADER, Workers, grader_name
 from .workers.protocol import load_command, picture_of
-
-GRADERS = max(1, min(8, processors() // 2))
-"""Number of workers that score at the same time, before the timing of a scene, by the cores that this process may use.
-Each has the scene in memory."""
 
 GRADERS_LOST = 3
 """How many scoring processes may be killed with the answers of one point before it stays without a score. The first may have
@@ -62,7 +58,7 @@ class Run:
     """Tables compare only points of one run, because the points of a scene are interleaved."""
     card: str = ""
     """On a cluster: which card takes the samples, as its records name it. The caller holds the lock of the card."""
-    graders: int = GRADERS
+    graders: int = field(default_factory=graders)
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
@@ -101,8 +97,9 @@ class Run:
             finally:
                 self.workers.stop()
             self.report.doing("updating scores at pixels where several methods differ")
-            with MACHINE.released():
-                return charged_records(self.folder, records)
+            if self.workers.apart:
+                MACHINE.release()  # this, too, is scoring
+            return charged_records(self.folder, records)
 
     # --- one scene ---
 
@@ -221,8 +218,9 @@ class Run:
                         self._attempt(job, f"measuring, round {number + 1}", self._round, where)
                 rest = (self.estimate.spent() - before) / done * (len(turns) - done)
                 self.report.left(self.estimate.left_within(count, rest))
-        for job in jobs:  # not while others wait to take samples
+        for job in jobs:
             if job.record is None:
+                MACHINE.give_way()
                 self._close(job)
 
     def _turn(self, job: Job) -> contextlib.AbstractContextManager[None]:

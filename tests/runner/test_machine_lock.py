@@ -7,23 +7,20 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
-import psutil
 import pytest
 from helpers.tiny_runs import options, write_scene
 from helpers.waiting import PATIENCE_S, until
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.runner import run as run_module
 from shadowbench.harness.runner.machine.lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.workers import pool as workers
-from shadowbench.harness.runner.workers.apart import PLACE
 
 STEP_S = 0.02
 STEP_ENDS, SAMPLES_TAKEN = "has finished its current step", "has taken its samples"
@@ -84,18 +81,6 @@ def measuring(folder: Path) -> Iterator[subprocess.Popen]:
     finally:
         process.kill()
         process.wait(PATIENCE_S)
-
-
-@pytest.fixture
-def apart(monkeypatch) -> Iterator[int]:
-    """The number of a processor that only scoring has: this process is kept off it."""
-    had = os.sched_getaffinity(0)
-    if len(had) < 2:
-        pytest.skip("needs two processors")
-    os.sched_setaffinity(0, {min(had)})
-    monkeypatch.setenv(PLACE, f"{max(had)}")
-    yield max(had)
-    os.sched_setaffinity(0, had)
 
 
 def test_nobody_works_while_another_process_measures(tmp_path: Path) -> None:
@@ -249,8 +234,7 @@ def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -
 
 
 def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeypatch) -> None:
-    """Grading is done under locks of the graders' own: this process has none that they would wait for. Nobody waits while
-    records are written."""
+    """Grading is done under locks of the graders' own: this process has none that they would wait for."""
     lock, send = MachineLock(tmp_path), workers.Workers.send
     close, charge = run_module.Run._close, run_module.charged_records
     for module in (run_module, workers):
@@ -275,9 +259,35 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
     scene = write_scene(tmp_path / "tetra.obj")
     run_module.Run(options(tmp_path / "out", [scene], ["uniform_grid"], frames=1, score=True), Silent()).go()
     wanted = {"load": SHARED, "prepare": SHARED, "round": EXCLUSIVE, "grade": FREE, "free": SHARED}
-    wanted |= {"close": SHARED, "charge": FREE}
+    wanted |= {"close": SHARED, "charge": SHARED}
     assert held == {kind: {one} for kind, one in wanted.items()}
     assert lock.held == FREE
+
+
+def test_who_waits_to_measure_is_let_in_before_the_next_record_is_written(tmp_path, monkeypatch) -> None:
+    lock, close = MachineLock(tmp_path), run_module.Run._close
+    for module in (run_module, workers):
+        monkeypatch.setattr(module, "MACHINE", lock)
+    other, said = lock_on(tmp_path)
+    threads, measured = [], []
+
+    def measure() -> None:
+        with other.exclusive():
+            measured.append(lock.held)
+
+    def closed(run, job):
+        close(run, job)
+        if not threads:
+            threads.append(threading.Thread(target=measure))
+            threads[0].start()
+            until(lambda: said, "another that waits")
+        else:
+            assert measured == [FREE]
+
+    monkeypatch.setattr(run_module.Run, "_close", closed)
+    chosen = options(tmp_path / "out", [write_scene(tmp_path / "tetra.obj")], ["uniform_grid", "warp_bvh"], frames=1)
+    assert len(run_module.Run(chosen, Silent()).go()) == 2
+    threads[0].join(PATIENCE_S)
 
 
 def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> None:
@@ -304,51 +314,6 @@ def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> N
         assert "scene" in worker.receive(PATIENCE_S)
     finally:
         worker.stop()
-
-
-def test_graders_on_processors_of_their_own_wait_for_nobody_and_use_no_gpu(tmp_path, monkeypatch, apart) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    chosen = replace(options(tmp_path / "out", [write_scene(tmp_path / "tetra.obj")], ["warp_bvh"]), device="cuda:0")
-    crew, lock, asked = workers.Workers(ResultsFolder(chosen.out), chosen), MachineLock(tmp_path), dict[str, object]()
-    try:
-        with lock.exclusive():
-            for name in ("grading.1", "warp_bvh"):
-                crew.send(crew.get(name), do="free")
-                asked[name] = crew.get(name)._reply(PATIENCE_S)
-        assert asked["grading.1"].keys() == {"ok", "room"}
-        assert "waiting" in asked["warp_bvh"]
-        process = psutil.Process(crew.get("grading.1")._process.pid)
-        for one in (process, *process.children()):
-            assert (one.cpu_affinity(), one.environ()["CUDA_VISIBLE_DEVICES"]) == ([apart], "")
-        monkeypatch.setattr(workers, "grade_command", lambda options, folder, job, device: {"device": device})
-        monkeypatch.setattr(crew, "send", lambda worker, **command: asked.update(command))
-        crew.score("grading.1", None)
-        assert asked["device"] == "cpu"
-    finally:
-        crew.stop()
-
-
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [("a", "not numbers"), ("9999", "this machine has processors 0 to"), ("own", "samples are taken on")],
-)
-def test_processors_for_scoring_that_cannot_be_had_are_named(given, reason, apart, monkeypatch, tmp_path) -> None:
-    given = given.replace("own", f"{min(os.sched_getaffinity(0))}")
-    monkeypatch.setenv(PLACE, given)
-    with pytest.raises(UserError, match=f"{PLACE}={given}: {reason}"):
-        run_module.Run(options(tmp_path / "out", [], []), Silent())
-
-
-def test_scores_by_graders_apart_are_those_of_others(tmp_path, apart, monkeypatch) -> None:
-    scene = write_scene(tmp_path / "tetra.obj")
-    found = []
-    for out in ("apart", "among"):
-        records = run_module.Run(
-            options(tmp_path / out, [scene], ["uniform_grid"], frames=1, score=True), Silent()
-        ).go()
-        found.append([one.frames[0].score for one in records])
-        monkeypatch.delenv(PLACE, raising=False)
-    assert found[0] == found[1] != [None]
 
 
 def test_a_command_called_from_a_script_does_not_keep_the_lock(tmp_path: Path) -> None:

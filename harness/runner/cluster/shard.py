@@ -15,14 +15,14 @@ import warp as wp
 
 from ...files import digest
 from ...frame.devices import device_title
-from ...frame.schedule.threads import processors
 from ...frame.warp_init import start_warp
 from ..machine.lock import MACHINE, MachineLock
 from ..planning.run_options import Options
 from ..planning.survey import survey
 from ..progress import Silent
-from ..run import GRADERS, Run
+from ..run import Run
 from ..source.closure import project
+from ..workers.apart import graders, judges_processors
 from . import spool
 from .calibration import Calibration, calibrate
 
@@ -120,6 +120,7 @@ def card_id(device: str) -> str:
 def introduce(device: str) -> Worker:
     """The worker's description of itself, with a calibration point. Runs in a worker, as a task."""
     start_warp()
+    judges_processors()  # not when it has a shard already
     card = card_id(device)
     with MachineLock(of=card).exclusive():
         calibration = _calibrated(device)
@@ -163,13 +164,12 @@ def measure(shard: Shard) -> Outcome:
     options = dataclasses.replace(shard.options, out=folder)
     relay, lock = Relay(shard, card), MachineLock(of=card)
     lock.say = relay.note
-    graders = max(1, min(GRADERS, processors() // 2 // shard.beside))
     before = after = None
     with lock.exclusive():
         spool.fill(folder, shard.known)
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
-        records = Run(options, relay, name=shard.run, card=card, graders=graders).go()
+        records = Run(options, relay, name=shard.run, card=card, graders=graders(shard.beside)).go()
         if before is not None:
             after = _calibrated(device)
     keys = tuple(record.key for record in records)

@@ -16,6 +16,7 @@ from typing import IO, Any
 
 from ...results.record import STATUSES
 from . import scratch
+from .apart import kept_to
 from .protocol import UNWRITABLE, check_reply
 
 GRACE_S = 0.5
@@ -118,7 +119,7 @@ class Remote:
 
     def _start(self) -> subprocess.Popen[str]:
         self.log.parent.mkdir(parents=True, exist_ok=True)
-        with open(self.log, "ab") as log:
+        with open(self.log, "ab") as log, kept_to(self.apart):
             self._log_start = log.tell()
             self._process = subprocess.Popen(
                 [sys.executable, "-m", f"{PACKAGE}.guard", str(os.getpid())],
@@ -132,8 +133,6 @@ class Remote:
                 # The parent handles Ctrl-C and stops its workers.
                 start_new_session=True,
             )
-        if self.apart:  # before its guard, which only begins, has made the worker
-            os.sched_setaffinity(self._process.pid, self.apart)
         self.generation += 1
         self._replies = queue.Queue()
         threading.Thread(target=_follow, args=(self._process, self._replies), daemon=True).start()

@@ -39,7 +39,7 @@ class Workers:
     """The workers by name: a method's, or :data:`GRADER`. ``options``: of the presets under way."""
 
     def __init__(self, folder: ResultsFolder, options: Options):
-        self.folder, self.options, self._apart = folder, options, judges_processors()
+        self.folder, self.options, self.apart = folder, options, judges_processors()
         self._remotes: dict[str, Remote] = {}
         self._loaded: dict[tuple[str, str], int] = {}
         """The generation of the worker that has loaded a lighting, by worker and label."""
@@ -49,7 +49,7 @@ class Workers:
     def get(self, name: str) -> Remote:
         """A worker, which starts with its first command."""
         if name not in self._remotes:
-            self._remotes[name] = Remote(name, self.folder.log(name), self._apart if grades(name) else ())
+            self._remotes[name] = Remote(name, self.folder.log(name), self.apart if grades(name) else ())
         return self._remotes[name]
 
     # --- commands ---
@@ -65,7 +65,7 @@ class Workers:
 
     def score(self, name: str, job: Job) -> None:
         """Have a worker score the answers that the method's worker handed over when a job was prepared."""
-        device = "cpu" if self._apart else self.options.device
+        device = "cpu" if self.apart else self.options.device
         self.send(self.get(name), **grade_command(self.options, self.folder, job, device))
 
     def reply(self, worker: Remote) -> dict[str, Any]:
