@@ -287,6 +287,8 @@ def make_record(
 ) -> Record:
     """The record of a point from its journal. Rounds are joined in their order; no sample is dropped.
 
+    ``environment``: where no round names its own; a later run may make the record of one that was stopped.
+
     Raises ValueError for an unknown status.
     """
     known = list(events)
@@ -299,7 +301,7 @@ def make_record(
         frame = frames.setdefault(extra["frame"], _empty_frame(extra["frame"]))
         for name, value in extra.items():
             setattr(frame, name, Score.from_json(value) if name == "score" and value else value)
-    last = rounds[-1].get("method", {}) if rounds else {}
+    last = rounds[-1] if rounds else {}
     return Record(
         key=key,
         experiment=point.get("experiment", ""),
@@ -307,8 +309,8 @@ def make_record(
         reason=reason,
         point=cast(Point, point),
         scene=cast(SceneFacts, scene),
-        method=cast(MethodFacts, {**method, **prepared.get("method", {}), **last}),
-        environment=environment,
+        method=cast(MethodFacts, {**method, **prepared.get("method", {}), **last.get("method", {})}),
+        environment=last.get("environment", environment),
         compile_s=prepared.get("compile_s"),
         load_s=scene.get("load_s"),
         first_frame_s=prepared.get("first_frame_s"),

@@ -11,6 +11,7 @@ from helpers.tiny_runs import go, options, write_scene
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.journal import Journal
+from shadowbench.harness.runner import run as run_module
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
 
@@ -33,6 +34,25 @@ def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_p
     (measured,) = Run(chosen, Silent()).go()
     assert measured.status == "ok"
     assert [r["round"] for r in measured.rounds] == [0, 1]
+
+
+def test_a_run_that_ends_between_its_rounds_and_its_records_loses_nothing(package, scene, tmp_path, monkeypatch):
+    """The next one, in another environment, takes no round: the record has the environment of those that were taken."""
+    chosen = options(tmp_path / "out", [scene], ["steady"])
+
+    def interrupted(run, job):
+        raise KeyboardInterrupt
+
+    first, again = Run(chosen, Silent()), Run(chosen, Silent())
+    with monkeypatch.context() as patch:
+        patch.setattr(Run, "_close", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            first.go()
+    monkeypatch.setattr(run_module, "environment", lambda: {"id": "0123456789abcdef"})
+    (measured,) = again.go()
+    assert (again.environment, measured.environment) == ("0123456789abcdef", first.environment)
+    assert [(one["round"], one["run"]) for one in measured.rounds] == [(0, first.name), (1, first.name)]
+    assert not list((tmp_path / "out" / "journal").iterdir())
 
 
 def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
