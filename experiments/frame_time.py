@@ -1,4 +1,4 @@
-"""The whole frame, everything rebuilt: the strongest methods of every kind, each in its best configuration.
+"""The whole frame, everything rebuilt or refitted: the strongest methods of every kind, each in its best configuration.
 
 All are interleaved in one run. Some make their structure anew in each frame, as the paper's table does; refitted trees are
 those of the first frame, whose boxes alone are refitted, which is less work than the others do.
