@@ -52,7 +52,7 @@ MOST_ROUNDS = 10_000
     --timeout SECONDS        Time without a reply after which a point has the status timeout. Default: the preset's.
     --seed N                 Seed of the random order of the points in each round.
     --save-answers           Save the answers of every pixel as arrays.
-    --score/--no-score       Compare the answers with the exact reference.
+    --score/--no-score       Compare the answers with the reference.
     --retry                  Measure points again that failed or timed out.
     --with NAME              Untimed work that is not about the scene, such as hard-cases of the experiment accuracy.
                              Repeatable.
@@ -71,7 +71,7 @@ def run_(
     extras: list[str] | None = None, cluster: str | None = None, dry_run: bool = False, as_json: bool = False,
     *, view: ChosenView,
 ) -> int:  # fmt: skip
-    """Measure an experiment: every method on every scene. Compare the answers with the exact reference, then draw tables
+    """Measure an experiment: every method on every scene. Compare the answers with the reference, then draw tables
     and figures.
 
     Points that have a record in the results folder are not measured again, so an interrupted run continues where it

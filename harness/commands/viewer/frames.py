@@ -49,7 +49,7 @@ class Wish:
     light   place of the first light (of a directional one the way to it), or None: the scene's, which may move
     area    size of every light and number of its targets, or None: as the scene has them
     show    "shaded", or "tests": tests of each primary ray as a heat map
-    judge   whether the answers are compared with the exact reference
+    judge   whether the answers are compared with the reference
     again   whether every pass runs, although nothing has changed
     """
 
