@@ -78,7 +78,7 @@ def lighting_of(lights: int | None, moves: str | None) -> Lighting:
     if lights is not None and not 1 <= lights <= MOST_LIGHTS:
         raise UserError(f"--lights {lights}: must be 1 to {MOST_LIGHTS}")
     if moves is not None and moves not in MOVES:
-        raise UserError(f"--moves {moves!r}: not one of {', '.join(MOVES)}{did_you_mean(moves, MOVES)}")
+        raise UserError(f"--moves {moves!r}: unknown{did_you_mean(moves, MOVES)}")
     words = [] if lights is None else [numbered(lights, "light")]
     words += [] if moves is None else [MOVES[moves]]
     return Lighting(", ".join(words), count=lights or 0, moved=moves)

@@ -50,9 +50,11 @@ def check_name(name: str) -> None:
     """Raise :class:`UserError` unless the name can be that of a new package and method."""
     from ..frame.registry import method_names
 
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name) or len(name) > LONGEST:
+    if keyword.iskeyword(name):
+        raise UserError(f"new-method {name}: this is a keyword of Python; choose another")
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or len(name) > LONGEST:
         raise UserError(
-            f"new-method {name!r}: the name must be a Python identifier of lower-case letters, digits and _, "
+            f"new-method {name!r}: the name must be of lower-case letters, digits and _, a letter first, "
             f"at most {LONGEST} long"
         )
     if name in method_names():

@@ -43,7 +43,8 @@ def test_it_measures_and_answers_then_only_answers(call, scene, short, tmp_path)
     ("words", "said"),
     [
         (["--lights", "0"], "--lights 0: must be 1 to 1024"),
-        (["--moves", "camra"], "--moves 'camra': not one of camera, light, part, all; did you mean camera?"),
+        (["--moves", "camra"], "--moves 'camra': unknown; did you mean camera?"),
+        (["--moves", "everything"], "--moves 'everything': unknown; known: all, camera, light, part\n"),
         (["--lights", "2", "--light", "1,2,3"], "--lights and --light: give the number of lights or their places"),
         (["--size", "9"], "--size '9': write it as WIDTHxHEIGHT"),
     ],

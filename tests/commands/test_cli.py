@@ -62,6 +62,7 @@ show table2 . -> no experiment 'table2'; did you mean table1?
 show table1 nowhere -> nowhere: no such folder
 render cloth --method warp_bvh --out a.gif -> --out a.gif: pictures are PNG files
 render clot --method warp_bvh --out a.png -> no scene or file 'clot'; did you mean cloth?
+run table1 --size 100000x1 -> --size 100000x1: a side has at most 99,999 pixels; give fewer
 run table1 --size 99999x99999 -> more than the 2,147,483,647 that can be indexed; give fewer
 plan cloth --size 99999x99999 -> more than the 2,147,483,647 that can be indexed; give fewer
 verify cloth --size 99999x99999 -> more than the 2,147,483,647 that can be indexed; give fewer

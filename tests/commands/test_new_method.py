@@ -70,6 +70,20 @@ def test_names_that_cannot_be_are_refused(name, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("class", "this is a keyword of Python"),
+        ("Class", "of lower-case letters"),
+        ("7up", "a letter first"),
+        ("a" * 65, "at most 64 long"),
+    ],
+)
+def test_a_name_that_cannot_be_one_says_why(name, said, tmp_path):
+    with pytest.raises(UserError, match=said):
+        new_method(name, tmp_path / "mine")
+
+
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")

@@ -153,9 +153,11 @@ def choose_methods(entries: tuple[Entry, ...], names: list[str] | None) -> tuple
 
 def parse_size(text: str) -> tuple[int, int]:
     """Width and height from text such as ``256x256``. Raises :class:`UserError` for more than 2^31 - 1 pixels."""
-    match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
+    match = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", text)
     if not match:
-        raise UserError(f"--size {text!r}: write it as WIDTHxHEIGHT, each 1 to 99999, such as 256x256")
+        raise UserError(f"--size {text!r}: write it as WIDTHxHEIGHT, such as 256x256")
+    if max(map(len, match.groups())) > 5:  # records have no larger ones
+        raise UserError(f"--size {text}: a side has at most 99,999 pixels; give fewer")
     width, height = int(match[1]), int(match[2])
     if width * height > MOST_PIXELS:
         raise UserError(
