@@ -12,6 +12,9 @@ from ..errors import UserError, did_you_mean
 
 MOST = 2**31 - 1
 
+TYPES = {int: "a whole number", bool: "true or false", str: "a text in quotes", list: "a list in brackets"}
+"""What a declaration calls the types of its values."""
+
 VECTORS = ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards", "across")
 """Fields that are three numbers."""
 
@@ -40,7 +43,7 @@ class Table:
     def typed(self, name: str, kind: type, default: Any = None) -> Any:
         value = self.values.get(name, default)
         if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-            raise self.error(name, f"must have type {kind.__name__}, not {value!r}")
+            raise self.error(name, f"must be {TYPES[kind]}, not {value!r}")
         return value
 
     def whole(self, name: str, default: int, most: int = MOST) -> int:
@@ -85,10 +88,12 @@ class Table:
             raise UserError(f"{self}: {error}") from error
 
     def _field(self, name: str, value: Any) -> Any:
-        if value is None or name in ("spot", "shape", "samples"):  # None: of a light that this one is based on
+        if value is None or name in ("spot", "shape"):  # None: of a light that this one is based on
             return value
         if name in VECTORS:
             return self.vector(name)
+        if name == "samples":
+            return self.typed(name, int)
         if name in ("shadows", "directional"):
             return self.typed(name, bool)
         if name == "size" and isinstance(value, list | tuple):

@@ -67,6 +67,7 @@ def test_a_git_lfs_pointer_is_called_what_it_is(tmp_path, suffix):
         ("pbrt", ("pbrt", ".toml")),
         ("mtl", ("materials of an OBJ file", "give the .obj file")),
         ("plx", ("did you mean .ply?",)),
+        ("txt", ("known:", ".stl, .toml, .usd")),
     ],
 )
 def test_a_format_that_is_not_read_names_what_converts_it(tmp_path, suffix, words):

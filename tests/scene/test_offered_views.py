@@ -133,7 +133,7 @@ def test_a_declaration_uses_and_offers_them(path):
     ("text", "words"),
     [
         ('[camera]\nof = "dor"', r"camera\.of: room\.ply: has no camera 'dor'; did you mean door\?"),
-        ("[camera]\nof = 1", r"camera\.of must have type str"),
+        ("[camera]\nof = 1", r"camera\.of must be a text in quotes, not 1"),
         ('[[lights]]\nof = "moon"', r"lights\[0\]\.of: .*has no light 'moon'"),
         ("[[cameras]]\neye = [0, 0, 1]", r"cameras\[0\]: add its name"),
         ('[[cameras]]\nname = "a"\n[[cameras]]\nname = "a"', r"cameras\[1\]: the name 'a' is taken"),

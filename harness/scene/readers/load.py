@@ -34,7 +34,10 @@ STILL = (".ply", ".obj", ".stl", ".off", ".3mf")
 """Formats whose files hold one frame."""
 
 SUFFIXES = (".npz", *READERS)
-"""The supported file name endings."""
+"""The supported file name endings of meshes."""
+
+DECLARATION = ".toml"
+"""The ending of a file that declares a scene (:mod:`.scene.declaration`)."""
 
 _BLENDER = "open it in Blender and export it as glTF (.glb) or USD"
 _CAD = "open it in FreeCAD and export its mesh as STL"
@@ -106,7 +109,9 @@ def _refusal(path: Path, suffix: str) -> UserError:
     if suffix in UNREAD:
         what, way_out = UNREAD[suffix]
         return UserError(f"{path}: {what} ({suffix}) is not read; {way_out}")
-    return UserError(f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, SUFFIXES)}")
+    return UserError(
+        f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, (*SUFFIXES, DECLARATION))}"
+    )
 
 
 def load_sequence(paths: Sequence[Path], wanted: Wanted = ALL) -> Loaded:
