@@ -135,7 +135,7 @@ def test_columns_keep_what_is_not_known():
     }
 
 
-@pytest.mark.parametrize("case", ["none", "empty", "half", "out", "below", "full"])
+@pytest.mark.parametrize("case", ["none", "empty", "half", "out", "below", "hidden", "full"])
 def test_bad_input_is_one_line(case, results, tmp_path, monkeypatch, capsys):
     folder, words, said = tmp_path / "x", [], "no records in it"
     if case == "none":
@@ -152,6 +152,8 @@ def test_bad_input_is_one_line(case, results, tmp_path, monkeypatch, capsys):
     elif case == "below":
         (tmp_path / "file").write_text("")
         folder, words, said = results / "table1", ["--out", tmp_path / "file" / "x.html"], "cannot write"
+    elif case == "hidden":
+        folder, words, said = results / "table1", ["--out", "/proc/x.html"], "shadowbench: /proc/x.html: cannot write"
     else:
         from shadowbench.harness.commands import report
 
