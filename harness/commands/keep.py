@@ -79,8 +79,9 @@ def keep(sources: list[Path], out: Path, extras: list[str] | None = None, replac
                 shutil.rmtree(fresh / name, ignore_errors=True)
             _put(fresh, out)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise UserError(f"{error.filename or out}: cannot be read or written ({reason})") from error
+        reason, place = error.strerror or str(error), Path(error.filename or out)
+        place = out if place.is_relative_to(fresh) else place  # nobody asked for the folder that is written first
+        raise UserError(f"{place}: cannot be read or written ({reason})") from error
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
     say(f"packed: {len(records)} records of {experiments[0]} in {out}")

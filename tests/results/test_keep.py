@@ -158,6 +158,7 @@ def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
         ([tmp_path], tmp_path / "out", [], "no records here"),
         ([run], run / "scenes.json", [], "is a file"),
         ([run], run / "scenes.json" / "in", [], "cannot be read or written"),
+        ([run], Path("/proc/kept"), [], "^/proc/kept: cannot be read or written"),
     ):
         with pytest.raises(UserError, match=said):
             keep(sources, out, take)
