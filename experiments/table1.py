@@ -105,7 +105,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     ]  # fmt: skip
     tables = {FRAME: frame_table(by_scene), "Parts of the frame, ms, and ± of the whole":
               done[[*PARTS.values()]].set_axis([*PARTS], axis=1)}  # fmt: skip
-    best = table[table["best"]]
+    best = table[table["best"]].sort_values("total_ms", kind="stable")
     wins = [dict(zip(own["row"], own["method"], strict=True)) for _, own in best.groupby("title", sort=False)]
     finding = "No two frames with every answer right were measured over the same frames in one run."
     finding = ranking.most_wins(wins, done["title"].nunique()) if wins else finding

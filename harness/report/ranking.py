@@ -6,7 +6,7 @@ no answer was wrong.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..files import plain
@@ -185,21 +185,31 @@ def winners(scenes: Sequence[Sequence[Mapping[str, Any]]], named: bool = True) -
 def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene", named: bool = True) -> str:
     """Which kinds of structure are the fastest on how many of ``count`` scenes, and which methods, as a sentence.
 
-    wins   of each scene the labels that win or tie, with their methods
+    wins   of each scene the labels that win or tie, fastest first, with their methods
     named  whether the methods of a kind are
     """
     # A method without a kind stands for itself.
     alone = {label for one in wins for label, method in one.items() if style.kind(method) == method}
-    kinds = Counter(kind for one in wins for kind in {x if x in alone else style.kind(m) for x, m in one.items()})
-    labels = Counter(label for one in wins for label in one)
-    (first, most), *others = kinds.most_common()
+    kinds = most_first([x if x in alone else style.kind(m) for x, m in one.items()] for one in wins)
+    labels = most_first(wins)
+    (first, most), *others = kinds.items()
     on = f"all {numbered(count, what)}" if most == count > 1 else f"{most} of {numbered(count, what)}"
     beside = [f", {kind} on {n}" for kind, n in others]
-    which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.most_common())
+    which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.items())
     ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""
     text = f"{first} {'is' if first in alone else 'are'} the fastest on {on}{''.join(beside)}, with every answer right"
     text = text if first in alone else text[0].upper() + text[1:]
     return f"{text}{(f': {which}{ties}' if set(labels) != set(kinds) else ties) * named}."
+
+
+def most_first(wins: Iterable[Iterable[str]]) -> dict[str, int]:
+    """In how many of the lists, each fastest first, a name is: the most first; of equal ones the faster by its places."""
+    counts, places = Counter[str](), Counter[str]()
+    for one in wins:
+        for place, name in enumerate(dict.fromkeys(one)):
+            counts[name] += 1
+            places[name] += place
+    return dict(sorted(counts.items(), key=lambda entry: (-entry[1], places[entry[0]])))
 
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:

@@ -113,6 +113,18 @@ def test_of_many_scenes_kinds_come_before_settings(tmp_path):
     )
 
 
+@pytest.mark.parametrize("first", ["ray grids", "BVH2"])
+def test_what_ties_is_told_in_order_of_speed(first):
+    words = {"ray grids": ("Grids of rays", "ray_grids"), "BVH2": ("Trees", "bvh2")}
+    (then,) = words.keys() - {first}
+    faster, slower = ({label: words[label][1]} for label in (first, then))
+    text = ranking.most_wins([slower | faster, faster | slower, faster | slower], 3)
+    assert text == (
+        f"{words[first][0]} are the fastest on all 3 scenes, {words[then][0].lower()} on 3, with every answer right: "
+        f"{first} on all, {then} on all (ties count for each)."
+    )
+
+
 def test_lights_and_scenes_are_never_ranked_together(tmp_path):
     four = Lighting("4 lights", count=4)
     table = ranked(tmp_path, made("a", 1.0), made("b", 3.0, lighting=four), made("a", 2.0, lighting=four))
