@@ -110,10 +110,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     ]  # fmt: skip
     tables = {FRAME: frame_table(by_scene), "Parts of the frame, ms, and ± of the whole":
               done[[*PARTS.values()]].set_axis([*PARTS], axis=1)}  # fmt: skip
-    best = table[table["best"]].sort_values("total_ms", kind="stable")
+    best, right = table[table["best"]], done[done["error"] == numbers.OK]
     wins = [dict(zip(own["row"], own["method"], strict=True)) for _, own in best.groupby("title", sort=False)]
     finding = "No two frames with every answer right were measured over the same frames in one run."
-    finding = ranking.most_wins(wins, done["title"].nunique()) if wins else finding
+    times = [dict(zip(own["row"], own["total_ms"], strict=True)) for _, own in right.groupby("title", sort=False)]
+    finding = ranking.most_wins(wins, times, done["title"].nunique()) if wins else finding
     rows = pd.concat([table.assign(origin="this run"), paper.entries(table["scene"].unique())])
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes(table), rows=rows)
 

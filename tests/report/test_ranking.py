@@ -117,8 +117,8 @@ def test_of_many_scenes_kinds_come_before_settings(tmp_path):
 def test_what_ties_is_told_in_order_of_speed(first):
     words = {"ray grids": ("Grids of rays", "ray_grids"), "BVH2": ("Trees", "bvh2")}
     (then,) = words.keys() - {first}
-    faster, slower = ({label: words[label][1]} for label in (first, then))
-    text = ranking.most_wins([slower | faster, faster | slower, faster | slower], 3)
+    wins = [{label: words[label][1] for label in order} for order in ([then, first], [first, then], [then, first])]
+    text = ranking.most_wins(wins, [{first: 1.0, then: 1.02}, {first: 5.0, then: 5.3}, {first: 9.1, then: 9.0}], 3)
     assert text == (
         f"{words[first][0]} are the fastest on all 3 scenes, {words[then][0].lower()} on 3, with every answer right: "
         f"{first} on all, {then} on all (ties count for each)."
