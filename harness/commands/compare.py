@@ -114,7 +114,7 @@ def notes_of(
     yield from left_out_notes(found.left_out, most)
     for name, own in runs.items():
         if own.older:
-            yield f"{name}: {own.older} older records of the same entries are left out"
+            yield f"{name}: {numbered(own.older, 'older record')} of the same entries left out"
     for name, points in found.only.items():
         if points:
             yield f"only in {name}: {some(points, most)}"
@@ -271,7 +271,9 @@ def machine(facts: Mapping[str, Any]) -> str:
     """The device of a measurement, as a phrase."""
     gpus = [gpu.get("name", "?") for gpu in facts.get("gpus") or ()]
     cpu = facts.get("cpu") or {}
-    return " and ".join(dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({cpu.get('usable_cores', '?')} cores)"]))
+    count = cpu.get("usable_cores")
+    said = numbered(count, "core") if isinstance(count, int) else "? cores"
+    return " and ".join(dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({said})"]))
 
 
 def driver(facts: Mapping[str, Any]) -> str:

@@ -204,9 +204,9 @@ def most_wins(
     )
     labels = most_first(wins, slow.__getitem__)
     (first, most), *others = kinds.items()
-    on = f"all {numbered(count, what)}" if most == count > 1 else f"{most} of {numbered(count, what)}"
-    beside = [f", {kind} on {n}" for kind, n in others]
-    which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.items())
+    on = f"the {what}" if count == 1 else f"{'all' if most == count else f'{most} of'} {numbered(count, what)}"
+    beside = [f", {kind} too" if count == 1 else f", {kind} on {n}" for kind, n in others]
+    which = ", ".join(label + f" on {'all' if n == count else n}" * (count > 1) for label, n in labels.items())
     ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""
     text = f"{first} {'is' if first in alone else 'are'} the fastest on {on}{''.join(beside)}, with every answer right"
     text = text if first in alone else text[0].upper() + text[1:]
