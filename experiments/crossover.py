@@ -185,13 +185,15 @@ def of_balls(done: DataFrame) -> str:
     """In how many settings of the balls each structure is the fastest."""
     if done.empty:
         return "Nothing was measured."
-    best, every = winners(done[done["exact"]]), winners(done)
+    right = done[done["exact"]]
+    best, every = winners(right), winners(done)
     if best.empty:
         return f"No method is known to have answered exactly in any of {len(every)} settings."
     methods = dict(zip(done["label"], done["method"], strict=True))
     ends = best[["label", "next", "told"]].itertuples(index=False)
     wins = [{label: methods[label] for label in ([first] if told else [first, then])} for first, then, told in ends]
-    told = ranking.most_wins(wins, len(best), "setting")
+    times = [dict(zip(own["label"], own["total_ms"], strict=True)) for _, own in right.groupby([*AXES], sort=False)]
+    told = ranking.most_wins(wins, times, len(best), "setting")
     wrong = Counter(every.loc[~every["exact"], "label"])
     beaten = [f"{label}, which is not exact, is faster in {n}" for label, n in wrong.most_common()]
     return f"{told} {'; '.join(beaten)}." if beaten else told

@@ -15,6 +15,7 @@ from ..judge.verdict import Verdict
 from ..report.terminal import plain_console
 from ..runner.machine.lock import MACHINE
 from ..scene.facts import few_hits
+from ..texts import numbered
 from .options import command
 from .tables import make_table, print_legend, print_lines, tell
 
@@ -129,7 +130,7 @@ def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) 
     if bits:
         reason = facts["outside"]["shadows"]
         print_lines(f"{bits} wrong shadow bits are outside what {method} can do: {reason}")
-    summary = f"{method} on {facts['device']}: {len(findings)} cases, {count['error']} with true errors"
+    summary = f"{method} on {facts['device']}: {numbered(len(findings), 'case')}, {count['error']} with true errors"
     summary += f", {count['excused']} with too many excused" if count["excused"] else ""
     summary += f", {count['outside']} outside" if count["outside"] else ""
     print_lines(f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")

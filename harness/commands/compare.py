@@ -14,7 +14,7 @@ from ..errors import UserError
 from ..files import plain
 from ..report import numbers, two_runs
 from ..report.terminal import plain_console
-from ..report.two_runs import OPEN, UNMEASURED, VERDICTS, WRONG, Comparison, Row
+from ..report.two_runs import OPEN, UNMEASURED, WRONG, Comparison, Row
 from ..results.folder import read_environment
 from ..results.newest import newest
 from ..results.record import Record
@@ -96,8 +96,14 @@ def failures(found: Comparison, fail_on: Collection[str], allow: Collection[str]
         if word in GUARDS:
             if points[word]:
                 texts.append(f"{word}: {some(points[word], most)}")
-        elif count := found.count(OPEN if word == "cannot-tell" else word):
-            texts.append(f"{word}: {count}")
+        else:
+            verdict = OPEN if word == "cannot-tell" else word
+            known = {
+                "point": two_runs.counts(found.rows)[verdict],
+                "geometric mean": two_runs.counts(found.means)[verdict],
+            }
+            if any(known.values()):
+                texts.append(f"{word}: {', '.join(numbered(count, what) for what, count in known.items() if count)}")
     return texts
 
 
@@ -108,7 +114,7 @@ def notes_of(
     yield from left_out_notes(found.left_out, most)
     for name, own in runs.items():
         if own.older:
-            yield f"{name}: {own.older} older records of the same entries are left out"
+            yield f"{name}: {numbered(own.older, 'older record')} of the same entries left out"
     for name, points in found.only.items():
         if points:
             yield f"only in {name}: {some(points, most)}"
@@ -132,8 +138,12 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float, mos
             style={"slower": "red", "faster": "green", WRONG: "red", OPEN: "dim", UNMEASURED: "dim"}.get(row.verdict, ""),
         )  # fmt: skip
     plain_console().print(table)
-    counts = ", ".join(f"{count} {verdict}" for verdict in VERDICTS if (count := found.count(verdict)))
-    lines = [f"{counts}.", f"gap: B over A less one; own: the machine's own spread; margin {margin:.0%}; "
+    counted = [
+        f"{numbered(len(rows), what)}: {', '.join(f'{n} {verdict}' for verdict, n in two_runs.counts(rows).items() if n)}."
+        for what, rows in (("point", found.rows), ("geometric mean", found.means))
+        if rows
+    ]
+    lines = [" ".join(counted), f"gap: B over A less one; own: the machine's own spread; margin {margin:.0%}; "
              "wrong: answers of A and B; *: another version of the method"]  # fmt: skip
     why = []
     for verdict in (OPEN, UNMEASURED):
@@ -207,7 +217,7 @@ def as_data(folders: Mapping[str, Path], found: Comparison, notes: Iterable[str]
     return {
         "folders": {name: str(folder) for name, folder in folders.items()},
         "margin": margin,
-        "counts": {verdict: found.count(verdict) for verdict in VERDICTS},
+        "counts": {"points": two_runs.counts(found.rows), "geometric_means": two_runs.counts(found.means)},
         "points": [row(one) for one in found.rows],
         "geometric_means": [row(one) for one in found.means],
         "left_out": [
@@ -261,7 +271,9 @@ def machine(facts: Mapping[str, Any]) -> str:
     """The device of a measurement, as a phrase."""
     gpus = [gpu.get("name", "?") for gpu in facts.get("gpus") or ()]
     cpu = facts.get("cpu") or {}
-    return " and ".join(dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({cpu.get('usable_cores', '?')} cores)"]))
+    count = cpu.get("usable_cores")
+    said = numbered(count, "core") if isinstance(count, int) else "? cores"
+    return " and ".join(dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({said})"]))
 
 
 def driver(facts: Mapping[str, Any]) -> str:

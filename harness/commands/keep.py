@@ -13,6 +13,7 @@ from ..results.record import FAILURES, Record
 from ..results.schema import ARCHIVE, read_records, write_archive
 from ..runner.cluster.ledger import NAME as CLUSTER
 from ..runner.cluster.ledger import merging_refused
+from ..texts import numbered
 from .options import command
 from .show import show
 
@@ -65,7 +66,7 @@ def keep(sources: list[Path], out: Path, extras: list[str] | None = None, replac
     unscored = sum(1 for source in sources for _ in (source / "answers").glob("*.npz"))
     if unscored:
         print(
-            f"left out: {unscored} answers without a score; to include their scores, run `shadowbench score` first",
+            f"left out: {numbered(unscored, 'answer')} without a score; run `shadowbench score` first to include them",
             file=sys.stderr,
         )
     fresh = out.with_name(f".{out.name}.{os.getpid()}")

@@ -80,7 +80,7 @@ def report(
         return 0
     for one in data["folders"]:
         for line in one["notices"]:
-            if "versions of" in line or "older records" in line:
+            if "versions of" in line or "older record" in line:
                 say(f"{one['name']}: {line}")
     if site and not manual:
         say(f"without the documentation: {DOCS} is not there; make docs writes it")

@@ -15,7 +15,7 @@ from PIL import Image
 
 from ..results.table import PART_COLUMNS
 from . import numbers, style
-from .dataframe import DataFrame
+from .dataframe import DataFrame, Series
 from .picture import png_bytes
 from .short_svg import short
 
@@ -173,7 +173,8 @@ def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.6, legend: int = 3,
 ) -> Path | None:  # fmt: skip
-    """Panels of :func:`stacked` bars, cut off at ``cut`` times the shortest; the axis is ``room`` times the longest."""
+    """Panels of :func:`stacked` bars, cut off at ``cut`` times the shortest; the axis is ``room`` times the longest with its
+    whisker."""
     if table.empty:
         return None
     sizes = table[facet].value_counts() if facet else [len(table)]
@@ -181,7 +182,7 @@ def bars(
     size = across, high, 0.35 + 0.65 * across
     with facets(path, table, facet, *size, grid="x", legend=legend, below=below) as shown:
         for i, (axes, title, own) in enumerate(shown):
-            limit, longest = cut * own["total_ms"].min(), own["total_ms"].max()
+            limit, longest = cut * own["total_ms"].min(), whisker_ends(own).max()
             stacked(axes, own, parts, limit)
             beside = i % across > 0 and list(own[name]) == list(shown[i - 1][2][name])
             axes.set_yticks(range(len(own)), [""] * len(own) if beside else own[name])
@@ -210,17 +211,23 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
         edge = tints if isinstance(colour, float) else GREY
         look = {"height": 0.74, "color": shades, "lw": 0.4, "edgecolor": edge}
         axes.barh(range(len(own)), ends[column] - starts[column], left=starts[column], **look)
-    for place, row in enumerate(own[["total_ms", "iqr_ms", "text"]].to_dict("records")):
-        known, end = not math.isnan(row["total_ms"]), row["total_ms"] + row["iqr_ms"] / 2
-        if known and end <= limit:
-            axes.errorbar(row["total_ms"], place, xerr=row["iqr_ms"] / 2, c="black", elinewidth=0.6)
-        elif known:
-            axes.plot([limit], [place], **cut_mark(), label="bar cut off")
-        axes.annotate(row["text"], (min(end, limit) if known else 0, place), (3 + 2 * (end > limit), 0),
+    for place, (ms, end, text) in enumerate(zip(own["total_ms"], whisker_ends(own), own["text"], strict=True)):
+        known, cut = not math.isnan(ms), end > limit
+        if known and ms <= limit:
+            reach = [[min(end - ms, ms)], [min(end, limit) - ms]]  # no time is less than nothing
+            axes.errorbar(ms, place, xerr=reach, c="black", elinewidth=0.6)
+        if cut:
+            axes.plot([limit], [place], **cut_mark(), label="bar cut off" if ms > limit else "whisker cut off")
+        axes.annotate(text, (min(end, limit) if known else 0, place), (3 + 2 * cut, 0), annotation_clip=False,
                       textcoords="offset points", va="center", size=5.5, style="normal" if known else "italic",
-                      color="#B00000" if numbers.WRONG in row["text"] else "black")  # fmt: skip
+                      color="#B00000" if numbers.WRONG in text else "black")  # fmt: skip
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(own) - 0.4, -0.6)
+
+
+def whisker_ends(own: DataFrame) -> Series:
+    """Where the whisker of each row ends, ms: half the interquartile range after the bar's end."""
+    return own["total_ms"] + own["iqr_ms"].fillna(0.0) / 2
 
 
 BAND = 0.3

@@ -6,7 +6,7 @@ no answer was wrong.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..files import plain
@@ -19,6 +19,8 @@ SETTING = ["title", "light_label", "device"]
 ABOUT = "ratio: time over that of the fastest exact method of the scene."
 MOST_TOLD = 2
 """Number of scenes up to which a finding speaks of each."""
+LEAST_MS = 1e-9
+"""A time that a clock gave as nothing counts as this in a geometric mean."""
 
 
 def exact(table: DataFrame) -> Series:
@@ -179,27 +181,52 @@ def winners(scenes: Sequence[Sequence[Mapping[str, Any]]], named: bool = True) -
     wins = [{r["label"]: r["method"] for r in rows if r is rows[0] or alike(rows[0], r)} for rows in right if rows]
     if not wins:
         return f"No method is known to have answered exactly on any of {len(scenes)} scenes."
-    return most_wins(wins, len(scenes), named=named)
+    times = [{r["label"]: r["total_ms"] for r in rows} for rows in right]
+    return most_wins(wins, times, len(scenes), named=named)
 
 
-def most_wins(wins: Sequence[Mapping[str, str]], count: int, what: str = "scene", named: bool = True) -> str:
+def most_wins(
+    wins: Sequence[Mapping[str, str]], times: Iterable[Mapping[str, float]], count: int, what: str = "scene",
+    named: bool = True,
+) -> str:  # fmt: skip
     """Which kinds of structure are the fastest on how many of ``count`` scenes, and which methods, as a sentence.
 
     wins   of each scene the labels that win or tie, with their methods
+    times  of each scene the ms of every label that is right: of those that win equally often the faster comes first
     named  whether the methods of a kind are
     """
     # A method without a kind stands for itself.
     alone = {label for one in wins for label, method in one.items() if style.kind(method) == method}
-    kinds = Counter(kind for one in wins for kind in {x if x in alone else style.kind(m) for x, m in one.items()})
-    labels = Counter(label for one in wins for label in one)
-    (first, most), *others = kinds.most_common()
-    on = f"all {numbered(count, what)}" if most == count > 1 else f"{most} of {numbered(count, what)}"
-    beside = [f", {kind} on {n}" for kind, n in others]
-    which = ", ".join(f"{label} on {'all' if n == count > 1 else n}" for label, n in labels.most_common())
+    kind = {x: x if x in alone else style.kind(method) for one in wins for x, method in one.items()}
+    slow = slowness(times)
+    kinds = most_first(
+        [{kind[x] for x in one} for one in wins], lambda name: min(slow[x] for x in kind if kind[x] == name)
+    )
+    labels = most_first(wins, slow.__getitem__)
+    (first, most), *others = kinds.items()
+    on = f"the {what}" if count == 1 else f"{'all' if most == count else f'{most} of'} {numbered(count, what)}"
+    beside = [f", {kind} too" if count == 1 else f", {kind} on {n}" for kind, n in others]
+    which = ", ".join(label + f" on {'all' if n == count else n}" * (count > 1) for label, n in labels.items())
     ties = " (ties count for each)" if any(len(one) > 1 for one in wins) else ""
     text = f"{first} {'is' if first in alone else 'are'} the fastest on {on}{''.join(beside)}, with every answer right"
     text = text if first in alone else text[0].upper() + text[1:]
     return f"{text}{(f': {which}{ties}' if set(labels) != set(kinds) else ties) * named}."
+
+
+def slowness(times: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Of each label the logarithm of the geometric mean, over its scenes, of its time over the least of the scene."""
+    logs: dict[str, list[float]] = {}
+    for one in times:
+        known = {label: math.log(max(ms, LEAST_MS)) for label, ms in one.items()}
+        for label, log in known.items():
+            logs.setdefault(label, []).append(log - min(known.values()))
+    return {label: math.fsum(own) / len(own) for label, own in logs.items()}
+
+
+def most_first(wins: Iterable[Iterable[str]], slow: Callable[[str], float]) -> dict[str, int]:
+    """In how many of the lists a name is, the most first; of equal ones the least ``slow``, then by name."""
+    counts = Counter(name for one in wins for name in one)
+    return dict(sorted(counts.items(), key=lambda entry: (-entry[1], slow(entry[0]), entry[0])))
 
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:

@@ -114,10 +114,6 @@ class Comparison:
     left_out: tuple[tuple[str, str, int, str], ...]
     only: dict[str, tuple[str, ...]]
 
-    def count(self, verdict: str) -> int:
-        """How many rows have a verdict."""
-        return sum(row.verdict == verdict for row in (*self.rows, *self.means))
-
     @property
     def missing(self) -> tuple[str, ...]:
         """The points that A measured and B did not: B has no record of them, or one that says why."""
@@ -127,6 +123,11 @@ class Comparison:
     def wrong(self) -> tuple[str, ...]:
         """The points that B answers wrongly and A did not."""
         return tuple(f"{row.scene}, {row.label}" for row in self.rows if row.errs)
+
+
+def counts(rows: Sequence[Row]) -> dict[str, int]:
+    """How many rows have each verdict."""
+    return {verdict: sum(row.verdict == verdict for row in rows) for verdict in VERDICTS}
 
 
 def timed(record: Record, frames: Iterable[int], usual: float, cores: int | None = None) -> Timed:

@@ -6,6 +6,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from ..texts import numbered
 from .folder import read_environment
 from .newest import newest_as
 
@@ -43,7 +44,7 @@ def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | No
         return (found := throttled(one, usual)) and f"clocks throttled ({found})"
     load = _number((one.get("clock") or {}).get("load"))
     if cores and load is not None and load > CROWDED * cores:
-        return f"load {load:.1f} on {cores} cores"
+        return f"load {load:.1f} on {numbered(cores, 'core')}"
     return ""
 
 

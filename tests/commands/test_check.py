@@ -100,7 +100,7 @@ def test_an_exact_method_passes_and_the_output_says_so(capsys) -> None:
 
 def test_a_method_that_says_it_is_inexact_fails_all_the_same(capsys, monkeypatch) -> None:
     """Its ties are shown apart from its errors, in a table that is as wide as asked."""
-    for columns, said in (("80", "1 cases, 1 with true errors"), ("200", "ERROR: 9 acne; not errors: 9 tie")):
+    for columns, said in (("80", "1 case, 1 with true errors"), ("200", "ERROR: 9 acne; not errors: 9 tie")):
         monkeypatch.setenv("COLUMNS", columns)
         assert check("warp_bvh", "cpu", None, ["P03b"], False) == 1
         shown = capsys.readouterr().out
@@ -199,7 +199,7 @@ def test_the_command_fails_on_too_much_excused_and_shows_how_much(monkeypatch, c
     shown = capsys.readouterr().out
     assert "256 of 512" in shown
     assert "TOO MANY EXCUSED: 256 near-tie" in shown
-    assert "1 cases, 0 with true errors, 1 with too many excused; 256 of 512 answers excused" in shown
+    assert "1 case, 0 with true errors, 1 with too many excused; 256 of 512 answers excused" in shown
     code, found = report(capsys, "behind", "X")
     assert (code, found["passed"], found["excused"], found["cases"][0]["status"]) == (1, False, 256, "excused")
 

@@ -1,5 +1,7 @@
 """What stands below the tables of a report."""
 
+import json
+
 import pandas as pd
 import pytest
 from helpers.experiment_records import record_of
@@ -37,7 +39,8 @@ def noisy(experiment, label, ms, **changes):
     return {**made, "rounds": rounds}
 
 
-def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize(("cores", "of"), [(2, "2 cores"), (1, "1 core")])
+def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch, cores, of):
     monkeypatch.setenv("COLUMNS", "200")  # the line is not broken, whatever the terminal
     loads = {"quiet": 1.0, "busy": 5.0}
     made = [noisy("table1", label, 9.0, clock={"load": load}) for label, load in loads.items()]
@@ -45,11 +48,11 @@ def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch):
         one["method"]["device"] = "cpu"
     write_records(tmp_path, made)
     (tmp_path / "environments").mkdir()
-    facts = '{"cpu": {"usable_cores": 2}}'
+    facts = json.dumps({"cpu": {"usable_cores": cores}})
     (tmp_path / "environments" / f"{made[0]['environment']}.json").write_text(facts)
     show("table1", tmp_path)
-    said = "2 of 4 rounds were disturbed, the worst by load 5.0 on 2 cores"
-    assert said in capsys.readouterr().out.splitlines()[0]
+    said = f"2 of 4 rounds were disturbed, the worst by load 5.0 on {of}"
+    assert capsys.readouterr().out.splitlines()[0].rstrip(".").endswith(said)
     assert said in (tmp_path / "table1.md").read_text()
 
 

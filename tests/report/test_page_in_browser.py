@@ -134,6 +134,10 @@ def test_times_have_their_errors_their_spread_and_their_origin(visit):
     assert "quartiles\n0.251 to 0.254 ms" in tip
     assert "✗ 7 wrong" in tip
     assert "stand-in for" in tip
+    for state in ("view=overview", "view=points&points.wide=1"):
+        cells = [cell.text for cell in css(visit(state), ".grid tbody td")]
+        assert "latest here" in cells
+        assert "current" not in cells, "the code may have changed since"
     found = visit("view=table&t=table1")
     assert "paper, GTX 280, 1024x1024" in text_of(found, "thead")
     assert "44.47 ms" in text_of(found, "tbody")

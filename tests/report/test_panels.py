@@ -92,6 +92,27 @@ def test_a_bar_is_as_long_as_the_time_beside_it_says(limit):
     assert max(bar.get_x() + bar.get_width() for bar in axes.patches) == pytest.approx(whole)
 
 
+@pytest.mark.parametrize("cut", [np.inf, 8.0, 1.5])
+@pytest.mark.parametrize("range_ms", [0.0, 30.0, 900.0, np.nan])
+def test_every_bar_has_its_label_and_its_whisker_ends_on_the_axis_or_in_a_mark(monkeypatch, tmp_path, cut, range_ms):
+    kept = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: kept.append(figure))
+    times = {"build_ms": 1.0, "trace_ms": 1.0, "light_build_ms": 0.0, "shadow_ms": 1.0, "method": "ray_grids"}
+    rows = [{**times, "label": "a", "total_ms": 10.0, "iqr_ms": range_ms, "text": "10 ✓"},
+            {**times, "label": "b", "total_ms": 14.0, "iqr_ms": range_ms, "text": "14 ✗ 9"},
+            {**times, "label": "c", "total_ms": np.nan, "iqr_ms": np.nan, "text": "failed"}]  # fmt: skip
+    panels.bars(tmp_path / "a.png", pd.DataFrame(rows), cut=cut)
+    (axes,) = kept[0].axes
+    left, right = axes.get_xlim()
+    assert all(left <= text.xy[0] < right for text in axes.texts)
+    assert {text.get_text() for text in axes.texts} == {"10 ✓", "14 ✗ 9", "failed"}
+    ends = [x for lines in axes.collections for part in getattr(lines, "get_segments", list)() for x in part[:, 0]]
+    assert all(left <= x <= right for x in ends)
+    half = 0.0 if np.isnan(range_ms) else range_ms / 2
+    over = sum(ms + half > cut * 10.0 for ms in (10.0, 14.0))
+    assert sum("cut off" in str(line.get_label()) for line in axes.lines) == over
+
+
 def test_a_cross_table_keeps_the_tables_order_and_leaves_gaps():
     rows = [("z", "b", "1"), ("z", "a", "2"), ("y", "a", "3"), ("y", "a", "4")]
     table = pd.DataFrame(rows, columns=["scene", "label", "text"])

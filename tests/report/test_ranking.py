@@ -113,6 +113,31 @@ def test_of_many_scenes_kinds_come_before_settings(tmp_path):
     )
 
 
+@pytest.mark.parametrize("first", ["ray grids", "BVH2"])
+def test_what_ties_is_told_in_order_of_speed(first):
+    words = {"ray grids": ("Grids of rays", "ray_grids"), "BVH2": ("Trees", "bvh2")}
+    (then,) = words.keys() - {first}
+    wins = [{label: words[label][1] for label in order} for order in ([then, first], [first, then], [then, first])]
+    text = ranking.most_wins(wins, [{first: 1.0, then: 1.02}, {first: 5.0, then: 5.3}, {first: 9.1, then: 9.0}], 3)
+    assert text == (
+        f"{words[first][0]} are the fastest on all 3 scenes, {words[then][0].lower()} on 3, with every answer right: "
+        f"{first} on all, {then} on all (ties count for each)."
+    )
+
+
+def test_of_one_scene_nothing_is_counted():
+    one, both = {"BVH2": "bvh2"}, {"BVH2": "bvh2", "ray grids": "ray_grids"}
+    times = [{"BVH2": 2.0, "ray grids": 2.1}]
+    assert ranking.most_wins([one], times, 1) == "Trees are the fastest on the scene, with every answer right: BVH2."
+    assert ranking.most_wins([both], times, 1) == (
+        "Trees are the fastest on the scene, grids of rays too, with every answer right: BVH2, ray grids (ties count for "
+        "each)."
+    )
+    assert ranking.most_wins([one], times, 2).startswith("Trees are the fastest on 1 of 2 scenes, with"), (
+        "no winner on one"
+    )
+
+
 def test_lights_and_scenes_are_never_ranked_together(tmp_path):
     four = Lighting("4 lights", count=4)
     table = ranked(tmp_path, made("a", 1.0), made("b", 3.0, lighting=four), made("a", 2.0, lighting=four))

@@ -1,10 +1,12 @@
 """Tables and pictures: what a person sees must say what was measured, how wrong it was, and what it stands for."""
 
+import re
+
 import pandas as pd
 import pytest
 from helpers.table1_records import METHODS, SCENES, record, score, write_records
 from shadowbench.experiments import table1
-from shadowbench.harness.report import document, numbers
+from shadowbench.harness.report import document, numbers, panels
 from shadowbench.harness.report import paper_table1 as paper
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import checked
@@ -171,6 +173,22 @@ def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_p
     records[0].update(status="failed", frames=[])
     assert "table1.svg" not in {file.name for file in table1.draw(write_records(tmp_path, records[:1]), quiet=True)}
     assert not (tmp_path / "table1.svg").exists()
+
+
+@pytest.mark.parametrize(("device", "submitted", "apart"), [
+    ("cpu", None, True), ("cuda:0", None, False), ("cuda:0", [0.1], True),
+])  # fmt: skip
+def test_parts_that_were_measured_apart_are_said_to_be_so(tmp_path, device, submitted, apart):
+    """Only differences between graphs that stop earlier add up to the whole."""
+    made = record("bunny", "warp_bvh")
+    made["method"]["device"] = device
+    for frame in made["frames"] if submitted else ():
+        frame["submitted_ms"] = submitted
+    table1.draw(write_records(tmp_path, [made]), quiet=True)
+    drawn = " ".join(re.findall(">([^<>]+)</text>", (tmp_path / "table1.svg").read_text()))  # in lines
+    assert (panels.WHOLE in drawn) == apart
+    assert "whisker: interquartile range" in drawn
+    assert (table1.APART in (tmp_path / "table1.md").read_text()) == apart
 
 
 def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):

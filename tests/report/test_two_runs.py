@@ -85,11 +85,16 @@ def test_equal_slower_and_throttled_runs(call, pair):
         ("B", 3, "clocks throttled (temperature (software))"), ("B", 7, "clocks throttled (temperature (software))"),
     }  # fmt: skip
     assert code == 0
+    counts = {what: {word: n for word, n in own.items() if n} for what, own in found["counts"].items()}
+    assert counts == {"points": {"slower": 2, "same": 4}, "geometric_means": {"slower": 1, "same": 2}}
 
 
 def test_exit_codes_follow_the_verdicts(call, pair):
     a, b = pair
-    assert call(a, b, "--fail-on", "slower")[0] == 1
+    code, out, _ = call(a, b, "--fail-on", "slower")
+    assert code == 1
+    assert "6 points: 2 slower, 4 same. 3 geometric means: 1 slower, 2 same." in out
+    assert "fails: slower: 2 points, 1 geometric mean" in out
     assert call(a, b, "--fail-on", "faster")[0] == 0
     assert call(b, a, "--fail-on", "faster")[0] == 1
     code, out, _ = call(a, b)
@@ -155,7 +160,7 @@ def test_what_neither_run_could_measure_is_not_measured(call, tmp_path):
     assert code == 1
     assert "1 can't tell, 1 not measured." in out
     assert "not measured: rejected in A: no such mesh (Cloth (stand-in), grids)" in out
-    assert "fails: cannot-tell: 1" in out
+    assert "fails: cannot-tell: 1 point" in out
 
 
 @pytest.mark.parametrize(
@@ -250,7 +255,7 @@ def test_rounds_of_a_cpu_that_had_too_much_to_do_are_left_out(call, tmp_path):
     a, b = write(tmp_path / "a", [quiet]), write(tmp_path / "b", [busy])
     _, out, _ = call(a, b)
     assert "left out: 1 round of B, load 2.6 on 2 cores: Cloth (stand-in), on the CPU (6)" in out
-    assert "1 same." in out
+    assert "1 point: 1 same." in out
 
 
 def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_request(call, tmp_path, monkeypatch):

@@ -74,7 +74,7 @@ def test_pictures_and_maps_come_along_where_asked_for_and_what_is_laid_beside_al
     (run / "images" / "more").mkdir()
     keep([run], tmp_path / "out", ["images", "maps"])
     assert {"images/cloth.png", "maps/a.png", "ncu.md"} <= files(tmp_path / "out")
-    assert "1 answers without a score" in capsys.readouterr().err
+    assert "1 answer without a score" in capsys.readouterr().err
     keep([run], tmp_path / "out", ["maps"], replace=True)
     assert "images/cloth.png" not in files(tmp_path / "out"), "what was kept before is replaced"
 

@@ -15,6 +15,7 @@ from ...results.folder import read_environment
 from ...results.table import PART_COLUMNS
 from ...results.throttled import disturbances
 from ...scene.overrides import Lighting
+from ...texts import numbered
 from .. import compare, document, numbers, ranking, style
 from .. import paper_table1 as paper
 from ..dataframe import DataFrame, Series, pd
@@ -181,7 +182,7 @@ def described(source: Source, points: DataFrame) -> dict[str, Any]:
     notices = [
         f"Records of {n} versions of {method} are in this folder." for method, n in versions[versions > 1].items()
     ]
-    notices += [f"{older} older records of the same entries are in the folder and are not shown."] * bool(older)
+    notices += [f"Not shown: {numbered(older, 'older record')} of the same entries."] * bool(older)
     notices += document.not_measured(points)[:12]
     return {
         "name": source.name,

@@ -72,7 +72,7 @@ function stageBars(p) {
 
 function environmentFacts(name, e) {
   return facts([
-    ["id", el("code", {}, name)], ["CPU", e.cpu && `${e.cpu.model}, ${e.cpu.usable_cores} cores`],
+    ["id", el("code", {}, name)], ["CPU", e.cpu && `${e.cpu.model}, ${e.cpu.usable_cores} ${e.cpu.usable_cores === 1 ? "core" : "cores"}`],
     ["GPU", (e.gpus || []).map((gpu) => gpu.name).join(", ")],
     ["driver", (e.gpus || []).map((gpu) => gpu.smi?.driver_version).filter(known).join(", ")],
     ["CUDA", e.cuda && `toolkit ${e.cuda.toolkit}, driver ${e.cuda.driver}`],

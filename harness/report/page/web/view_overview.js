@@ -11,7 +11,7 @@ function viewOverview(host) {
     { key: "where", title: "measured at", text: (f) => f.where },
     { key: "points", title: "points", numeric: "down", value: (f) => f.done, text: (f) => whole(f.done) },
     { key: "wrong", title: "wrong", numeric: "down", value: (f) => f.wrong, text: (f) => whole(f.wrong), tip: (f) => [f.answers], className: (f) => (f.wrong ? "is-wrong" : "") },
-    { key: "state", title: "version", text: (f) => (f.earlier === f.all ? "all of an earlier version" : f.earlier ? `${f.earlier} of ${f.all} of an earlier version` : "current"), className: (f) => (f.earlier ? "is-old" : "") },
+    { key: "state", title: "version", text: (f) => (f.earlier === f.all ? "all of an earlier version" : f.earlier ? `${f.earlier} of ${f.all} of an earlier version` : "latest here"), className: (f) => (f.earlier ? "is-old" : "") },
     { key: "name", title: "folder", text: (f) => f.name, node: (f) => (DATA.addresses ? el("a", { href: `${f.name}/index.html` }, f.name) : f.name) },
   ];
   const rows = folders.map((f) => {

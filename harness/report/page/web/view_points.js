@@ -30,7 +30,7 @@ function viewPoints(host) {
     ...(all ? [
       ...["lights", "frames", "rounds", "samples", "triangles"].map(counted), plain("settings", "settings"),
       plain("stand", "scene is", (p) => (isStandIn(p) ? "a stand-in" : p.source_file ? "a file" : "procedural")), hash("scene_sha256", "scene's arrays"),
-      plain("version", "version", (p) => (p.earlier ? "earlier" : "current")), hash("method_sha256", "method's source"),
+      plain("version", "version", (p) => (p.earlier ? "earlier" : "latest here")), hash("method_sha256", "method's source"),
       { ...plain("started", "measured, UTC", (p) => (p.started ? new Date(1000 * p.started).toISOString().slice(0, 16).replace("T", " ") : "–")), value: (p) => p.started },
       hash("run", "run"), hash("environment", "environment"), { ...plain("commit", "commit", commit), node: (p) => el("code", {}, commit(p).slice(0, 10)) }, hash("key", "record")] : []),
   ];
