@@ -47,7 +47,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         document.write_csv(stages, stages_csv, _floor.COLUMNS) if len(stages) else None,
         panels.bars(
             folder / "frame_time.svg", done.assign(text=[beside(row) for row in done.to_dict("records")]), facet="title",
-            across=across, cut=CUT, room=2.1, legend=3 * across, below="\n".join(below),
+            across=across, cut=CUT, room=2.4, legend=3 * across, below="\n".join(below),
         ),
     ]  # fmt: skip
     floor = over_floor(done, stages)
