@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from helpers.answers import Answers, assert_same, trace  # noqa: F401
+from helpers.answers import Answers, trace
 from helpers.exact_answers import assert_right, exact_answers
 from helpers.small_scenes import make_scene, soup
 from numpy.typing import NDArray

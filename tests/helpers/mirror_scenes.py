@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.method_trials import box, trace
+from helpers.answers import trace
+from helpers.method_trials import box
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.hardcases.shapes import Mesh, ball, joined, quad
 from shadowbench.harness.judge.reference import embree_installed

@@ -1,6 +1,6 @@
 """The paper's method under drawn settings of its knobs."""
 
-from helpers.method_trials import trace
+from helpers.answers import trace
 from shadowbench.methods.perspective_spherical.parameters import (
     BALANCING,
     CLAMPS,

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from helpers.experiment_records import record_of, write_records  # noqa: F401
+from helpers.experiment_records import record_of
 from shadowbench.harness.runner.planning.experiment import Entry
 
 SCENES = {

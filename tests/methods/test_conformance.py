@@ -7,17 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
-from helpers.method_trials import (
-    TRIALS,
-    Answers,
-    assert_exact,
-    assert_misses,
-    assert_nearly,
-    assert_same,
-    moving,
-    random_trial,
-    trace,
-)
+from helpers.answers import Answers, assert_same, trace
+from helpers.method_trials import TRIALS, assert_exact, assert_misses, assert_nearly, moving, random_trial
 from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from helpers.tuned_trees import tuned

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.answers import assert_same
 from helpers.judged_hard_cases import EVERYTHING
-from helpers.method_trials import assert_same
 from helpers.real_scenes import MESHES, needs_real
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method

@@ -4,8 +4,7 @@ import json
 
 import pandas as pd
 import pytest
-from helpers.experiment_records import record_of
-from helpers.table1_records import write_records
+from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.report import numbers
 from shadowbench.harness.report.document import effort, names

@@ -3,7 +3,8 @@
 import re
 
 import pytest
-from helpers.table1_records import METHODS, record, write_records
+from helpers.experiment_records import write_records
+from helpers.table1_records import METHODS, record
 from shadowbench.experiments import table1
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError

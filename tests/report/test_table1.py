@@ -4,7 +4,8 @@ import re
 
 import pandas as pd
 import pytest
-from helpers.table1_records import METHODS, SCENES, record, score, write_records
+from helpers.experiment_records import write_records
+from helpers.table1_records import METHODS, SCENES, record, score
 from shadowbench.experiments import table1
 from shadowbench.harness.report import document, numbers, panels
 from shadowbench.harness.report import paper_table1 as paper

@@ -4,8 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
-from helpers.experiment_records import record_of
-from helpers.table1_records import write_records
+from helpers.experiment_records import record_of, write_records
 from helpers.tiny_runs import options
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.commands.run import plan_run

@@ -5,12 +5,13 @@ import functools
 from typing import Any
 
 import pytest
+from helpers.answers import Answers, assert_same, trace
 from helpers.drawn_examples import EXAMPLES, some
 from helpers.effect_scenes import all_mirrors
 from helpers.holed_scenes import SIZE as HOLED_SIZE
 from helpers.holed_scenes import holed
 from helpers.lattice_examples import Example, true_errors
-from helpers.method_trials import Answers, assert_exact, assert_nearly, assert_same, random_trial, trace
+from helpers.method_trials import assert_exact, assert_nearly, random_trial
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.small_scenes import make_scene, soup
 from helpers.tuned_trees import tuned

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.method_trials import assert_exact, trace
+from helpers.answers import trace
+from helpers.method_trials import assert_exact
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method
 

@@ -6,8 +6,9 @@ import sys
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import trace
 from helpers.holed_scenes import SIZE, answers_of, holed
-from helpers.method_trials import TRIALS, assert_lit, assert_misses, assert_nearly, trace
+from helpers.method_trials import TRIALS, assert_lit, assert_misses, assert_nearly
 from helpers.mirror_scenes import answered, hall_of_mirrors, plane_and_ball
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from helpers.method_trials import assert_lit, assert_nearly, assert_same, lattice, moving, random_trial, trace
+from helpers.answers import assert_same, trace
+from helpers.method_trials import assert_lit, assert_nearly, lattice, moving, random_trial
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method

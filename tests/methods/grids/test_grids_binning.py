@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.method_trials import TRIALS, assert_exact, lattice, listed, random_trial, trace
+from helpers.answers import trace
+from helpers.method_trials import TRIALS, assert_exact, lattice, listed, random_trial
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.hardcases.shapes import joined, moved
 

@@ -1,8 +1,7 @@
 """Rays through the cells of one grid (``walk.py``): what they test, and the same answers through one cell and through
 many."""
 
-from helpers.answers import answers_in
-from helpers.method_trials import assert_same, trace
+from helpers.answers import answers_in, assert_same, trace
 from helpers.small_scenes import make_scene, soup
 
 NAME = "uniform_grid"

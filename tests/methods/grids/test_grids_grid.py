@@ -3,7 +3,7 @@ scene."""
 
 import numpy as np
 import pytest
-from helpers.method_trials import trace
+from helpers.answers import trace
 from helpers.small_scenes import make_scene, soup
 
 NAME = "uniform_grid"

@@ -5,9 +5,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in
+from helpers.answers import answers_in, assert_same, trace
 from helpers.effect_scenes import POINT, scene
-from helpers.method_trials import assert_same, trace
 from helpers.mirror_scenes import answered, hall_of_mirrors
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.registry import make_method

@@ -6,8 +6,8 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import assert_same
 from helpers.launched import launched
-from helpers.method_trials import assert_same
 from helpers.paper_knobs import answers_of
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.geometry import filled

@@ -3,7 +3,7 @@ bits of those that do not, and what they count adds up."""
 
 import pytest
 import warp as wp
-from helpers.method_trials import assert_same
+from helpers.answers import assert_same
 from helpers.paper_knobs import answers_of
 from helpers.small_scenes import make_scene, soup
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel

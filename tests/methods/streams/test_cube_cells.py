@@ -6,9 +6,10 @@ import itertools
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import trace
 from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
-from helpers.method_trials import assert_exact, trace
+from helpers.method_trials import assert_exact
 from helpers.small_scenes import make_scene
 from helpers.streams import on_gpu_side, trial
 from shadowbench.harness.frame.registry import make_method

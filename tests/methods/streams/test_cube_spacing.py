@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import assert_same, trace
 from helpers.launched import launched
 from helpers.lights_of_session import lights_of_session
-from helpers.method_trials import assert_same, lattice, trace
+from helpers.method_trials import lattice
 from helpers.small_scenes import make_scene
 from helpers.streams import trial
 from shadowbench.harness.frame.effects.specialise import with_type

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import answers_in
+from helpers.answers import answers_in, assert_same
 from helpers.launched import launched
-from helpers.method_trials import assert_same
 from helpers.second_judge import Flat, exactly
 from shadowbench.harness.frame.geometry import Corners
 from shadowbench.harness.frame.registry import make_method

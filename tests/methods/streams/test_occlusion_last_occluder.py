@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in
-from helpers.method_trials import assert_same
+from helpers.answers import answers_in, assert_same
 from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from numpy.typing import NDArray

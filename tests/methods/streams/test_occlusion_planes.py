@@ -1,8 +1,9 @@
 """A light in the plane of a large triangle: its rays are decided by planes, not one by one in float64."""
 
 import pytest
+from helpers.answers import trace
 from helpers.exact_answers import assert_right, exact_answers
-from helpers.method_trials import box, trace
+from helpers.method_trials import box
 from helpers.small_scenes import make_scene
 from helpers.streams import trial
 from shadowbench.harness.hardcases.shapes import joined, quad

@@ -3,7 +3,7 @@ ones apart from large ones, in one array."""
 
 import numpy as np
 import pytest
-from helpers.method_trials import trace
+from helpers.answers import trace
 from helpers.small_scenes import make_scene, soup
 from helpers.streams import on_gpu_side, trial
 from shadowbench.methods.gpu.prefetch import FEW_ROWS

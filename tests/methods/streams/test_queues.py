@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers.method_trials import assert_same, trace
+from helpers.answers import assert_same, trace
 from helpers.small_scenes import make_scene, soup
 from helpers.streams import on_gpu_side, trial
 from shadowbench.harness.errors import CapacityRejected

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
+from helpers.answers import assert_same, trace
 from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
 from helpers.lights_of_session import placings_of_session
-from helpers.method_trials import assert_same, trace
 from helpers.small_scenes import soup
 from helpers.streams import trial
 from shadowbench.harness.frame.effects.receivers import reached_by

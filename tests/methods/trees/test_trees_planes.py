@@ -5,7 +5,8 @@ Pairs of triangles with a common edge: shadow rays leave out what cannot hide th
 
 import numpy as np
 import pytest
-from helpers.method_trials import assert_exact, assert_same, trace
+from helpers.answers import assert_same, trace
+from helpers.method_trials import assert_exact
 from helpers.small_scenes import make_scene, soup
 from helpers.tuned_trees import tuned
 from shadowbench.harness.scene.scene import Light

@@ -5,7 +5,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.method_trials import assert_exact, assert_same, trace
+from helpers.answers import assert_same, trace
+from helpers.method_trials import assert_exact
 from helpers.small_scenes import make_scene
 from helpers.tuned_trees import tuned
 from shadowbench.harness.frame.registry import make_method

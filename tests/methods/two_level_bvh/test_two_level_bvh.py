@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.answers import assert_same
 from helpers.effect_scenes import BEHIND, SPOT, all_mirrors
 from helpers.judged_hard_cases import judged
-from helpers.method_trials import assert_same, lattice
+from helpers.method_trials import lattice
 from helpers.rigid_scenes import GROUND, LIGHTS, NAME, SCENES, assert_exact_in_frames, dealt, moving, tumbling, turn
 from helpers.small_scenes import soup
 from shadowbench.harness import api

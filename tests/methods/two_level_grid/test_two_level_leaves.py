@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from helpers.method_trials import TRIALS, assert_same, listed, random_trial, trace
+from helpers.answers import assert_same, trace
+from helpers.method_trials import TRIALS, listed, random_trial
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.hardcases.shapes import joined, quad
 

@@ -3,8 +3,8 @@ every setting."""
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in
-from helpers.method_trials import assert_exact, assert_same, trace
+from helpers.answers import answers_in, assert_same, trace
+from helpers.method_trials import assert_exact
 from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from shadowbench.harness.scene.prepared import Prepared
