@@ -19,9 +19,9 @@ from ..results.record import FAILURES, Record, SceneFacts
 from ..results.schema import whole_record
 from ..scene.catalogue import name_in
 from ..scene.chosen_view import ChosenView
-from ..scene.declaration import SUFFIX
 from ..scene.names import NAMES, TITLES
 from ..scene.overrides import Lighting
+from ..scene.readers.load import DECLARATION
 from ..typed_json import WrongFieldError, checked
 from .planning.run_options import Options
 from .source.closure import HARNESS, closure_hash
@@ -50,7 +50,7 @@ def _scene_id(load: dict[str, Any]) -> str:
     """A hash of everything that a scene's facts depend on: its files, image size, lights, and the code that makes it."""
     name, folder = load["scene"], load["scene_dir"]
     # A declared scene may use the mesh of any stand-in.
-    makers = [one for one in NAMES if name == one or Path(name).suffix.lower() == SUFFIX]
+    makers = [one for one in NAMES if name == one or Path(name).suffix.lower() == DECLARATION]
     code = closure_hash([*MAKING, *(f"{HARNESS}.scene.standins.{one}" for one in makers)])
     what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting", "view") if key in load}
     source = ChosenView.read(load.get("view")).resolved(name, folder).source

@@ -15,14 +15,14 @@ from typing import Any
 
 from ..errors import UserError, did_you_mean, install, note, one_line, warn
 from ..texts import visible
-from .declaration import SUFFIX, declared_scene
+from .declaration import declared_scene
 from .facts import triangles
 from .names import BUNNY, NAMES, TITLES, scene_names, stand_in
 from .offered import FURTHER
 from .readers import usd
 from .readers.apart import load, load_sequence
 from .readers.checks import ALL, Loaded, Wanted, within_range
-from .readers.load import READERS, SUFFIXES, source
+from .readers.load import DECLARATION, READERS, SUFFIXES, source
 from .readers.sequences import is_pattern, matching, numbered, plain_name
 from .scene import Camera, Light, Scene
 from .shape import Shape, shape_of
@@ -80,7 +80,7 @@ def _found(name: str | Path, scene_dir: str | Path | None, wanted: Wanted, withi
         _without_file(text, wanted)
         return balls.scene(text)
     path = Path(text)
-    if path.suffix.lower() == SUFFIX:
+    if path.suffix.lower() == DECLARATION:
         try:
             here = path.resolve()
         except (OSError, RuntimeError) as error:  # a cycle of links
@@ -190,7 +190,7 @@ def bunny_file() -> Path:
 def name_in(path: Path) -> str:
     """The name of the scene in a file."""
     known, plain = path.stem.lower(), _plain(path.stem)
-    if path.suffix.lower() == SUFFIX:
+    if path.suffix.lower() == DECLARATION:
         # A scene of the paper with other lights or effects gets another name: the paper's numbers do not apply.
         return f"{plain}-declared" if plain in scene_names() else plain
     return known if known in NAMES else plain

@@ -28,12 +28,9 @@ from .declared_views import CAMERA, camera_of, lights_of, named_cameras
 from .effects import OUTPUTS
 from .light_paths import Orbit
 from .readers.checks import ALL, Wanted, refuse_pointer
-from .readers.load import DECLARATION
 from .readers.sequences import is_pattern
 from .scene import Scene
 from .surface_rules import largest_triangles, perforated
-
-SUFFIX = DECLARATION
 
 MOST_BYTES = 1 << 20
 """Longest declaration, bytes."""

@@ -8,9 +8,8 @@ import pytest
 from helpers import mesh_files as files
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.declaration import SUFFIX
 from shadowbench.harness.scene.readers import checks
-from shadowbench.harness.scene.readers.load import READERS, SUFFIXES, UNREAD, load
+from shadowbench.harness.scene.readers.load import DECLARATION, READERS, SUFFIXES, UNREAD, load
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
 EXAMPLE = re.compile(r"```(\w+)\n((?:(?!```).)*)```\n\nRead as (.*?)\.\n", re.DOTALL)
@@ -18,7 +17,7 @@ EXAMPLE = re.compile(r"```(\w+)\n((?:(?!```).)*)```\n\nRead as (.*?)\.\n", re.DO
 
 def test_every_ending_that_is_read_stands_in_the_first_table():
     first = TEXT.split("## The same for all")[0]
-    assert set(re.findall(r"`(\.\w+)`", first)) == {*SUFFIXES, SUFFIX}
+    assert set(re.findall(r"`(\.\w+)`", first)) == {*SUFFIXES, DECLARATION}
     for suffix in READERS:
         assert re.search(rf"^## .*`{re.escape(suffix)}`", TEXT, re.MULTILINE), f"{suffix} has no section"
 
