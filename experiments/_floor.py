@@ -46,8 +46,7 @@ MACHINES = {
 }
 """Devices whose rates are known, by the name that records give them."""
 
-WorkOf = Callable[[dict[str, Any], str], Work | None]
-"""(row of a tidy table, name of a pass) to the work of that pass; None where it is not known."""
+WorkOf = Callable[[dict[str, Any], str], Work | None]  # a tidy row and a pass to its work, if known
 
 SCENE = ["scene", "width", "height"]
 COLUMNS = [*SCENE, "stage", "part", "ms", "floor_ms", "times", "bytes_mb", "tests_m", "launches"]
@@ -88,17 +87,12 @@ def of_frames(found: DataFrame) -> Series:
     return floors.dropna().rename("frame_floor_ms")
 
 
-TRIANGLE = 12 + 1
-"""Bytes of a triangle's indices and of whether it is valid."""
+TRIANGLE = 12 + 1  # bytes of a triangle's indices and of whether it is valid
 VERTEX = 12
-WORD = 8
-"""Bytes of a pixel's nearest word."""
-ANSWER = 4 * 4
-"""Bytes of a pixel's triangle, distance and weights."""
-POINT, OWN, SLOT = 16, 4, 8
-"""Bytes of a ray's hit point in float32, of its own triangle and of its slot in the cells."""
-ITEM, RECORD, GROUP, PAIR = 16, 64, 128, 8
-"""Bytes of a queued item, of a triangle's planes, of a light's group of rows with both, of an undecided pair."""
+WORD = 8  # bytes of a pixel's nearest word
+ANSWER = 4 * 4  # bytes of a pixel's triangle, distance and weights
+POINT, OWN, SLOT = 16, 4, 8  # bytes of a ray's hit point in float32, of its own triangle and of its slot in the cells
+ITEM, RECORD, GROUP, PAIR = 16, 64, 128, 8  # bytes: queued item, triangle's planes, light's rows, undecided pair
 FORMER = {"chunks": "parts", "undecided pairs": "doubtful pairs"}
 """Names of counters in the records of earlier versions, whose passes have these words, too."""
 

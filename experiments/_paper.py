@@ -15,14 +15,9 @@ from ..methods.perspective_spherical.parameters import PAPER
 
 METHOD = "perspective_spherical"
 
-SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
-"""The paper's, in its order."""
-
-REAL = ("bunny",) if find_spec("pxr") else ()
-"""A small real scene that needs no download, where USD files can be read."""
-
-UNBALANCED = "65536"
-"""A value of r that hardly any tile exceeds, except where a far light leaves few tiles: no load balancing."""
+SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")  # the paper's, in its order
+REAL = ("bunny",) if find_spec("pxr") else ()  # a small real scene that needs no download, where USD files can be read
+UNBALANCED = "65536"  # hardly any tile has so many rays, except where a far light leaves few tiles: no load balancing
 
 
 def faithful(label: str, **changes: str) -> Entry:

@@ -41,8 +41,7 @@ CAMERA_TURN, LIGHT_TURN = 1.0 / 360.0, 4.0 / 360.0
 INPUTS = "points valid eye axes max_coordinate tangents column row lights proxy_positions spots".split()
 """The arrays of a frame that :meth:`.frame.frame.Frame.load` fills."""
 
-Kept = list[tuple[wp.array, wp.array]]
-"""The arrays of a frame, and a copy of each that holds a moment."""
+Kept = list[tuple[wp.array, wp.array]]  # the arrays of a frame, and a copy of each that holds a moment
 
 
 def moment_before(prepared: Prepared, frame: int, share: float, width: int, height: int) -> Moment:

@@ -9,11 +9,8 @@ from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
 
 OURS = Entry("ray_grids", {}, "ray grids")
-HYBRID = Entry("hybrid", {}, "hybrid")
-"""The camera's stream of ray grids with a tree for the shadow rays."""
-
-RASTERISED = Entry("visibility_buffer", {}, "visibility buffer")
-"""Rasterisation with irregular z-buffers, which has no structure of the triangles."""
+HYBRID = Entry("hybrid", {}, "hybrid")  # the camera's stream of ray grids with a tree for the shadow rays
+RASTERISED = Entry("visibility_buffer", {}, "visibility buffer")  # irregular z-buffers: no structure of the triangles
 
 REBUILT = (
     Entry("bvh2", {}, "BVH2 rebuilt"),

@@ -23,8 +23,7 @@ from ..harness.scene.overrides import Lighting
 from ..harness.scene.prepared import Prepared, prepare
 from ..harness.texts import numbered
 
-SIZE = 0.08
-"""Diameter of the light in radii of the scene: half a metre in a room six metres across."""
+SIZE = 0.08  # diameter of the light in radii of the scene: half a metre in a room six metres across
 
 REFERENCE = 256
 EXACT = "every exact method"
@@ -32,8 +31,7 @@ JUDGES = (Entry("bvh2"), Entry("two_level_grid"))
 """What the pictures of the exact methods and of the reference are made with, the first that has room for all targets;
 records say whether a method answers as they do."""
 
-Made = tuple[dict[str, NDArray], NDArray[np.uint8]]
-"""Answers, and their picture."""
+Made = tuple[dict[str, NDArray], NDArray[np.uint8]]  # answers, and their picture
 
 
 def targets(*counts: int) -> tuple[Lighting, ...]:
@@ -112,8 +110,7 @@ def errors(options: Options, name: str, found: list[tuple[str, NDArray[np.uint8]
     found.append((f"reference, {REFERENCE} targets", reference[1]))
 
 
-TILE = 320
-"""Largest height of a picture in a sheet, pixels: sheets are kept with the results."""
+TILE = 320  # largest height of a picture in a sheet, pixels: sheets are kept with the results
 
 
 def side_by_side(found: list[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:

@@ -80,8 +80,7 @@ COLUMNS = [
     *document.COMMON, "ratio", "ratio_to_best", "pairs", "primary_tests_per_ray", "shadow_tests_per_ray", "built",
 ]  # fmt: skip
 ORDER = [entry.label for entry in METHODS]
-APART = [TREE, *(entry.label for entry in LEFT_OUT)]
-"""Entries that are not a change to the paper's configuration."""
+APART = [TREE, *(entry.label for entry in LEFT_OUT)]  # entries that are not a change to the paper's configuration
 BASES = {"ratio": BASE, "ratio_to_best": BEST, "ratio_to_tree": TREE}
 
 

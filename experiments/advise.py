@@ -14,8 +14,7 @@ from ._paper import large, small
 
 QUICK = (*_rivals.FEW, Entry("embree", {}, "Embree"))
 COLUMNS = [*document.COMMON, "times_fastest_exact", "memory_bytes", "built", "in_each_frame"]
-KEPT = Path("results")
-"""Where records of ``crossover`` are looked for."""
+KEPT = Path("results")  # where records of `crossover` are looked for
 MORE = {"lights": "lights", "moving": "% of the triangles moving", "pixels": "pixels"}
 """What may change the answer for a given scene: columns of :func:`.crossover.read`, and their unit in a sentence."""
 

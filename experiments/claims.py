@@ -34,12 +34,10 @@ LARGE, SMALL = ("fairy", "sibenik", "conference"), ("bunny_dragon", "cloth", "bu
 """Scenes with large triangles, and scenes of small ones only (but for a ground)."""
 
 BUDDHA = "Buddha with direct and indirect mapping", "buddha"
-LEFT = 1.5
-"""Load balancing compensates for the light's position if the slowest takes at most this many times the fastest."""
+LEFT = 1.5  # the light's position is compensated if the slowest takes at most this many times the fastest
 
 Judge = Callable[[Evidence], Finding]
-CLAIMS: list[Claim] = []
-"""In the order of this file."""
+CLAIMS: list[Claim] = []  # in the order of this file
 
 
 def claim(text: str, section: str, *experiments: str, counted: bool = False) -> Callable[[Judge], Judge]:

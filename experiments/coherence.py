@@ -32,8 +32,7 @@ ABOUT = (
     "middle, the camera by one about its target, vertices move on straight lines. In brackets: the share of the shadowed "
     "rays that their last occluder settled. Answers were compared bit by bit with those of the frame without occluders."
 )
-PARTS = ("build_ms", "trace_ms", "light_build_ms", "shadow_ms")
-"""Not measured apart."""
+PARTS = ("build_ms", "trace_ms", "light_build_ms", "shadow_ms")  # not measured apart
 COLUMNS = [name for name in document.COMMON if name not in PARTS]
 COLUMNS += "step ratio ratio_spread settled memory_bytes".split()
 

@@ -34,8 +34,7 @@ ABOUT = (
     "Bytes a ray: memory over primary and shadow rays. Tests: of triangles, by a ray, where they are counted. SAH cost and "
     "expected tests: of a ray through the scene's box, in a tree, by the areas of its boxes; a node counts 1.2 tests."
 )
-MOST_IDLE = 0.75
-"""Share of the power while frames are replayed that an idle card draws at most."""
+MOST_IDLE = 0.75  # share of the power while frames are replayed that an idle card draws at most
 NOT_IDLE = "something else used the card while it should have been idle"
 LACKING = {"energy_missing": "No energy", "flight_missing": "No second frame in flight"}
 

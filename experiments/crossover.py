@@ -33,8 +33,7 @@ AXES = {
 }
 """The swept quantities, by column."""
 MAPS = (("triangles", "pixels"), ("triangles", "seen"))
-NATURAL = -1
-"""In the columns ``seen`` and ``moving``: the scene's own camera; nothing moves and there is one frame."""
+NATURAL = -1  # in the columns `seen` and `moving`: the scene's own camera; nothing moves and there is one frame
 ROOMS = ("sibenik", "conference")
 COLUMNS = [*document.COMMON, "room", *AXES, "memory_bytes", "fastest_exact", "fastest"]
 EXACT, EVERY = "exact", "all, exact or not"

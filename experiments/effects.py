@@ -23,8 +23,7 @@ METHODS = (
 )
 
 BASE = "one light"
-SPOT, NARROW, WIDE = 20.0, 10.0, 40.0
-"""Half-angles of spots, degrees."""
+SPOT, NARROW, WIDE = 20.0, 10.0, 40.0  # half-angles of spots, degrees
 
 EFFECTS = (
     Lighting("no shadows", count=1, shadows=False),
@@ -42,8 +41,7 @@ EFFECTS = (
 )
 """Each effect alone against one point light with shadows, then together."""
 
-PLAIN = 8
-"""Number of them that need only lights; the others are measured last, because their reference takes longest."""
+PLAIN = 8  # number of them that need only lights; the others are measured last, because their reference takes longest
 
 CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED)
 LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])

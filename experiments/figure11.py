@@ -21,11 +21,8 @@ from ._paper import UNBALANCED, faithful, large, small
 
 CLAMPS = ("none", "hits")
 VALUES = ("32", "64", "128")
-LARGE = ("32", "64", "128", "256", "1024")
-"""At 1024x1024 a tile may hold thousands of rays; with this r they are hardly divided."""
-
-FORMAT_R = "64"
-"""The r at which number formats are compared."""
+LARGE = ("32", "64", "128", "256", "1024")  # at 1024x1024 these r divide hardly any tile
+FORMAT_R = "64"  # the r at which number formats are compared
 
 TRAVERSAL = ("shadow", "shadow rays")
 PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"

@@ -26,8 +26,7 @@ METHODS = (
     faithful(DIRECT_SMALL, tile="8", k="1"),
 )
 
-SHOWN = (DIRECT, DIRECT_SMALL, INDIRECT)
-"""Maps of these are drawn; further settings are in the table and the CSV."""
+SHOWN = (DIRECT, DIRECT_SMALL, INDIRECT)  # maps of these are drawn; further settings are in the table and the CSV
 BASES = {"": DIRECT, "_same_tiles": DIRECT_SMALL}
 MOST = "counter.primary tests, most"
 STATISTICS = ["tests_mean", "tests_median", "tests_p99", "tests_most"]

@@ -15,11 +15,8 @@ from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, large, small
 
-FAIRY = (0.05, 1.25, 0.0)
-"""Where the fairy of the stand-in hovers."""
-
-FALLING, FALL_OFF = 10.0, 150.0
-"""Half-angle, and the exponent that leaves a tenth of the light at that angle."""
+FAIRY = (0.05, 1.25, 0.0)  # where the fairy of the stand-in hovers
+FALLING, FALL_OFF = 10.0, 150.0  # half-angle, and the exponent that leaves a tenth of the light at that angle
 
 LIGHTINGS = (
     Lighting(),

@@ -29,8 +29,7 @@ METHODS = (
 RATIO = ["times_fastest_exact", "low", "high"]
 """Time over that of the fastest exact method of the scene, and its range between rounds."""
 COLUMNS = [*document.COMMON, *RATIO, "memory_bytes", "built", "in_each_frame"]
-CUT = 5.0
-"""A bar longer than this many times the shortest of its panel is cut off: rivals that are near each other are told apart."""
+CUT = 5.0  # longer bars are cut off, in shortest bars of the panel: rivals that are near each other are told apart
 FLOOR = "Floor: bytes over bandwidth or ray-triangle tests over rate, and launches; stage by stage in frame_time-stages.csv."
 
 

@@ -18,8 +18,7 @@ from ..harness.texts import numbered
 from . import _rivals
 from ._paper import large, small
 
-EVERY = 5
-"""Frames from one kept tree to the next."""
+EVERY = 5  # frames from one kept tree to the next
 REBUILT, FIRST = _rivals.REBUILT[0], _rivals.REFITTED[0]
 KEPT = tuple(
     Entry("bvh2", {"update": "refit", "tree_frame": str(k)}, f"tree of frame {k}")

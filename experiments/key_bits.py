@@ -34,8 +34,7 @@ from ._paper import large, small
 from ._rounds import Rounds, judged, results
 
 BITS = (8, 12, 16, 18, 20, 24, 32)
-HERE = 18
-"""The paper's."""
+HERE = 18  # the paper's
 NAME, SORT = "radix_sort_pairs", "sort pairs"
 PASS = ("build", SORT)
 COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]

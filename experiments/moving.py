@@ -37,8 +37,7 @@ WORK = [
 FRAME = ["frame", "total_ms", "iqr_ms", "true_errors", *(f"{part}_ms" for part in PART_COLUMNS.values()), *WORK]
 COLUMNS = [*document.COMMON, "frame", "turn", *WORK]
 TIMES = {"fastest": "min", "median": "median", "slowest": "max"}
-TAILS = {"p95_ms": "95", "p99_ms": "99"}
-"""Percentiles of the samples of all places, per cent."""
+TAILS = {"p95_ms": "95", "p99_ms": "99"}  # percentiles of the samples of all places, per cent
 PAPER_SAYS = "The paper moves its lights too, and rebuilds everything each frame; it shows no path."
 
 

@@ -18,8 +18,7 @@ from ._paper import SCENES, large, small
 
 GRIDS = _rivals.GRIDS[1:]
 TREES = (*_rivals.REBUILT, _rivals.REFITTED[0], Entry("embree", {}, "Embree"))
-BOTH = (_rivals.HYBRID,)
-"""A tree for mirrored rays beside another structure for primary rays."""
+BOTH = (_rivals.HYBRID,)  # a tree for mirrored rays beside another structure for primary rays
 METHODS = (*GRIDS, *TREES, *BOTH)
 BASE = "no mirrors"
 LIGHTINGS = (

@@ -30,8 +30,7 @@ FILTERED = tuple(
     for name, spread in (("narrow", "0.25"), ("wide", "1"))
 )
 METHODS = (OURS, *REBUILT[:2], HYBRID, WITH_TREE, RASTERISED, *FILTERED)
-SCENES = ("sibenik", "conference", "fairy", "buddha", "cloth")
-"""Two rooms, two open scenes, and one that moves."""
+SCENES = ("sibenik", "conference", "fairy", "buddha", "cloth")  # two rooms, two open scenes, and one that moves
 
 ERROR = ["rmse", "largest", "flip_error"]
 COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]

@@ -35,8 +35,7 @@ METHODS = (
 )
 """The rows, in the order of the table. A line here adds a row."""
 
-QUICK = tuple(e for e in METHODS if e.label in QUICK_ROWS)
-"""The methods that a CPU compiles and runs in less than four minutes."""
+QUICK = tuple(e for e in METHODS if e.label in QUICK_ROWS)  # a CPU compiles and runs these in four minutes
 
 COLUMNS = ["origin", *document.COMMON, *(
     "source source_file source_sha256 method_title built build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
@@ -49,8 +48,7 @@ PARTS = {
     "scene": "title", "method": "row", **{name: name for name in PART_COLUMNS}, "whole": "ms", "±": "around",
     "answers": "error", "Mrays/s": "rate", "MB": "mb",
 }  # fmt: skip
-CUT = 8.0
-"""A bar more than this many times longer than the shortest of its scene is cut off; its number stands beside it."""
+CUT = 8.0  # longer bars are cut off, in shortest bars of the scene; their number stands beside them
 ABOUT = (
     f"{numbers.OK} no wrong answer; {numbers.WRONG} n: n wrong pixels and shadow bits over all frames measured; "
     f"{numbers.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "

@@ -31,8 +31,7 @@ QUICK = (*GRIDS[:3], *GRIDS[5:], Entry("embree", {}, "Embree"))
 COLUMNS = [
     *document.COMMON, "frames_per_s", "ms_per_light", "further_ms", "further_over_first", "shadow_rays",
 ]  # fmt: skip
-PAPER = "the paper, on Fairy: 7.6, its kd-tree peer 5.26, and 60 % more time for the second light"
-"""Section 5: Fairy with two lights, GTX 280, 1024x1024."""
+PAPER = "the paper, on Fairy: 7.6, its kd-tree peer 5.26, and 60 % more time for the second light"  # section 5
 
 
 def own_passes(points: DataFrame) -> Series:

@@ -30,8 +30,7 @@ COMMANDS = {
 }  # fmt: skip
 """The module of :mod:`.commands` and the function of each command (:func:`.commands.options.command`)."""
 
-EVERYWHERE = ("--debug", "--no-wait")
-"""Options of the program itself: accepted before and after the command."""
+EVERYWHERE = ("--debug", "--no-wait")  # options of the program itself: accepted before and after the command
 
 SEVERAL = ("--scene", "--method", "--set")
 """Options that take several values after one flag, if they come after the command's own argument."""

@@ -30,8 +30,7 @@ def warn(text: str) -> None:
     say(f"shadowbench: warning: {text}")
 
 
-LONGEST = 500
-"""Characters of another program's error that are worth reading: it may repeat the contents of a file."""
+LONGEST = 500  # characters of another program's error that are worth reading: it may repeat the contents of a file
 
 
 def one_line(error: BaseException) -> str:

@@ -9,8 +9,7 @@ from typing import Any
 
 _DIRECTIONS = "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
 _ENDS_AND_MARKS = "\u2028\u2029\ufeff\ufff9-\ufffb\ufffe\uffff"
-_HALVES = "\ud800-\udfff"
-"""Halves of characters: bytes of a name that are not UTF-8, or wrong JSON."""
+_HALVES = "\ud800-\udfff"  # halves of characters: bytes of a name that are not UTF-8, or wrong JSON
 
 _UNSEEN = re.compile(f"[\x00-\x1f\x7f-\x9f{_DIRECTIONS}{_ENDS_AND_MARKS}{_HALVES}]")
 _UNSEEN_IN_JSON = re.compile(rf"[\x7f-\x9f{_DIRECTIONS}{_ENDS_AND_MARKS}\\]")

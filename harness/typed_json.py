@@ -8,8 +8,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Annotated, Any, Required, Union, get_args, get_origin, get_type_hints, is_typeddict
 
-OMITTED = {"omitted": True}
-"""Metadata of a dataclass field that is left out of the JSON while it has its default."""
+OMITTED = {"omitted": True}  # metadata of a dataclass field that is left out of the JSON while it has its default
 
 CALLED = {
     str: "text",
@@ -21,8 +20,7 @@ CALLED = {
 }
 """Names of the types of JSON for error messages."""
 
-LARGEST = 2**63 - 1
-"""Largest whole number, and least with a minus: tables hold them as int64."""
+LARGEST = 2**63 - 1  # largest whole number, and least with a minus: tables hold them as int64
 
 
 class WrongFieldError(ValueError):
@@ -40,8 +38,7 @@ def checked(kind: Any, value: Any, name: str = "") -> Any:
     return _check_of(kind)(value, name)
 
 
-Check = Callable[[Any, str], Any]
-"""(value, name of its field for the message) to the value as it is to be."""
+Check = Callable[[Any, str], Any]  # (value, name of its field for the message) to the value as it is to be
 
 
 @cache

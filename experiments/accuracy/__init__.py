@@ -128,18 +128,14 @@ GRID = (
     Entry("embree", {}, "Embree, robust"),
     Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
 )
-HARD = (*LADDER, *IN_GRIDS, *PEERS[3:])
-"""Points that are also run on the hard cases; without shadow maps, which are approximate there by design."""
-
-VARIANTS = "V "
-"""Prefixes of the names of cases that are scaled and moved copies of others; the quick preset leaves them out."""
+HARD = (*LADDER, *IN_GRIDS, *PEERS[3:])  # on the hard cases too; shadow maps are approximate
+VARIANTS = "V "  # prefixes of the names of cases that are scaled and moved copies; the quick preset leaves them out
 
 LONG = ("P17", "P29", "P31", "S16", "S19c", "S31", "S35")
 """Prefixes of cases for which the judge takes a second or more per point: many rays, or many exactly through vertices.
 The quick preset leaves them out too."""
 
-OF_EFFECTS = ("H", "M")
-"""Prefixes of cases with holes and mirrors: most points support opaque scenes only."""
+OF_EFFECTS = ("H", "M")  # prefixes of cases with holes and mirrors: most points support opaque scenes only
 
 DISTANCES = (1e-4, 1e-1, 1.5, 1e1, 1e3, 1e5, 1e7)
 OFFSETS = (0.0, 1e1, 1e3, 1e5)
@@ -147,13 +143,9 @@ TELLING = ("P29c", "P29d", "P29e", "P31 1e+07", "S31 1000")
 """Cases that the quick preset would leave out, but that are cheap and in which most of the inexact points are wrong."""
 GRID_SIZE = {"quick": 48, "paper": 128}
 
-CELL_S, CELL_TRIANGLE_S = 0.07, 1e-6
-"""Seconds of a method in a cell of the grid, and more for each triangle, at 48x48 pixels."""
-FAR_TRIANGLE_S = 1.2e-4
-"""More for each triangle at the largest offset, where float32 tells few triangles apart and the referee decides."""
-
-HARD_S = 10.0
-"""Seconds of a point on the hard cases of the quick preset."""
+CELL_S, CELL_TRIANGLE_S = 0.07, 1e-6  # seconds of a method in a cell of the grid at 48x48 pixels, and for each triangle
+FAR_TRIANGLE_S = 1.2e-4  # more at the largest offset, where float32 tells few triangles apart: the referee decides
+HARD_S = 10.0  # seconds of a point on the hard cases of the quick preset
 
 HARD_CASES = "hard-cases"
 

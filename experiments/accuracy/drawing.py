@@ -16,8 +16,7 @@ from ...harness.report.picture import opened
 from ...harness.results.pixel_maps import read_wrong, wrong_path
 from .untimed import HEAT as NAME
 
-Measure = tuple[str, str, str]
-"""A safety measure: its name, the label of the point that has it, and that of the otherwise equal point without it."""
+Measure = tuple[str, str, str]  # a safety measure: name, label of the point with it, and of the equal point without it
 
 CLASSES = {
     "primary_wrong": ("primary.true", "primary.invalid"), "acne": ("shadow.acne",), "leak": ("shadow.leak",),
@@ -27,11 +26,8 @@ COLUMNS = [
     *document.COMMON, "family", "level", "known_inexact", "wrong_per_frame", *CLASSES, "flip", "flip_missing", "on_frontier",
 ]  # fmt: skip
 COST = "Frame time with a safety measure over that without (=: within the noise, ?: not known)"
-ENOUGH = 4
-"""Number of repeats below which the noise is not known, so that no difference of times counts as a cost."""
-
-UNJUDGED = -1
-"""Number of disputed pixels from which only a sample is judged."""
+ENOUGH = 4  # number of repeats below which the noise is not known, so that no difference of times counts as a cost
+UNJUDGED = -1  # number of disputed pixels from which only a sample is judged
 
 PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "acne: says shadowed, is lit": ((Verdict.ACNE,), "#D55E00"),
@@ -49,8 +45,7 @@ HEAT = (
 SAMPLED = (
     "Of {} points a sample of the many answers that differ was judged; every other one counts as wrong, in no class."
 )
-LARGEST = 320
-"""Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
+LARGEST = 320  # pixels along a side of a panel: larger frames are cropped to where most is wrong
 
 
 def read(folder: Path) -> DataFrame:

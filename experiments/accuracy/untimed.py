@@ -33,8 +33,7 @@ from ...harness.runner.progress import Silent, counted
 from ...harness.scene.overrides import Lighting
 from ...harness.scene.prepared import Prepared, prepare, rounded, weld
 
-DIRECTION = np.array([0.48, 0.6, 0.64])
-"""Of the offset: no axis, so that no coordinate stays small. Unit length."""
+DIRECTION = np.array([0.48, 0.6, 0.64])  # Of the offset: no axis, so that no coordinate stays small. Unit length.
 
 HEAT, HARD = "accuracy_heat.csv", "accuracy_hard.csv"
 HEAT_COLUMNS = (

@@ -21,11 +21,8 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Scene
 
-REPEATS = 16
-"""Number of times that a frame is run again and its answers are compared: more than a quick run takes in a round."""
-
-REPEATS_S = 2.0
-"""Time limit for these repeats, seconds. At least one is always done."""
+REPEATS = 16  # times that a frame is run again to compare its answers: more than a quick run takes in a round
+REPEATS_S = 2.0  # Time limit for these repeats, seconds. At least one is always done.
 
 
 def entries_of(methods: Sequence[str] | None, settings: Sequence[str] | None) -> tuple[Entry, ...]:

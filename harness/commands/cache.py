@@ -12,8 +12,7 @@ from ..runner.machine.lock import MACHINE
 from ..texts import visible
 from .options import command
 
-MODULE = re.compile(r"wp_\w+|lto")
-"""Folders of compiled modules in the folder of a version of Warp. Nothing else is counted or removed."""
+MODULE = re.compile(r"wp_\w+|lto")  # folders of compiled modules in the folder of a Warp version; no others are touched
 
 VERSION = re.compile(r"\d+\.\d+\.\d+\w*")
 

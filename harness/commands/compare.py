@@ -28,13 +28,11 @@ ALLOWED = ("machine", "driver", "scene", "versions", "missing", "wrong")
 ``wrong``: those of :data:`GUARDS`.
 """
 
-GUARDS = ("missing", "wrong")
-"""What also fails with ``--fail-on slower``: a run that leaves out a point, or answers it wrongly, is not as fast."""
+GUARDS = ("missing", "wrong")  # fail with `--fail-on slower` too: a run that lacks or fails a point is not as fast
 
 FAILS = ("slower", "faster", "cannot-tell", *GUARDS)
 
-FIRST = 4
-"""How many names of a list are printed without ``--all``."""
+FIRST = 4  # how many names of a list are printed without `--all`
 
 
 @command(

@@ -17,11 +17,8 @@ from ..texts import numbered
 from .options import command
 from .show import show
 
-BULKY = ("images", "maps")
-"""Folders that are left out by default: pictures of scenes, and maps of the cost or the errors of each pixel."""
-
-DRAWN = (".csv", ".md", ".svg", ".png")
-"""Files beside the records that are copied: drawings, tables and notes."""
+BULKY = ("images", "maps")  # left out by default: pictures of scenes, and maps of the cost or the errors of each pixel
+DRAWN = (".csv", ".md", ".svg", ".png")  # files beside the records that are copied: drawings, tables and notes
 
 
 @command(

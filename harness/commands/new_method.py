@@ -13,11 +13,8 @@ from pathlib import Path
 from ..errors import UserError, install, say, writing
 from .options import command
 
-TEMPLATE = "template"
-"""The folder beside this file with the files of the package; their names and texts have the marks of :func:`filled`."""
-
-ENDING = ".txt"
-"""Suffix of the template's files, which are not modules of the harness; ``--`` in their names stands for a folder."""
+TEMPLATE = "template"  # the folder beside this file with the package's files; names and texts have marks of `filled`
+ENDING = ".txt"  # suffix of the template's files: they are no modules; `--` in their names stands for a folder
 
 LONGEST = 64
 

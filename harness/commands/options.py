@@ -29,8 +29,7 @@ if TYPE_CHECKING:  # every command needs this module, and few need what makes sc
     from ..scene.chosen_view import ChosenView
     from ..scene.scene import Vector
 
-FASTEST = 1e6
-"""Largest rate of an animation, frames a second."""
+FASTEST = 1e6  # largest rate of an animation, frames a second
 
 SHARED = """
 --method NAME               Name of a method. Repeatable. Default: all methods.
@@ -88,8 +87,7 @@ def described(texts: str) -> dict[str, Any]:
     return found
 
 
-COMPLETED = ("experiment", "method", "scene")
-"""Parameters whose names a shell can complete. It completes files itself."""
+COMPLETED = ("experiment", "method", "scene")  # Parameters whose names a shell can complete. It completes files itself.
 
 
 def completion(kind: str) -> Callable[[str], list[str]]:

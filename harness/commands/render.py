@@ -21,11 +21,8 @@ from ..scene.scene import Scene
 from .answering import default_method, require_frame, settings_by_method
 from .options import ONE_METHOD, command, number_or_frames
 
-SECONDS, MOST_SECONDS = 4.0, 3600.0
-"""Length of an animation whose file does not say its rate, and of any at most."""
-
-PLACES = 48
-"""Number of places of the light around a scene that does not move, without ``--frames``."""
+SECONDS, MOST_SECONDS = 4.0, 3600.0  # length of an animation whose file does not say its rate, and of any at most
+PLACES = 48  # number of places of the light around a scene that does not move, without `--frames`
 
 
 @dataclass(frozen=True, eq=False)

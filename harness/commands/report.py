@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 DEFAULT = "report.html"
 
-DOCS = Path("build/site")
-"""Where ``make docs`` writes the documentation."""
+DOCS = Path("build/site")  # where `make docs` writes the documentation
 
 
 @command(

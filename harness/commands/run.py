@@ -27,8 +27,7 @@ from ..scene.facts import few_hits
 from .options import checked_limit, command, number_or_frames
 from .show import RESULTS
 
-MOST_ROUNDS = 10_000
-"""The order of all rounds is made before the first."""
+MOST_ROUNDS = 10_000  # the order of all rounds is made before the first
 
 
 @command(

@@ -18,8 +18,7 @@ from ..texts import numbered
 from .listing import show
 from .options import command
 
-ARCHIVES = "archives"
-"""The folder, in the folder of scenes, that keeps the downloads and their checksums."""
+ARCHIVES = "archives"  # the folder, in the folder of scenes, that keeps the downloads and their checksums
 
 ACTIONS = ("fetch", "list")
 

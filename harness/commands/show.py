@@ -12,8 +12,7 @@ from ..results.schema import each_record
 from ..runner.planning.experiment import find_experiment
 from .options import command
 
-RESULTS = Path("results/local")
-"""The parent folder of results without ``--out``."""
+RESULTS = Path("results/local")  # the parent folder of results without `--out`
 
 
 @command(

@@ -13,8 +13,7 @@ from ..report.terminal import GAP, column_blocks, plain_console
 if TYPE_CHECKING:
     from rich.table import Table
 
-KEY = 16
-"""Width that the first column of a table in blocks has where its texts are as long as that."""
+KEY = 16  # width that the first column of a table in blocks has where its texts are as long as that
 
 
 def tell(facts: Any, as_json: bool, show: Callable[[Any], None]) -> None:

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 
 from ..scene.scene import AlphaMask
 
-OPAQUE, CLEAR = 1, 2
-"""Bits of :func:`texels_near`: an opaque texel, a transparent texel."""
+OPAQUE, CLEAR = 1, 2  # bits of `texels_near`: an opaque texel, a transparent texel
 
 ROUNDING = wp.constant(wp.float64(2.0**-50))
 

@@ -26,8 +26,7 @@ from .materials import LAMP, lamp_rows, reflectances
 
 MISS = -1
 
-AT_ONCE = 8
-"""Elements that a CPU may read at once: where it does, an array has room for so many beyond its end."""
+AT_ONCE = 8  # elements that a CPU may read at once: where it does, an array has room for so many beyond its end
 
 
 BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "shadowed")

@@ -69,8 +69,7 @@ def pieces(prepared: Prepared) -> I64:
     return label[corners[:, 0]]
 
 
-LAMP = 5
-"""Numbers per light: red, green, blue, fall-off, and whether its shadow bits count."""
+LAMP = 5  # numbers per light: red, green, blue, fall-off, and whether its shadow bits count
 
 
 def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> F64:

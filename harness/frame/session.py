@@ -30,8 +30,7 @@ from .schedule.passes import Pass
 from .schedule.runner import PassRunner
 from .schedule.threads import threads_given
 
-GROWTH_LIMIT = 8
-"""Largest number of repetitions of a frame; if a buffer still overflows then, the method is in error."""
+GROWTH_LIMIT = 8  # largest number of repetitions of a frame; if a buffer still overflows then, the method is in error
 
 
 class Session(PassRunner):

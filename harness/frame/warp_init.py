@@ -11,8 +11,7 @@ import warp as wp
 
 from ..errors import UserError
 
-CACHE = "WARP_CACHE_PATH"
-"""Warp's environment variable for the folder of compiled kernels."""
+CACHE = "WARP_CACHE_PATH"  # Warp's environment variable for the folder of compiled kernels
 
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 """Message of Warp's native code on standard error when it starts on a machine without a GPU."""

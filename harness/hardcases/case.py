@@ -30,8 +30,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 BESIDE = (0.3, 1.7, 3.1), (-0.1, -0.45, -1.0), 0.5
 """Eye, direction and half height of the picture that shows :func:`.shapes.ball_on_floor`."""
 
-LAMPS = np.array([(1.0, 2.5, 0.5), (-0.4, 0.1, 0.7)])
-"""Lights above and beside it."""
+LAMPS = np.array([(1.0, 2.5, 0.5), (-0.4, 0.1, 0.7)])  # lights above and beside it
 
 EXCUSABLE = 0.02
 """Largest share of the rays of a case whose answers may be excused because an edge is near. Many cases aim rays at edges.
@@ -90,8 +89,7 @@ class HardCase:
     large: bool = False
 
 
-CASES: dict[str, list[HardCase]] = {}
-"""The cases by the module of their builders, in the order of their registration."""
+CASES: dict[str, list[HardCase]] = {}  # the cases by the module of their builders, in the order of their registration
 
 Rows = Sequence[dict[str, Any]]
 
@@ -110,8 +108,7 @@ def axes(ends: str = " yz") -> Rows:
 TURNED = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40))
 
 
-PLACE = ("turn", "scale", "offset")
-"""The parameters of :func:`view` that say where a case lies."""
+PLACE = ("turn", "scale", "offset")  # the parameters of `view` that say where a case lies
 
 
 def hard(

@@ -22,8 +22,7 @@ LEAVES = "0 times infinity: the ray leaves the box before it enters"
 NO_THICKNESS = "bounding boxes without thickness: rays in their faces"
 FAR = "cancellation in float64 edge functions, for rays through vertices"
 
-SIDE = 64
-"""Side of the image in pixels for cases that need many rays, because leaks are rare."""
+SIDE = 64  # side of the image in pixels for cases that need many rays, because leaks are rare
 
 ODD = ((1.0, 0.4, -0.8), (-0.3, 0.9, -0.5), (0.2, -0.1, 1.0))
 """View directions that are not along an axis, so that all bits of a float32 direction are used."""

@@ -15,8 +15,7 @@ from ..scene.scene import AlphaMask
 from .case import Trial, axes, hard, played, rows, view
 from .shapes import Mesh, Point, ball, box, joined, plane, split, triangles, welded
 
-ABOVE = (0.0, 0.0, 8.0)
-"""An eye whose 16 x 16 rays meet the floor z = 0 in odd quarters."""
+ABOVE = (0.0, 0.0, 8.0)  # an eye whose 16 x 16 rays meet the floor z = 0 in odd quarters
 
 LIGHTS = ((-3.0, 0.3, 2.0), (3.0, 1.25, 0.75), (0.5, -2.5, 0.5))
 BELOW = ((0.3, 0.2, -5.0), (2.0, -1.0, -4.0))

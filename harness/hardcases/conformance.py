@@ -71,8 +71,7 @@ def moments(prepared: Prepared) -> list[Moment]:
     return [*found, prepared.moment(1, *SIZE, ELSEWHERE, (Light((0, 40, 3)), Light((0.0, 0.05, 0.0)))), found[0]]
 
 
-Turn = tuple[str, int, Camera | None, tuple[Light, ...]]
-"""What has changed since the moment before, and a moment: frame, camera, lights."""
+Turn = tuple[str, int, Camera | None, tuple[Light, ...]]  # what changed, and a moment
 
 
 def turns() -> list[Turn]:

@@ -32,8 +32,7 @@ that must be the same, a crash."""
 NOT_OK = (Verdict.TIE, *EXCUSED, *ERRORS)
 OF_BITS = tuple(kind.key for kind in WRONG_BIT)
 
-SHADOWS = "shadows"
-"""Key in a method's ``outside``: it does not claim that its shadow bits are right."""
+SHADOWS = "shadows"  # key in a method's `outside`: it does not claim that its shadow bits are right
 
 
 @dataclass

@@ -8,8 +8,7 @@ from ..arrays import F64, I64
 
 Mesh = tuple[F64, I64]
 
-Point = Any
-"""Three numbers: a tuple or an array."""
+Point = Any  # three numbers: a tuple or an array
 
 
 def pixel_centres(count: int, half: float = 1.0) -> F64:

@@ -14,8 +14,7 @@ from ..scene.scene import Light
 from .case import BESIDE, LAMPS, ORIGIN, TURNED, Counts, Trial, axes, hard, played, rows, view
 from .shapes import Mesh, ball_on_floor, box, float32_of, joined, plane, quad, sheet, soup, triangles
 
-FLOAT32_HALVINGS = 148
-"""How often 1 can be halved in float32, to 2^-148: twice the smallest positive number, which a corner still halves."""
+FLOAT32_HALVINGS = 148  # of 1, to 2^-148: twice the smallest positive number, which a corner still halves
 
 AT_INFINITY = 10 / 192
 """Rays along the outer walls of boxes: a light at infinity is placed 2^56 radii away, so that in exact arithmetic the

@@ -14,11 +14,8 @@ from ..arrays import F32, F64, Floats
 Integers = tuple[int, int, int]
 Whole = Sequence[int]
 
-UNIT = 2.0**-24
-"""Rounding of a float32 relative to its size."""
-
-EDGE_UNITS = 16.0
-"""Distance in these units from an exact edge within which a ray is excused (a choice; see the accuracy notes)."""
+UNIT = 2.0**-24  # rounding of a float32 relative to its size
+EDGE_UNITS = 16.0  # distance from an exact edge, in these units, of rays that are excused (a choice; see accuracy.md)
 
 
 def edge_bound(*points: Floats) -> F64:

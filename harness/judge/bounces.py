@@ -16,11 +16,8 @@ from ..scene.prepared import Prepared
 from .context import Judge
 from .reference import ANSWERS
 
-FINE = 2.0**-48
-"""Bound on the float64 rounding when a ray is made, 32 units: devices may fuse a multiplication with an addition."""
-
-NO_RAY = -77
-"""Stands for a triangle given where there is no ray: never a valid answer."""
+FINE = 2.0**-48  # bound on the float64 rounding of a made ray, 32 units: devices may fuse multiplication and addition
+NO_RAY = -77  # stands for a triangle given where there is no ray: never a valid answer
 
 
 @dataclass(frozen=True, eq=False)

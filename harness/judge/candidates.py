@@ -22,14 +22,9 @@ from . import filter_kernels as kernels
 from .arithmetic import integers, plane_of
 from .filter_kernels import LEAF, Found, Tree
 
-BATCH = 8192
-"""Rays decided at once: bounds the memory of candidate lists."""
-
-SEGMENTS = 1 << 18
-"""Segments of one launch."""
-
-MOST = 1 << 22
-"""Candidates of one launch, unless one ray has more."""
+BATCH = 8192  # rays decided at once: bounds the memory of candidate lists
+SEGMENTS = 1 << 18  # segments of one launch
+MOST = 1 << 22  # candidates of one launch, unless one ray has more
 
 
 def build_tree(points: F32, faces: I32, valid: NDArray, device: str, mask: AlphaMask | None) -> Tree:

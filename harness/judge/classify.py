@@ -16,8 +16,7 @@ from .decisions import Exact
 from .referee import Referee
 from .verdict import ERRORS, EXCUSED, GRAVEST_BIT, RIGHT, Verdict
 
-NEIGHBOUR_LIMIT = 5_000
-"""Largest number of neighbours of disputed pixels that are judged; of more, a seeded sample."""
+NEIGHBOUR_LIMIT = 5_000  # largest number of neighbours of disputed pixels that are judged; of more, a seeded sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,8 +190,7 @@ def lowest_ids(given: NDArray, referee: Referee) -> NDArray:
     return np.where(known, referee.duplicate_of[np.where(known, given, 0)], given) if known.any() else given
 
 
-EXAMPLES = 10
-"""Largest number of examples in a score."""
+EXAMPLES = 10  # largest number of examples in a score
 
 
 def examples_of(found: Judgement) -> list[dict[str, Any]]:

@@ -18,12 +18,10 @@ from .arithmetic import UNIT, edge_bound
 from .planes import plane_numbers
 from .receivers import not_receivers
 
-T_UNITS = 64.0
-"""Allowed relative error of t and absolute error of u and v, in units of 2^-24, on a triangle seen along its normal."""
+T_UNITS = 64.0  # allowed error of t (relative), u and v, in units of 2^-24, on a triangle seen along its normal
 
 
-BLOCK = 1 << 15
-"""Rays of a block: its temporary arrays fit into a processor's cache."""
+BLOCK = 1 << 15  # rays of a block: its temporary arrays fit into a processor's cache
 
 
 def in_blocks(count: int, work: Callable[[slice], None]) -> None:

@@ -17,11 +17,8 @@ from .receivers import not_receivers
 from .referee import Referee
 from .reference import Reference, reference_for, shadow_flags
 
-JUDGE_LIMIT = 100_000
-"""Largest number of disputed pixels that are judged. Of more, a seeded sample is judged; the others count as errors."""
-
-RANDOM_PIXELS = 200
-"""Number of random pixels that are judged in addition to the disputed ones; chosen by the seed."""
+JUDGE_LIMIT = 100_000  # most disputed pixels that are judged; of more, a seeded sample, and the others count as errors
+RANDOM_PIXELS = 200  # number of random pixels that are judged in addition to the disputed ones; chosen by the seed
 
 
 @dataclass(frozen=True, eq=False)

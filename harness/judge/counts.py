@@ -8,8 +8,7 @@ from typing import Annotated, Any
 from ..typed_json import OMITTED, checked, to_json
 from .verdict import ERRORS, EXCUSED_LIMIT, Verdict
 
-Count = Annotated[int, 0]
-"""A count; when it is read it is checked not to be negative."""
+Count = Annotated[int, 0]  # a count; when it is read it is checked not to be negative
 
 
 @dataclass(frozen=True, kw_only=True)

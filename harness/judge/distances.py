@@ -22,8 +22,7 @@ FAR = 2.0**20
 then right to 2^-6 of the bound."""
 
 Numbers = NDArray[Any]
-Reached = tuple[Numbers, Numbers]
-"""Squares of distances [n], and the shares of the way where they are reached."""
+Reached = tuple[Numbers, Numbers]  # squares of distances [n], and the shares of the way where they are reached
 
 
 def plane_distance(x: F64, triangles: F64) -> F64:

@@ -9,11 +9,8 @@ from . import arithmetic as exact
 from .arithmetic import edge_bound
 from .distances import triangle_distance
 
-ROUNDING = 2.0**-49
-"""Error of a triple product of differences of float32 numbers in float64, in units of the sizes of its terms."""
-
-SURE = 2.0**-30
-"""Error of t relative to itself, and of u and v, up to which float64 suffices: 2^-12 of what is allowed of an answer."""
+ROUNDING = 2.0**-49  # error in float64 of a triple product of differences of float32 numbers, in units of its terms
+SURE = 2.0**-30  # float64 suffices up to this error of t (relative), u and v: 2^-12 of what is allowed of an answer
 
 
 def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:

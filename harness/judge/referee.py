@@ -21,8 +21,7 @@ from .holes import Holes
 from .planes import beside_off_the_eye
 from .verdict import Verdict
 
-PAIRS = 1 << 17
-"""Pairs of rays and candidates that are processed together: bounds the memory of a classification."""
+PAIRS = 1 << 17  # pairs of rays and candidates that are processed together: bounds the memory of a classification
 
 
 class Referee:

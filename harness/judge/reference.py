@@ -38,8 +38,7 @@ OFFSET_UNITS = 8 * 2.0**-24
 leaves."""
 
 
-EXACT = "exact referee"
-"""The provenance of a reference that consists of the referee's own answers."""
+EXACT = "exact referee"  # the provenance of a reference that consists of the referee's own answers
 
 DECIDED = 1 << 14
 """Largest image, in pixels, for which a reference has the referee's answers in full, with the ties of every ray: about
@@ -79,8 +78,7 @@ class Reference:
         return {name: getattr(self, name) for name in ANSWERS}
 
 
-Answered = tuple[dict[str, Any], Exact | None]
-"""Answers by name, and the referee's that they were made from."""
+Answered = tuple[dict[str, Any], Exact | None]  # answers by name, and the referee's that they were made from
 
 
 _SCENES: WeakKeyDictionary[Referee, Any] = WeakKeyDictionary()

@@ -38,15 +38,13 @@ class Verdict(IntEnum):
 PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.INVALID)
 """The classes of a closest hit."""
 
-SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)
-"""The classes of a shadow bit."""
+SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)  # the classes of a shadow bit
 
 RIGHT = (Verdict.OK, Verdict.TIE)
 EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
 ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
 
-WRONG_BIT = (Verdict.EDGE, Verdict.ACNE, Verdict.LEAK)
-"""The classes of a shadow bit that is 0 or 1 and wrong."""
+WRONG_BIT = (Verdict.EDGE, Verdict.ACNE, Verdict.LEAK)  # the classes of a shadow bit that is 0 or 1 and wrong
 
 GRAVEST_BIT = (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE)
 """The classes of wrong shadow bits; of a pixel with several, the last one here counts."""
@@ -62,5 +60,4 @@ MEANINGS = {
 }
 """What each class but OK means, for legends."""
 
-EXCUSED_LIMIT = 0.001
-"""A score fails if a larger share of the pixels is excused."""
+EXCUSED_LIMIT = 0.001  # a score fails if a larger share of the pixels is excused

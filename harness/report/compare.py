@@ -18,8 +18,7 @@ LIT_SCENE = ("scene", "scene_title", "scene_sha256", "light_label", "lights")
 SCENE = ("folder", "run", "scene", "scene_title", "scene_sha256", "device")
 LIGHTS = ("light_label", "lights")
 SIZE = ("width", "height")
-SAME = (*SCENE, *LIGHTS, *SIZE)
-"""The columns in which two points must agree to be compared, unless the caller allows others to differ."""
+SAME = (*SCENE, *LIGHTS, *SIZE)  # points must agree in these to be compared, unless the caller allows others to differ
 
 
 BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", "shadow.")

@@ -24,10 +24,8 @@ COMMON = (
     "frames samples true_errors unscored environment key"
 ).split()
 """Columns that every CSV of an experiment begins with."""
-FEW = 3
-"""Number of points up to which each is named."""
-NO_RECORD = "no record"
-"""Status of points that a stopped run did not reach."""
+FEW = 3  # number of points up to which each is named
+NO_RECORD = "no record"  # status of points that a stopped run did not reach
 
 
 def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, str]]) -> DataFrame:

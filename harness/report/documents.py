@@ -22,8 +22,7 @@ from . import claims, compare, document, ranking
 from .dataframe import DataFrame
 
 PART = re.compile(r"(?m)^(<!-- drawn: (?P<name>[^>]+?) -->\n)(?P<text>.*?)^(<!-- end -->)$", re.DOTALL)
-SKIPPED = ("build", "node_modules", "local")
-"""Folders without documents of the project."""
+SKIPPED = ("build", "node_modules", "local")  # folders without documents of the project
 
 
 class Results:

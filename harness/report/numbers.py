@@ -11,10 +11,8 @@ from typing import Any
 from .compare import geometric
 from .dataframe import DataFrame, Series
 
-NOISY = "~"
-"""Mark before a number that is shown with fewer digits, because its spread is too large or not known."""
-OK, WRONG, UNSCORED = "✓", "✗", "unscored"
-"""Marks of answers: none is wrong, some are, nobody knows."""
+NOISY = "~"  # mark before a number that is shown with fewer digits, because its spread is too large or not known
+OK, WRONG, UNSCORED = "✓", "✗", "unscored"  # marks of answers: none is wrong, some are, nobody knows
 MEANINGS = {
     NOISY: f"{NOISY}: shown with fewer digits, as the spread of the repeats carries no more, or a single repeat has none.",
     r"\[\d+/\d+\]": "[1/3]: the mean over 1 of 3 frames; the others were not measured.",

@@ -230,8 +230,7 @@ def whisker_ends(own: DataFrame) -> Series:
     return own["total_ms"] + own["iqr_ms"].fillna(0.0) / 2
 
 
-BAND = 0.3
-"""Height of a row of dots, inches."""
+BAND = 0.3  # height of a row of dots, inches
 
 
 def dots(

@@ -8,8 +8,7 @@ from . import panels, style
 from .dataframe import DataFrame, Series
 
 BELOW = "the stair is the front: nothing is both faster and less wrong; its points have their names"
-SIZE = 5.5
-"""Of names, in points."""
+SIZE = 5.5  # of names, in points
 
 
 def front(table: DataFrame, x: str = "total_ms", y: str = "wrong_per_frame") -> Series:

@@ -28,38 +28,25 @@ from ..scene.prepared import Prepared
 from ..scene.scene import Light
 
 EXPOSURE = 1.1
-WHITE = 2.2
-"""Radiance that is shown as white; lower values are compressed as little as possible."""
-
-SHOWS = "shows"
-"""The name, in a PNG file, of the text that says what it was made from."""
+WHITE = 2.2  # radiance that is shown as white; lower values are compressed as little as possible
+SHOWS = "shows"  # the name, in a PNG file, of the text that says what it was made from
 
 UNREADABLE = (
     OSError, ValueError, SyntaxError, EOFError, struct.error, zlib.error, Image.DecompressionBombError,
 )  # fmt: skip
 """Exceptions of Pillow for a file that is not a whole picture."""
 
-BLOCK = 1 << 16
-"""Pixels that are shaded at a time, so that a large picture needs little memory."""
+BLOCK = 1 << 16  # pixels that are shaded at a time, so that a large picture needs little memory
 THREADS = min(8, os.cpu_count() or 1)
-GREYS = 40
-"""Number of colours of a picture that has greys and a few inks."""
-SMALLEST, TALLEST = 512, 4096
-"""Pictures below this width are enlarged by a whole factor (one ray stays one square), up to this height, pixels."""
-LARGEST = 8192
-"""Pixels per side beyond which only every second, third ... row and column of a picture is used."""
-NARROWEST = 256
-"""Smallest width of a caption."""
+GREYS = 40  # number of colours of a picture that has greys and a few inks
+SMALLEST, TALLEST = 512, 4096  # narrower pictures are enlarged by a whole factor, up to this height, pixels
+LARGEST = 8192  # Pixels per side beyond which only every second, third ... row and column of a picture is used.
+NARROWEST = 256  # smallest width of a caption
 PAPER = (250, 250, 248)
 
-QUALITY = 60
-"""Quality of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels."""
-
-LONGEST_SIDE = 16383
-"""Largest width and height of a WebP file, pixels."""
-
-MOST_PIXELS = 1 << 28
-"""Largest number of pixels of all frames together: they are in memory until the file is written, 3 bytes per pixel."""
+QUALITY = 60  # quality of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels
+LONGEST_SIDE = 16383  # largest width and height of a WebP file, pixels
+MOST_PIXELS = 1 << 28  # of all frames together: they are in memory until the file is written, 3 bytes each
 
 
 def shade(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]) -> U8:

@@ -14,13 +14,10 @@ from ..texts import numbered
 from . import compare, document, numbers, style
 from .dataframe import DataFrame, Series, pd
 
-SETTING = ["title", "light_label", "device"]
-"""What the points of a scene have in common."""
+SETTING = ["title", "light_label", "device"]  # what the points of a scene have in common
 ABOUT = "ratio: time over that of the fastest exact method of the scene."
-MOST_TOLD = 2
-"""Number of scenes up to which a finding speaks of each."""
-LEAST_MS = 1e-9
-"""A time that a clock gave as nothing counts as this in a geometric mean."""
+MOST_TOLD = 2  # number of scenes up to which a finding speaks of each
+LEAST_MS = 1e-9  # a time that a clock gave as nothing counts as this in a geometric mean
 
 
 def exact(table: DataFrame) -> Series:

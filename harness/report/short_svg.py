@@ -10,8 +10,7 @@ from collections import Counter
 TAG = re.compile(r"<[^!?>][^>]*>")
 STYLE = re.compile(r' style="([^"]*)"')
 NUMBER = re.compile(r"-?\d+\.\d{3,}")
-RULES = "</style>"
-"""Where further rules of style are put: matplotlib writes one element of them."""
+RULES = "</style>"  # where further rules of style are put: matplotlib writes one element of them
 
 
 def short(drawing: str) -> str:

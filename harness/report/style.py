@@ -14,14 +14,12 @@ from ..frame.schedule.passes import PARTS
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
 """Okabe and Ito's colours (distinct with every common colour vision), a wine red, a brown. Greys: parts of a frame."""
 
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-"""Beside colours, so that lines are distinct in a grey print."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")  # beside colours, so that lines are distinct in a grey print
 
 PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
 """How much each part of a frame is lightened from its method's colour, in steps that are distinct in a grey print."""
 
-COLUMN_WIDTH = 3.4
-"""Inches: one column of a two-column page."""
+COLUMN_WIDTH = 3.4  # inches: one column of a two-column page
 
 LOST = {"rejected": "x", "timeout": "+", "failed": "1", "skipped": "2"}
 """The mark of a point without a time, by its status."""

@@ -21,12 +21,9 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 PIPE_WIDTH = 160
-GAP = 2
-"""Columns between two columns of a table."""
-SENTENCE = 38
-"""Width from which a column of a table is taken to hold sentences, which may be broken between words."""
-MARKS = {"**": "bold green", "*": "dim"}
-"""Emphasis of a whole cell in Markdown, and its style in a terminal."""
+GAP = 2  # columns between two columns of a table
+SENTENCE = 38  # width from which a column of a table is taken to hold sentences, which may be broken between words
+MARKS = {"**": "bold green", "*": "dim"}  # emphasis of a whole cell in Markdown, and its style in a terminal
 
 
 def plain_console(**options: Any) -> Console:

@@ -24,17 +24,10 @@ from ..results.throttled import disturbed, usual_clock
 FASTER, SLOWER, SAME, WRONG, OPEN, UNMEASURED = "faster", "slower", "same", "wrong", "can't tell", "not measured"
 VERDICTS = (FASTER, SLOWER, SAME, WRONG, OPEN, UNMEASURED)
 
-ROUNDS = 9
-"""Rounds of each run, at least: fewer cannot give a small enough p once it is corrected for many tests."""
-
-MARGIN = 0.02
-"""A gap up to this share counts as no difference."""
-
-LEVEL = 0.05
-"""Probability of at least one false difference among all tests of a comparison."""
-
-SPLITS = 200
-"""Ways to halve a run, at most, to find its own spread."""
+ROUNDS = 9  # rounds of each run, at least: fewer cannot give a small enough p once it is corrected for many tests
+MARGIN = 0.02  # a gap up to this share counts as no difference
+LEVEL = 0.05  # probability of at least one false difference among all tests of a comparison
+SPLITS = 200  # ways to halve a run, at most, to find its own spread
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,8 @@ NUMBERS = (
 ).split()
 """Columns of a frame, NaN where not known."""
 
-LATENCIES = {"p50_ms": 50.0, "p95_ms": 95.0, "p99_ms": 99.0}
-"""Columns of a point with several frames, and the percentile that each is."""
-
-MISSING = {"energy_missing": "energy", "flight_missing": "in flight"}
-"""Columns that say why there is none, and what the record calls it."""
+LATENCIES = {"p50_ms": 50.0, "p95_ms": 95.0, "p99_ms": 99.0}  # percentile of a point's frames by column
+MISSING = {"energy_missing": "energy", "flight_missing": "in flight"}  # columns that say why, and the record's name
 
 
 def costs_of(frame: Frame, pixels: int, shadow_rays: int | None) -> dict[str, float | str]:

@@ -20,8 +20,7 @@ from .journal import EVENTS, Journal
 from .record import Record
 from .schema import archived, whole_record
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-"""Errors that are due to the results folder wherever they occur."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # errors that are due to the results folder wherever they occur
 
 PARTS = ("answers", "environments", "images", "journal", "logs", "maps", "records", "truth")
 """The folders in a results folder."""
@@ -151,8 +150,7 @@ def image_name(scene: str, light: str, width: int, height: int) -> str:
     return "-".join(filter(None, (scene, light, f"{width}x{height}"))) + ".png"
 
 
-MOST_FACTS = 16 << 20
-"""Longest file of facts about an environment or scenes, bytes."""
+MOST_FACTS = 16 << 20  # longest file of facts about an environment or scenes, bytes
 
 
 def read_json(path: Path) -> dict[str, Any] | None:

@@ -37,8 +37,7 @@ def read_map(path: Path) -> Counts:
     return (bytes_[..., 0] << 16) + (bytes_[..., 1] << 8) + bytes_[..., 2]
 
 
-OFFSET = 1
-"""Added to classes in a map, whose numbers must not be negative: an unjudged pixel is 0."""
+OFFSET = 1  # added to classes in a map, whose numbers must not be negative: an unjudged pixel is 0
 
 
 def wrong_path(folder: Path, key: str, frame: int) -> Path:

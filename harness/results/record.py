@@ -15,30 +15,22 @@ from ..judge.counts import Count, Score
 from ..texts import FILE_NAME
 from ..typed_json import OMITTED, checked, to_json
 
-SCHEMA = 1
-"""Version of the files. Another one is refused."""
+SCHEMA = 1  # Version of the files. Another one is refused.
 
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
 """The statuses of a point. Every planned point yields exactly one record with one of these."""
 
-FAILURES = ("failed", "timeout")
-"""Statuses that say nothing about the method."""
-
-SCORING_FAILED = "scoring failed"
-"""How :attr:`Frame.unscored` begins where the process that scores has failed."""
-
-Ms = Annotated[float, 0.0]
-"""A measured time in milliseconds: finite and not negative."""
+FAILURES = ("failed", "timeout")  # statuses that say nothing about the method
+SCORING_FAILED = "scoring failed"  # how `Frame.unscored` begins where the process that scores has failed
+Ms = Annotated[float, 0.0]  # a measured time in milliseconds: finite and not negative
 
 
-FileName = Annotated[str, FILE_NAME, "the name of a file"]
-"""A text that files of the folder are called by."""
+FileName = Annotated[str, FILE_NAME, "the name of a file"]  # a text that files of the folder are called by
 
 Environment = Annotated[str, re.compile(f"|{FILE_NAME.pattern}"), "the name of a file"]
 """The file in ``environments/``, without its ending; "" where it is not known."""
 
-Side = Annotated[int, 1, 99_999]
-"""Pixels along a side of an image."""
+Side = Annotated[int, 1, 99_999]  # pixels along a side of an image
 
 
 class Point(TypedDict, total=False):

@@ -17,20 +17,11 @@ from ..texts import all_visible, may_hide
 from ..typed_json import WrongFieldError, checked
 from .record import SCHEMA, Record
 
-ARCHIVE = "kept.jsonl.xz"
-"""All records of a packed folder, in its ``records/``: one per line, a seventh of the size of single files."""
-
-ARCHIVES = "*.jsonl.xz"
-"""All files of that kind: results that are measured later for a packed folder can be added beside the first."""
-
-MOST_RECORD = 64 << 20
-"""Longest record, bytes of JSON. The records of a folder are read one after another, so that this bounds the memory."""
-
-MOST_UNPACKED = 4 << 30
-"""Bytes that an archive may unpack to: a small file could unpack to any number."""
-
-MOST_DICTIONARY = 256 << 20
-"""Memory for unpacking, bytes; :func:`write_archive` needs a quarter of it."""
+ARCHIVE = "kept.jsonl.xz"  # all records of a packed folder, one per line, in `records/`: a seventh of the size
+ARCHIVES = "*.jsonl.xz"  # more of these may lie beside the first: results that were measured later
+MOST_RECORD = 64 << 20  # bytes of JSON: bounds the memory, as the records of a folder are read one after another
+MOST_UNPACKED = 4 << 30  # bytes that an archive may unpack to: a small file could unpack to any number
+MOST_DICTIONARY = 256 << 20  # memory for unpacking, bytes; `write_archive` needs a quarter of it
 
 BLOCK = 1 << 20
 

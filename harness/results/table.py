@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 PART_COLUMNS = {part: part.replace(" ", "_") for part in PARTS}
 """The names of a frame's parts in the names of columns: ``light build`` is ``light_build_ms``."""
 
-BACKWARDS = 0.05
-"""A part that would take less than minus this share of its frame shows that the times of passes contradict each other."""
+BACKWARDS = 0.05  # a part below minus this share of its frame shows that the times of passes contradict each other
 
 COUNTS = (
     "triangles vertices invalid_triangles frame_count width height pixels lights targets rounds frames_left_out frame "

@@ -20,8 +20,7 @@ REASONS = {
 }
 """Bits of NVML's clock event reasons that slow a GPU under load. The others, idle and clocks that a user set, do not."""
 
-LOWEST = 0.97
-"""Share of the usual clock below which a round counts as throttled where the driver reports no reasons."""
+LOWEST = 0.97  # share of the usual clock below which a round counts as throttled where the driver reports no reasons
 
 
 def usual_clock(rounds: Iterable[Mapping[str, Any]]) -> float:
@@ -30,8 +29,7 @@ def usual_clock(rounds: Iterable[Mapping[str, Any]]) -> float:
     return median(known) if known else float("nan")
 
 
-CROWDED = 1.25
-"""Load of a host over its cores above which programs wait for each other, so that times on the CPU are not reliable."""
+CROWDED = 1.25  # load of a host over its cores above which programs wait, so that CPU times are not reliable
 
 
 def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | None) -> str:

@@ -13,8 +13,7 @@ from ..report.terminal import plain_console
 from ..results.record import Record
 from ..texts import visible
 
-QUIET_S = 10.0
-"""Without a bar, a step is reported if it is of a new kind, or if nothing was printed for this many seconds."""
+QUIET_S = 10.0  # without a bar, a step is printed if it is of a new kind, or after so many seconds of silence
 
 
 class Silent:

@@ -41,8 +41,7 @@ GRADERS_LOST = 3
 """How many scoring processes may be killed with the answers of one point before it stays without a score. The first may have
 died unseen, before it was asked."""
 
-OVER = 1.25
-"""How many times its budget a point may take before its last rounds are left out: the last sample of a kind ends late."""
+OVER = 1.25  # times its budget that a point may take before its last rounds are left out: its last sample ends late
 
 Described = list[tuple[Entry, dict[str, Any]]]
 
@@ -56,8 +55,7 @@ class Run:
     environment: str = ""
     name: str = field(default_factory=lambda: os.urandom(6).hex())
     """Tables compare only points of one run, because the points of a scene are interleaved."""
-    card: str = ""
-    """On a cluster: which card takes the samples, as its records name it. The caller holds the lock of the card."""
+    card: str = ""  # on a cluster: the card, as records name it; the caller holds its lock
     graders: int = field(default_factory=graders)
 
     def __post_init__(self) -> None:

@@ -19,8 +19,7 @@ from ..errors import UserError
 from .corner_order import follow
 from .scene import AlphaMask, Geometry, Scene
 
-MOST_TEXELS = 2.0**30
-"""Coordinates times the bitmap's size stay below this, so that a texel's number fits 32 bits."""
+MOST_TEXELS = 2.0**30  # coordinates times the bitmap's size stay below this, so that a texel's number fits 32 bits
 
 
 def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:

@@ -15,8 +15,7 @@ from ..errors import UserError, one_line
 MOST_BYTES = 8 << 30
 MOST_MEMBERS = 20_000
 BLOCK = 1 << 20
-GZIP = b"\x1f\x8b"
-"""What a gzip file begins with."""
+GZIP = b"\x1f\x8b"  # what a gzip file begins with
 BROKEN = (
     zipfile.BadZipFile, tarfile.TarError, gzip.BadGzipFile, zlib.error, EOFError, NotImplementedError, RuntimeError,
 )  # fmt: skip

@@ -29,8 +29,7 @@ from .scene import Camera, Geometry, Moves, Scene, Source
 from .shape import shape_of
 from .views import view
 
-MATRIX = F64
-"""float64 [4, 4]: what column vectors are multiplied by."""
+MATRIX = F64  # float64 [4, 4]: what column vectors are multiplied by
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,8 +111,7 @@ class ChosenView:
         return ChosenView(**places, **known, lights_of=lights_of, wanted=wanted)
 
 
-AS_IT_IS = ChosenView()
-"""The scene with its own camera and lights, and all of its file."""
+AS_IT_IS = ChosenView()  # the scene with its own camera and lights, and all of its file
 
 
 def _upright(view: F64, up: Vector) -> Vector:

@@ -22,8 +22,7 @@ part's outward winding; a method met what forbids to count the part as closed, a
 
 OPEN = -1
 
-LEAST_SHARE = 2.0**-5
-"""Of the triangles: with fewer in closed parts, leaving some of them out gains nothing."""
+LEAST_SHARE = 2.0**-5  # of the triangles: with fewer in closed parts, leaving some of them out gains nothing
 
 Measured = tuple[F64, F64, Bools, Bools]
 

@@ -32,14 +32,9 @@ from .readers.sequences import is_pattern
 from .scene import Scene
 from .surface_rules import largest_triangles, perforated
 
-MOST_BYTES = 1 << 20
-"""Longest declaration, bytes."""
-
-MOST_BOUNCES = 64
-"""Largest number of bounces: a frame has passes and buffers for each one."""
-
-MOST_HOLES = 2**20
-"""Largest number of holes along a side of a triangle; with more, texel numbers would leave the range of int32."""
+MOST_BYTES = 1 << 20  # longest declaration, bytes
+MOST_BOUNCES = 64  # largest number of bounces: a frame has passes and buffers for each one
+MOST_HOLES = 2**20  # along a side of a triangle; with more, texel numbers would leave the range of int32
 
 TOP = (
     "mesh", "meshes", "title", "closed", "facing", "outputs", "camera", "cameras", "lights", "orbit", "alpha", "mirror",

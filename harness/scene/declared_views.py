@@ -15,14 +15,9 @@ from .spotlight import spot_row
 
 T = TypeVar("T")
 
-BRIGHTEST = 1e12
-"""Largest intensity and colour; float32 can hold their product."""
-
-KINDS = ("perspective", "orthographic")
-"""Kinds of camera."""
-
-CAMERA = ("of", "kind", "eye", "target", "up", "fov", "height")
-"""Keys of a camera."""
+BRIGHTEST = 1e12  # largest intensity and colour; float32 can hold their product
+KINDS = ("perspective", "orthographic")  # kinds of camera
+CAMERA = ("of", "kind", "eye", "target", "up", "fov", "height")  # keys of a camera
 
 LIGHT = tuple(field.name for field in dataclasses.fields(Light))
 

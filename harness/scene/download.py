@@ -11,14 +11,9 @@ from typing import Any
 from ..errors import UserError, one_line
 from ..files import read_regular, write_atomic
 
-CHECKSUMS = "checksums.json"
-"""File in the folder of downloads with the SHA-256 of each address, recorded at its first use if none is pinned."""
-
-MOST_CHECKSUMS = 1 << 20
-"""Bytes of that file."""
-
-LARGEST = 2 << 30
-"""Bytes of a download."""
+CHECKSUMS = "checksums.json"  # SHA-256 of each address, recorded at its first use if none is pinned
+MOST_CHECKSUMS = 1 << 20  # bytes of that file
+LARGEST = 2 << 30  # bytes of a download
 
 ATTEMPTS = 3
 TIMEOUT_S = 30.0

@@ -12,8 +12,7 @@ from .moment import Moment
 from .prepared import Prepared
 from .scene import Light
 
-FEW = 0.01
-"""Share of the rays that must hit something for a check to mean much."""
+FEW = 0.01  # share of the rays that must hit something for a check to mean much
 
 
 def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:

@@ -19,8 +19,7 @@ from .standins.motion import Swing
 from .standins.shapes import Mesh, join
 
 PIP = ("-m", "pip", "download", "--quiet", "--no-input", "--no-deps", "--require-hashes", "--only-binary=:all:")
-STEPS = 24
-"""Frames of the walk: two steps."""
+STEPS = 24  # frames of the walk: two steps
 
 
 def wheel(requirement: str, sha256: str, folder: Path) -> Path:

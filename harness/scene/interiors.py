@@ -12,8 +12,7 @@ import numpy as np
 
 from ..arrays import F64
 
-SAMPLES = 100_000
-"""Number of points spread over a mesh, in addition to at most one per triangle."""
+SAMPLES = 100_000  # number of points spread over a mesh, in addition to at most one per triangle
 
 _ROWS, _COLUMNS = 16, 32
 """Fields of the sphere of directions: equal in the cosine of the angle to z, and in azimuth; so of equal area."""
@@ -21,8 +20,7 @@ _ROWS, _COLUMNS = 16, 32
 _ENCLOSED = 0.97
 _FACING, _SOME_FACING = 0.75, 0.25
 _FURNISHED = 0.15
-_FLOOR, _WALL = 0.5, 0.3
-"""Least shares of the box's lower side, and of three of its upright sides, that triangles must cover."""
+_FLOOR, _WALL = 0.5, 0.3  # least shares of the box's lower side, and of three upright ones, that triangles must cover
 
 
 @dataclass(frozen=True, eq=False)

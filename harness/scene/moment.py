@@ -8,8 +8,7 @@ from ..arrays import F32, F64, U8, Ints
 from ..errors import UserError
 from .scene import Camera, Light
 
-NEARER = 2.0**-32
-"""Share of the distance to a directional light at which its post lies: 2^24 radii away."""
+NEARER = 2.0**-32  # share of the distance to a directional light at which its post lies: 2^24 radii away
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,8 +64,7 @@ PAPER = {
 
 NAMES = tuple(PAPER)
 
-BUNNY = "bunny"
-"""The small real scene that needs no download: it ships inside the warp-lang package."""
+BUNNY = "bunny"  # the small real scene that needs no download: it ships inside the warp-lang package
 
 TITLES = {name: one.title for name, one in PAPER.items()} | {BUNNY: "Bunny"}
 TRIANGLES = {name: one.triangles for name, one in PAPER.items()} | {BUNNY: 12_200}

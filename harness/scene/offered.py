@@ -28,8 +28,7 @@ class Offer:
 
 MCGUIRE = "https://casual-effects.com/g3d/data10"
 STANFORD = "https://graphics.stanford.edu"
-UNC = "http://gamma.cs.unc.edu/SR/benchmarks"
-"""Not encrypted: what arrives is checked as any file is, and must stay the same from then on."""
+UNC = "http://gamma.cs.unc.edu/SR/benchmarks"  # not encrypted: what arrives is checked, and must stay the same
 CREDIT = "Stanford Computer Graphics Laboratory: for research, with credit; not for commercial use"
 XYZ = f"XYZ RGB Inc. and {CREDIT}"
 

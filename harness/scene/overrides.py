@@ -15,8 +15,7 @@ from .scene import Scene, Vector
 from .surface_rules import largest_triangles, perforated
 from .targets import SHAPE
 
-HOLES = 4
-"""Holes along a side of a triangle that has some."""
+HOLES = 4  # holes along a side of a triangle that has some
 
 MOVED: dict[str, frozenset[str]] = {
     "nothing": frozenset(),

@@ -57,14 +57,9 @@ class Spot:
     falloff: float = 0.0
 
 
-SHAPES = ("rectangle", "disc", "sphere")
-"""Shapes of a light with an area."""
-
-FARTHEST = 1e38
-"""Largest coordinate of an eye or a light, and largest size of a light: sums of them are in the range of float32."""
-
-MOST_SAMPLES = 1024
-"""Largest number of samples of a light: a frame has passes and shadow bits for each one."""
+SHAPES = ("rectangle", "disc", "sphere")  # shapes of a light with an area
+FARTHEST = 1e38  # coordinate of an eye or a light, and size of a light: sums of them are in the range of float32
+MOST_SAMPLES = 1024  # largest number of samples of a light: a frame has passes and shadow bits for each one
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,8 @@ from ..arrays import F64, I32, I64, Floats
 from .prepared import finite_bounds
 from .scene import Geometry, Vector
 
-_FLAT = 1e-14
-"""Area over the product of two edges up to which a triangle has none."""
-
-_SPECK = 1e-3
-"""Area of triangles over the square of their bounding box's diagonal below which a picture of the box hardly shows them."""
+_FLAT = 1e-14  # area over the product of two edges up to which a triangle has none
+_SPECK = 1e-3  # area of triangles over the square of their box's diagonal below which a picture hardly shows them
 
 _NEAR = 4.0
 

@@ -6,12 +6,10 @@ from ..arrays import F64
 from ..errors import UserError
 from .scene import Light, Spot
 
-SPOT = 12
-"""Number of values that describe a spot."""
+SPOT = 12  # number of values that describe a spot
 
 
-DOUBT = 2.0**-40
-"""Share of edge times edge times distance below which the side of a plane counts as uncertain."""
+DOUBT = 2.0**-40  # share of edge times edge times distance below which the side of a plane counts as uncertain
 
 
 NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0

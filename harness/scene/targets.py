@@ -16,8 +16,7 @@ from ..arrays import F64
 from ..errors import UserError
 from .scene import FARTHEST, Light, Vector
 
-SHAPE, SAMPLES = "sphere", 16
-"""Shape and number of targets of a light that gets an area of which only the size is given."""
+SHAPE, SAMPLES = "sphere", 16  # shape and number of targets of a light of which only the size is given
 
 
 def with_area(light: Light, shape: str | None, size: float | None, samples: int | None) -> Light:

@@ -11,16 +11,12 @@ from .scene import Camera, Light
 from .shape import Shape
 
 FOV, WITHIN_FOV = 40.0, 60.0
-AZIMUTH, ELEVATION = 35.0, 20.0
-"""The three-quarter view, in degrees: from the front turned to the right, and from above."""
+AZIMUTH, ELEVATION = 35.0, 20.0  # the three-quarter view, degrees: from the front turned to the right, and from above
 
 _MARGIN = 1.04
 _WALL = 0.6
-_OPEN = 0.25
-"""A side of the bounding box counts as a wall when triangles lie on this share of it, as open below the other."""
-
-_EDGE_ON = 0.05
-"""Share of the area that a view must see."""
+_OPEN = 0.25  # a side of the bounding box is a wall if triangles lie on this share of it, and open below the other
+_EDGE_ON = 0.05  # share of the area that a view must see
 
 
 def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:

@@ -26,11 +26,8 @@ from .moment import Moment
 
 WIDE_PLANES = 2.0**26
 WIDE_LIGHTS = 2.0**25
-WIDE_AXES = 2.0**-16
-"""Size of a mesh along an axis, in units of its largest coordinate, below which the frame is wide."""
-
-FAR_LIGHT = 2.0**50
-"""A light so many times as far away as the mesh is large has only a direction: all planes along it may hold it."""
+WIDE_AXES = 2.0**-16  # size of a mesh along an axis, in units of its largest coordinate, below which the frame is wide
+FAR_LIGHT = 2.0**50  # of the mesh's size: a light so far has only a direction, and all planes along it may hold it
 
 IN_PLANE = 32 * 2.0**-53
 """What float64 may not know of a point's side of a plane, in units of edge times edge times the way to the farthest corner:
@@ -39,8 +36,7 @@ twice the bounds of the exact methods' tests."""
 SUSPECT = np.float32(2.0**-19)
 """The same of float32, in units of the coordinates of the point and of the triangle: others are certainly off the plane."""
 
-CHUNK = 1 << 13
-"""Triangles whose numbers fit a processor's cache."""
+CHUNK = 1 << 13  # triangles whose numbers fit a processor's cache
 
 MANY = 1000
 """Triangles whose planes are compared with a point in rational numbers. A frame with more is taken for a wide one, which is

@@ -30,11 +30,8 @@ from ...scene.scene import FARTHEST, Camera, Light, Vector
 from ...scene.targets import with_area
 from ..listing import place_text
 
-JUDGED = 2000
-"""Largest number of disputed pixels of a frame that the exact referee decides."""
-
-LARGEST = 1 << 22
-"""Pixels of a frame on the page."""
+JUDGED = 2000  # largest number of disputed pixels of a frame that the exact referee decides
+LARGEST = 1 << 22  # pixels of a frame on the page
 
 COLOURS = ("shaded", "tests")
 

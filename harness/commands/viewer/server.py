@@ -25,11 +25,8 @@ from .frames import Frames, Wish
 
 HOST = "127.0.0.1"
 HOSTS = (HOST, "localhost")
-GRACE_S = 2.0
-"""Seconds to wait after the last page has closed: a page that is reloaded connects again within this time."""
-
-LONGEST_WISH = 4096
-"""Largest message from the page, bytes."""
+GRACE_S = 2.0  # seconds to wait after the last page has closed: a page that is reloaded connects again within this time
+LONGEST_WISH = 4096  # largest message from the page, bytes
 
 TOKEN_NEEDED = "Open the whole address that shadowbench view has printed, with its token.\n"
 

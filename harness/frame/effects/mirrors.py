@@ -22,11 +22,8 @@ from .specialise import effects, specialised
 GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
 """Relative error bound of seven float32 roundings (Pharr, Jakob & Humphreys, PBRT, 4th edition, section 6.8)."""
 
-FINE = wp.constant(wp.float64(2.0**-48))
-"""Relative error of the float64 hit point: 32 units in the last place."""
-
-OUTWARD = wp.constant(wp.float64(2.0**-23))
-"""At least one unit in the last place of any float32, relative."""
+FINE = wp.constant(wp.float64(2.0**-48))  # relative error of the float64 hit point: 32 units in the last place
+OUTWARD = wp.constant(wp.float64(2.0**-23))  # at least one unit in the last place of any float32, relative
 
 
 @wp.func

@@ -24,8 +24,7 @@ from .specialise import effects, specialised
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
 
-EACH = 64
-"""Pixels of a thread that marks receivers on a CPU, so that few of them write the word that says that there are any."""
+EACH = 64  # pixels of a thread that marks receivers on a CPU: few threads write the word that says there are any
 
 
 @wp.func

@@ -35,15 +35,13 @@ from .specialise import effects, specialised
 
 AMBIENT = wp.constant(wp.float64(0.22))
 HEADLIGHT = wp.constant(wp.float64(0.05))
-SKYLIGHT = wp.constant(wp.vec3d(0.96, 0.99, 1.04))
-"""Colour of the ambient light, slightly blue as from the sky."""
+SKYLIGHT = wp.constant(wp.vec3d(0.96, 0.99, 1.04))  # colour of the ambient light, slightly blue as from the sky
 
 SKY_TOP = wp.constant(wp.vec3d(0.60085957, 0.70707411, 0.84391996))
 SKY_BOTTOM = wp.constant(wp.vec3d(0.93063122, 0.95278825, 0.97524999))
 """Linear radiance of the background; displayed as the colours (0.80, 0.86, 0.93) and (0.96, 0.97, 0.98)."""
 
-REFLECTANCE = wp.constant(wp.float64(0.85))
-"""Share of the reflection in the colour of a mirror; the rest is the colour of its surface."""
+REFLECTANCE = wp.constant(wp.float64(0.85))  # share of the reflection in a mirror's colour; the rest is its own
 
 ZERO = wp.constant(wp.float64(0.0))
 ONE = wp.constant(wp.float64(1.0))

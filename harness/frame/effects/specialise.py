@@ -22,8 +22,7 @@ from ...scene.effects import Switches
 
 NAMES = tuple(field.name for field in fields(Switches))
 
-effects = Switches()
-"""The switches of a kernel that is not specialised: all off."""
+effects = Switches()  # the switches of a kernel that is not specialised: all off
 
 
 @functools.cache

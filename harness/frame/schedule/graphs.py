@@ -11,11 +11,8 @@ from typing import Any
 
 import warp as wp
 
-URGENT, IDLE = -1, 0
-"""Priorities of streams: of passes that others wait for, and of passes that fill what is left."""
-
-AUTO_FREE_ON_LAUNCH, USE_NODE_PRIORITY = 1, 8
-"""Flags of the driver's ``cuGraphInstantiateWithFlags``; the first is Warp's own."""
+URGENT, IDLE = -1, 0  # priorities of streams: of passes that others wait for, and of passes that fill what is left
+AUTO_FREE_ON_LAUNCH, USE_NODE_PRIORITY = 1, 8  # flags of `cuGraphInstantiateWithFlags`; the first is Warp's
 
 
 def stream(device: str, yields: bool = False) -> wp.Stream:

@@ -15,8 +15,7 @@ from typing import Any
 
 import warp as wp
 
-MOST_THREADS = 16
-"""Threads of one frame: each share of its work has queues of its own."""
+MOST_THREADS = 16  # threads of one frame: each share of its work has queues of its own
 
 Launch = Callable[[], None]
 

@@ -46,11 +46,8 @@ TEXTS = {
 }  # fmt: skip
 """Numbers that the page shows as :mod:`.report.numbers` writes them, in columns "text.NAME": column, spread, form."""
 
-DIGITS = 6
-"""Significant digits of a measured number: finer than any spread."""
-
-MOST_BASES = 8
-"""Columns of a table up to which each of them can be the base of ratios; else the first one of each method can."""
+DIGITS = 6  # significant digits of a measured number: finer than any spread
+MOST_BASES = 8  # up to so many columns each can be the base of ratios; else the first one of each method
 
 
 def gather(title: str, sources: Sequence[Source], order: Sequence[str] = ()) -> dict[str, Any]:

@@ -19,14 +19,9 @@ from ..document import Source
 from ..flip import answered_path, reference_path
 from ..picture import UNREADABLE
 
-LARGEST = 1024
-"""Most pixels per side of a picture on the page."""
-
-ROOM = 5_000_000
-"""Bytes for all figures, pictures and maps together; files beyond that are listed on the page."""
-
-LARGEST_FILE = 64 << 20
-"""Bytes of a file that is read to be shown as it is."""
+LARGEST = 1024  # most pixels per side of a picture on the page
+ROOM = 5_000_000  # bytes for all figures, pictures and maps together; files beyond that are listed on the page
+LARGEST_FILE = 64 << 20  # bytes of a file that is read to be shown as it is
 
 TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".webp": "image/webp"}
 

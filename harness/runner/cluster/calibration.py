@@ -16,13 +16,11 @@ from ..measuring.timing import Sampling, sample_frame
 
 wp.set_module_options({"enable_backward": False})
 
-WARM_S = 0.3
-"""Seconds of work before the samples, so that a GPU has left its idle clocks."""
+WARM_S = 0.3  # seconds of work before the samples, so that a GPU has left its idle clocks
 
 SAMPLES = Sampling(samples=15, most=15, stage_samples=0)
 
-LIMIT = 0.02
-"""Cards whose calibration differs by more than this share are not merged."""
+LIMIT = 0.02  # cards whose calibration differs by more than this share are not merged
 
 GPU, CPU = (1 << 22, 4096, 1 << 26), (1 << 12, 1024, 1 << 22)
 """Sizes of the kernels: threads, dependent multiply-adds of each; words of 4 bytes that are read and written."""

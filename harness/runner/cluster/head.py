@@ -29,20 +29,11 @@ from .pool import Pool, SchedulerLostError
 from .shard import TOPIC, Outcome, Shard, Worker, code_hash, introduce, measure
 
 POLL_S = 0.1
-LOOK_S = 1.0
-"""Seconds between two queries for the present workers."""
-
-ATTEMPTS = 3
-"""How many workers may be lost with the same shard before its points count as failed."""
-
-FIRST_S = 120.0
-"""Seconds for which the first shards wait for cards that have not been compared, such as one that another run holds."""
-
-PATIENCE_S = 60.0
-"""Seconds to wait for a worker when none is left: a nanny starts its worker again."""
-
-CLEAN_S = 5.0
-"""Seconds to wait at the end for a worker to remove what it has delivered."""
+LOOK_S = 1.0  # seconds between two queries for the present workers
+ATTEMPTS = 3  # how many workers may be lost with the same shard before its points count as failed
+FIRST_S = 120.0  # how long the first shards wait for cards not yet compared, such as one that another run holds
+PATIENCE_S = 60.0  # seconds to wait for a worker when none is left: a nanny starts its worker again
+CLEAN_S = 5.0  # seconds to wait at the end for a worker to remove what it has delivered
 
 GONE = "it ended, or does not answer"
 OTHER_CODE = "it has other source files of shadowbench than this machine; install the same version"

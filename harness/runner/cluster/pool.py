@@ -15,11 +15,8 @@ from ...frame.warp_init import start_warp
 from ..workers import scratch
 
 LOCAL = "local"
-CONNECT_S = 10.0
-"""Seconds in which a scheduler must answer, unless Dask's own setting ``distributed.comm.timeouts.connect`` is shorter."""
-
-RESOURCES = {"cuda": "GPU", "cpu": "CPU"}
-"""The resource that a worker declares, and a shard takes, by the kind of device: exactly one of it."""
+CONNECT_S = 10.0  # in which a scheduler must answer, unless `distributed.comm.timeouts.connect` is shorter
+RESOURCES = {"cuda": "GPU", "cpu": "CPU"}  # what a worker declares, and a shard takes one of, by kind of device
 
 LOGS = ("distributed", "tornado", "asyncio", "bokeh")
 

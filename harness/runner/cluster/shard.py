@@ -28,8 +28,7 @@ from .calibration import Calibration, calibrate
 
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
-TOPIC = "shadowbench"
-"""The topic of the messages that workers send while they measure."""
+TOPIC = "shadowbench"  # the topic of the messages that workers send while they measure
 
 
 @dataclass(frozen=True)

@@ -19,17 +19,10 @@ from ...errors import UserError
 from ...files import digest, plain, write_bytes
 from ..planning.run_options import Options
 
-PLACE = "SHADOWBENCH_SHARDS"
-"""The environment variable that gives the folder in which the folder of all shards of a machine is made."""
-
-PREFIX = "shadowbench-shards"
-"""The name of that folder; without the variable, how it begins: the user's number follows."""
-
-NAME = re.compile("[0-9a-f]{16}")
-"""The names of shards, see :func:`name_of`."""
-
-KEPT_S = 14 * 24 * 3600.0
-"""Seconds after which results that were not fetched are removed."""
+PLACE = "SHADOWBENCH_SHARDS"  # environment variable: where the folder of all shards of a machine is made
+PREFIX = "shadowbench-shards"  # the name of that folder; without the variable, how it begins: the user's number follows
+NAME = re.compile("[0-9a-f]{16}")  # the names of shards, see `name_of`
+KEPT_S = 14 * 24 * 3600.0  # seconds after which results that were not fetched are removed
 
 SCENES = "scenes.json"
 DELIVERED = ("records", "environments", "images", "maps", "answers", "truth")

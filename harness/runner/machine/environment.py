@@ -22,8 +22,7 @@ from ...frame.schedule.threads import processors
 from ...results.folder import read_json
 
 PACKAGES = ("warp-lang", "numpy", "embreex", "trimesh", "pandas", "scipy", "pillow", "usd-core", "slangpy")
-DISTRIBUTION = "shadowbench-rt"
-"""The name under which this package is installed."""
+DISTRIBUTION = "shadowbench-rt"  # the name under which this package is installed
 
 GPU_FIELDS = ("name", "driver_version", "memory.total", "clocks.max.sm", "clocks.max.mem", "power.limit")
 

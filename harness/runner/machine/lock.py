@@ -24,14 +24,9 @@ import psutil
 
 from ...errors import UserError
 
-FOLDER = "SHADOWBENCH_TURNS"
-"""The environment variable that gives the folder of the lock files."""
-
-PASSING_S = 0.05
-"""Seconds after which a message says that this process waits; passing the gate takes less."""
-
-LOWEST = 19
-"""What is added to the niceness of a process, so that it gets the time that others leave."""
+FOLDER = "SHADOWBENCH_TURNS"  # the environment variable that gives the folder of the lock files
+PASSING_S = 0.05  # seconds after which a message says that this process waits; passing the gate takes less
+LOWEST = 19  # what is added to the niceness of a process, so that it gets the time that others leave
 
 FREE, SHARED, EXCLUSIVE = 0, fcntl.LOCK_SH, fcntl.LOCK_EX
 
@@ -220,5 +215,4 @@ def _opened(path: Path) -> int:
     raise UserError(f"{path}: not a regular file; remove it, or set {FOLDER} to another folder")
 
 
-MACHINE = MachineLock()
-"""The lock of this process."""
+MACHINE = MachineLock()  # the lock of this process

@@ -16,17 +16,10 @@ from ...errors import install
 from ...frame.schedule.runner import PassRunner
 from ..machine.nvml import card_of
 
-PACKAGE = "nvidia-ml-py"
-"""NVIDIA's own binding of its management library."""
-
-BATCH_MS = 20.0
-"""About how long the replays last that are queued between two readings of the counter. It moves every 20 to 100 ms."""
-
-PATIENCE = 5.0
-"""How many times the asked seconds a measurement may take, where the counter moves seldom."""
-
-IN_FLIGHT_SHARE = 0.25
-"""Share of the asked seconds that frames are in flight, alone and together each: a clock needs less than a counter."""
+PACKAGE = "nvidia-ml-py"  # NVIDIA's own binding of its management library
+BATCH_MS = 20.0  # of replays between two readings of the counter, which moves every 20 to 100 ms
+PATIENCE = 5.0  # how many times the asked seconds a measurement may take, where the counter moves seldom
+IN_FLIGHT_SHARE = 0.25  # of the asked seconds, alone and together each: a clock needs less than a counter
 
 
 class MissingError(Exception):

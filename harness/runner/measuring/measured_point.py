@@ -258,8 +258,7 @@ def traced_again(method: Method) -> dict[str, int]:
     return {} if counted is None else {kind: int(np.sum(own)) for kind, own in zip(kinds, counted(), strict=False)}
 
 
-PROCESS = "process growth"
-"""The source of a number of bytes that holds more than the arrays that Warp allocated."""
+PROCESS = "process growth"  # the source of a number of bytes that holds more than the arrays that Warp allocated
 
 
 def frame_bytes(session: Session) -> int:

@@ -79,8 +79,7 @@ def peak_resident_bytes() -> int:
     return peak if sys.platform == "darwin" else peak << 10
 
 
-ALLOWED_GROWTH = 256 << 20
-"""Bytes that a process may grow in addition to the memory of its method, for compilers and compiled code."""
+ALLOWED_GROWTH = 256 << 20  # bytes of a process beyond its method's memory, for compilers and compiled code
 
 UNTOUCHED = (2 << 30) + (os.cpu_count() or 1) * (16 << 20)
 """Bytes that a process may map in addition without using them: stacks of threads, what allocators keep in reserve."""

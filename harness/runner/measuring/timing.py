@@ -27,8 +27,7 @@ MOST_PREFIXES = 150
 """Passes of a captured frame up to which each is timed: the prefixes of n passes launch n^2 / 2. With 842 passes, of a frame
 with 64 lights, they took 100 seconds."""
 
-SUBMITTED = 20
-"""Frames launched one after another, at most, of which the host's time to submit one is the median."""
+SUBMITTED = 20  # frames launched one after another, at most, of which the host's time to submit one is the median
 
 
 @dataclass(frozen=True)

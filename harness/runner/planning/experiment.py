@@ -26,8 +26,7 @@ if TYPE_CHECKING:  # experiments are listed without what reads records
 
 PACKAGE = __name__.rsplit(".", 4)[0] + ".experiments"
 
-MOST_PIXELS = 2**31 - 1
-"""Largest number of pixels of an image: pixel indices are int32."""
+MOST_PIXELS = 2**31 - 1  # largest number of pixels of an image: pixel indices are int32
 
 
 @dataclass(frozen=True)

@@ -11,41 +11,24 @@ from ...scene.names import ANIMATED, TRIANGLES
 from ...scene.standins import balls
 from .experiment import Preset
 
-PIXEL = 1.75
-"""Cost of a pixel relative to a triangle, roughly, for the methods of Table 1 on a CPU."""
-
-BYTES = 50
-"""Bytes of a mesh file per triangle, roughly."""
-
-UNKNOWN = 100_000
-"""Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
+PIXEL = 1.75  # cost of a pixel relative to a triangle, roughly, for the methods of Table 1 on a CPU
+BYTES = 50  # bytes of a mesh file per triangle, roughly
+UNKNOWN = 100_000  # assumed number of triangles if the name does not tell: a declared scene, a folder of frames
 
 # All that follows are rough seconds, measured on two cores and an H200.
 
-OVERHEAD = 2.0
-"""The total time of a point over that of its samples: loading, warming up, checking the answers."""
-
-ONCE_S = 1.0
-"""Of a point whatever its size: it is prepared, and its answers are written and read."""
-
-SCENE_S = 2.0
-"""Of a scene with one lighting, shared by its points: it is made, and its exact reference computed."""
-
-CPU_S = 7.5e-7
-"""Of one frame per unit of work on two CPU cores; a median over methods."""
+OVERHEAD = 2.0  # the total time of a point over that of its samples: loading, warming up, checking the answers
+ONCE_S = 1.0  # of a point whatever its size: it is prepared, and its answers are written and read
+SCENE_S = 2.0  # of a scene with one lighting, shared by its points: it is made, and its exact reference computed
+CPU_S = 7.5e-7  # of one frame per unit of work on two CPU cores; a median over methods
 
 REFERENCE_S = 8.0
 """Of the exact reference per frame and 2^20 pixels on the host of a GPU. It is computed once for all methods of a scene
 with one lighting, so it is most of the time of an experiment with a single method."""
 
-ANSWERS_S = 1.0
-"""Per point, frame and 2^20 pixels of a run on a GPU: answers are copied, written, read and compared."""
-
-ROUND_S = 0.1
-"""Of the samples of a point per frame and round on a GPU; they do not depend on the scene."""
-
-COSTS = 2.2
-"""For each second that a preset asks for its costs: idle, replayed, alone and together in flight."""
+ANSWERS_S = 1.0  # per point, frame and 2^20 pixels of a run on a GPU: answers are copied, written, read and compared
+ROUND_S = 0.1  # of the samples of a point per frame and round on a GPU; they do not depend on the scene
+COSTS = 2.2  # for each second that a preset asks for its costs: idle, replayed, alone and together in flight
 
 
 def expected_triangles(scene: str) -> int:

@@ -25,8 +25,7 @@ PROJECT = HARNESS.rpartition(".")[0]
 ROOT = Path(__file__).parents[3]
 
 SAMPLING = f"{HARNESS}.runner.measuring.timing"
-MEASURING = (f"{HARNESS}.runner.measuring.measured_point",)
-"""The modules that load the frames of every method, take the samples and count the memory."""
+MEASURING = (f"{HARNESS}.runner.measuring.measured_point",)  # load frames, take samples, count memory
 
 
 def source_hash(cls: type, root: Path = ROOT) -> str:

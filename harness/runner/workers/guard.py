@@ -15,8 +15,7 @@ import signal
 import sys
 from typing import NoReturn
 
-PARENT_DIES, TAKE_ORPHANS = 1, 36
-"""Of Linux's prctl: a signal when the parent ends; orphaned descendants become children."""
+PARENT_DIES, TAKE_ORPHANS = 1, 36  # prctl of Linux: a signal when the parent ends; to adopt orphaned descendants
 
 
 def main() -> None:

@@ -19,17 +19,10 @@ from . import scratch
 from .apart import kept_to
 from .protocol import UNWRITABLE, check_reply
 
-GRACE_S = 0.5
-"""Additional time for a reply to arrive after its time limit, or after the end of its worker, seconds."""
-
-STOP_S = 5.0
-"""Time for a worker to end with all that it has started, seconds; then it is left to itself."""
-
-MOST = 1 << 26
-"""Characters of a reply. A method can get hold of the pipe, and what it writes is held in this process."""
-
-POLL_S = 60.0
-"""Waiting without a time limit is done in intervals of this many seconds."""
+GRACE_S = 0.5  # additional time for a reply to arrive after its time limit, or after the end of its worker, seconds
+STOP_S = 5.0  # time for a worker to end with all that it has started, seconds; then it is left to itself
+MOST = 1 << 26  # Characters of a reply. A method can get hold of the pipe, and what it writes is held in this process.
+POLL_S = 60.0  # waiting without a time limit is done in intervals of this many seconds
 
 PACKAGE = __name__.rsplit(".", 1)[0]
 

@@ -14,11 +14,8 @@ from .apart import judges_processors
 from .handle import Remote, WorkerError
 from .protocol import UNWRITABLE, grade_command, load_command, prepare_command
 
-LOAD_S = 300.0
-"""Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""
-
-ROOM = 0.2
-"""Share of the memory of the device, and of the host, that is kept free by freeing other points."""
+LOAD_S = 300.0  # least time limit for a worker to start and load a scene, whatever the method's limit, seconds
+ROOM = 0.2  # share of the memory of the device, and of the host, that is kept free by freeing other points
 
 
 def grader_name(number: int) -> str:
@@ -31,8 +28,7 @@ def grades(name: str) -> bool:
     return "." in name
 
 
-GRADER = grader_name(1)
-"""The one that also makes the scenes."""
+GRADER = grader_name(1)  # the one that also makes the scenes
 
 
 class Workers:

@@ -15,8 +15,7 @@ from ...scene.overrides import Lighting
 from ...typed_json import checked
 from ..planning.run_options import Job, Options
 
-UNWRITABLE = "unwritable"
-"""A worker's reply, in place of the status of a record, where it could not write to the results folder."""
+UNWRITABLE = "unwritable"  # a worker's reply, as a status, where it could not write to the results folder
 
 
 def load_command(

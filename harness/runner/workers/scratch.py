@@ -17,8 +17,7 @@ from ..machine import lock as machine_lock
 
 PREFIX = "shadowbench-scratch-"
 
-_made: dict[int, tuple[Path, int]] = {}
-"""The folder of a process, open and locked, by the process's number: a copy of a process has none."""
+_made: dict[int, tuple[Path, int]] = {}  # folder, open and locked, by process: a copy of a process has none
 
 
 def environment() -> dict[str, str]:

@@ -33,17 +33,13 @@ GIB = 1 << 30
 LEAST_MEMORY, MEMORY_SHARE, MOST_MEMORY = 2 * GIB, 32, 16 * GIB
 """Bytes that a reader may take: at least these, and so many times the size of its files, up to a maximum."""
 
-LEAST_SECONDS, SECONDS_PER_MB = 20, 2.0
-"""Seconds of the processor that a reader may take, and more for each megabyte."""
-
-PATIENCE = 4
-"""How many times as long the clock may run: the machine may have other work, and a disk may be slow."""
+LEAST_SECONDS, SECONDS_PER_MB = 20, 2.0  # seconds of the processor that a reader may take, and more for each megabyte
+PATIENCE = 4  # how many times as long the clock may run: the machine may have other work, and a disk may be slow
 
 REFERRING = (".gltf", ".usd", ".usda", ".usdc")
 """Formats whose files may refer to others; what lies beside them counts as part of them for the limits."""
 
-MOST_BESIDE = 10_000
-"""Files beside a file that are counted for its limits."""
+MOST_BESIDE = 10_000  # files beside a file that are counted for its limits
 
 ENVIRONMENT = {
     "MALLOC_ARENA_MAX": "2",

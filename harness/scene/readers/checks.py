@@ -17,13 +17,11 @@ from ...errors import UserError
 from ...files import open_regular
 from ..scene import Camera, Geometry, Light, Moves, Vector
 
-MAX_LINE = 1 << 20
-"""Longest line of a text file, bytes. A longer line is not part of a mesh, and splitting it takes much memory."""
+MAX_LINE = 1 << 20  # longest line of a text file, bytes: no mesh has a longer one, and splitting it takes much memory
 
 _LFS = b"version https://git-lfs.github.com/spec/"
 
-MAX_TRIANGLES = 1 << 27
-"""Largest number of triangles: the methods index corners with int32."""
+MAX_TRIANGLES = 1 << 27  # largest number of triangles: the methods index corners with int32
 
 
 SMALLEST, LARGEST = 1e-38, 1e37
@@ -81,8 +79,7 @@ class Wanted:
         return Wanted(frames_of(facts.get("frames")), bool(facts.get("allow_missing")), facts.get("rate"))
 
 
-ALL = Wanted()
-"""Every frame, and every file that is referred to."""
+ALL = Wanted()  # every frame, and every file that is referred to
 
 
 def frames_of(text: str | None) -> tuple[int, int | None, int] | None:

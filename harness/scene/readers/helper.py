@@ -26,11 +26,8 @@ from ...errors import UserError
 from .. import scene
 from . import checks, load
 
-HEAD = struct.Struct("<QQ")
-"""Bytes of the text and of all arrays."""
-
-MOST_TEXT = 1 << 26
-"""Longest text of a message, bytes."""
+HEAD = struct.Struct("<QQ")  # bytes of the text and of all arrays
+MOST_TEXT = 1 << 26  # longest text of a message, bytes
 
 CLASSES = {
     kind.__name__: kind
@@ -40,8 +37,7 @@ CLASSES = {
 }
 """What a message may hold, by name."""
 
-NUMBERS = "fiub"
-"""Kinds of numpy's types that an array of a message may have: never an object."""
+NUMBERS = "fiub"  # kinds of numpy's types that an array of a message may have: never an object
 
 TASKS: dict[str, Callable[..., Any]] = {"load": load.load, "load_sequence": load.load_sequence}
 

@@ -30,14 +30,9 @@ READERS: dict[str, Callable[[Path, Wanted], Loaded]] = {
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
 }
 
-STILL = (".ply", ".obj", ".stl", ".off", ".3mf")
-"""Formats whose files hold one frame."""
-
-SUFFIXES = (".npz", *READERS)
-"""The supported file name endings of meshes."""
-
-DECLARATION = ".toml"
-"""The ending of a file that declares a scene (:mod:`.scene.declaration`)."""
+STILL = (".ply", ".obj", ".stl", ".off", ".3mf")  # formats whose files hold one frame
+SUFFIXES = (".npz", *READERS)  # the supported file name endings of meshes
+DECLARATION = ".toml"  # the ending of a file that declares a scene (`scene.declaration`)
 
 _BLENDER = "open it in Blender and export it as glTF (.glb) or USD"
 _CAD = "open it in FreeCAD and export its mesh as STL"

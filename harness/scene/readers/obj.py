@@ -22,8 +22,7 @@ from .text import JOINED, blocks, decoded, first_three, number_of, numbers, pars
 _VERTEX, _FACE = ({letter, *(letter + blank for blank in (b" ", b"\t", b"\v", JOINED))} for letter in (b"v", b"f"))
 """How the lines of vertices and of faces begin."""
 
-_OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")
-"""A face as old programs write it."""
+_OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")  # a face as old programs write it
 
 _INDEX_LIMIT = 1 << 31
 

@@ -23,14 +23,9 @@ from .checks import ALL, Loaded, Wanted, broken, checked, read_bytes
 from .polygons import polygon_sizes, triangulate
 from .text import blocks_of_lines, decoded, numbers, parsed, plain_lines
 
-_DRAWN = ("vertex", "face", "tristrips")
-"""The elements that are read; others are left out with a note."""
-
-_RESTART = -1
-"""Ends a triangle strip, after which another begins."""
-
-CORNERS = ("vertex_indices", "vertex_index")
-"""Names of the list of a face's, or a strip's, vertices."""
+_DRAWN = ("vertex", "face", "tristrips")  # the elements that are read; others are left out with a note
+_RESTART = -1  # ends a triangle strip, after which another begins
+CORNERS = ("vertex_indices", "vertex_index")  # names of the list of a face's, or a strip's, vertices
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -38,8 +33,7 @@ _TYPES = {
     "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LIMIT = 1 << 20
-"""Longest header, bytes."""
+_LIMIT = 1 << 20  # longest header, bytes
 
 _LAST = re.compile(rb"(end_header)()\Z")
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\r|\n)")
@@ -47,8 +41,7 @@ _LINE = re.compile(rb"([^\r\n]*)(\r\n|\r|\n)")
 _STRUCT = {
     "i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d",
 }  # fmt: skip
-_READ = ("x", "y", "z", *CORNERS)
-"""The properties that are read; others are passed over."""
+_READ = ("x", "y", "z", *CORNERS)  # the properties that are read; others are passed over
 
 _WRONG = "the file is truncated or its header wrong"
 

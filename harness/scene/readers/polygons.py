@@ -12,14 +12,9 @@ import numpy as np
 from ...arrays import F64, I32, I64, Bools, Floats, Ints
 from .checks import broken
 
-_BLOCK = 1 << 16
-"""Corners that are triangulated at a time."""
-
-_CORNERS = 8
-"""How many corners of a polygon are tried for a fan."""
-
-_STRAIGHT = 1e-6
-"""Sine of the largest angle that counts as none, for corners on one line that float32 has rounded."""
+_BLOCK = 1 << 16  # corners that are triangulated at a time
+_CORNERS = 8  # how many corners of a polygon are tried for a fan
+_STRAIGHT = 1e-6  # sine of the largest angle that counts as none, for corners on one line that float32 has rounded
 
 
 def polygon_sizes(path: Path, counts: Ints, where: str = "") -> None:

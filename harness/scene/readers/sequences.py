@@ -20,11 +20,8 @@ from .checks import ALL, Loaded, Wanted, broken, checked, guarded, read_bytes
 from .topology import fixed_topology
 
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
-_PLACE = re.compile(r"(%0?\d*d|\*|\?)")
-"""What stands for a number or for other letters in the name of a sequence."""
-
-_NPZ_GROWTH, _NPZ_FLOOR = 16, 1 << 26
-"""An archive may unpack to this many times its size, or to this many bytes, whichever is more; this stops zip bombs."""
+_PLACE = re.compile(r"(%0?\d*d|\*|\?)")  # what stands for a number or for other letters in the name of a sequence
+_NPZ_GROWTH, _NPZ_FLOOR = 16, 1 << 26  # times its size, or bytes, that an archive may unpack to: stops zip bombs
 
 
 def is_pattern(text: str) -> bool:

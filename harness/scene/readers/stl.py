@@ -18,17 +18,13 @@ from .text import decoded, numbers, parsed, plain_lines
 
 _HEADER = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_UP = (0.0, 0.0, 1.0)
-"""Programs that write STL (printing, machining) take z as up; the format does not define it."""
-
-_LINES = {b"facet", b"facet ", b"facet\t", b"vertex"}
-"""How the lines begin that are read of a text, in six letters."""
+_UP = (0.0, 0.0, 1.0)  # programs that write STL (printing, machining) take z as up; the format does not define it
+_LINES = {b"facet", b"facet ", b"facet\t", b"vertex"}  # how the lines begin that are read of a text, in six letters
 
 _KEYWORD = re.compile(rb"(?<=\S)[ \t]+(?=(?:facet|outer|vertex|endloop|endfacet)\b)")
 _END = b"endfacet"
 
-_BLOCK = 1 << 18
-"""Bytes of a text that are parsed at a time."""
+_BLOCK = 1 << 18  # bytes of a text that are parsed at a time
 
 
 def read_stl(path: Path, wanted: Wanted = ALL) -> Loaded:

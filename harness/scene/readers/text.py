@@ -20,17 +20,13 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-_BLOCK = 1 << 16
-"""Bytes of a block of lines, about."""
-
-_LINES = 1 << 15
-"""Lines that are parsed at a time."""
+_BLOCK = 1 << 16  # bytes of a block of lines, about
+_LINES = 1 << 15  # lines that are parsed at a time
 
 _BLANK = np.zeros(256, dtype=bool)
 _BLANK[list(b" \t\n\v\f\r")] = True
 
-JOINED = b"\f"
-"""Stands for a backslash and the line end after it, so that the lines of a file can still be counted."""
+JOINED = b"\f"  # stands for a backslash and the line end after it, so that the lines of a file can still be counted
 
 
 def decoded(blob: bytes) -> bytes:

@@ -32,11 +32,8 @@ _COORDINATES, _CORNERS = ("x", "y", "z"), ("v1", "v2", "v3")
 
 _READ = 1 << 16
 
-AffineRows = F64
-"""A transform of row vectors [4, 3]: p becomes p @ m[:3] + m[3]."""
-
-_GROWTH, _FLOOR = 100, 1 << 26
-"""A package may unpack to this many times its size, or to this many bytes, whichever is more; this stops zip bombs."""
+AffineRows = F64  # a transform of row vectors [4, 3]: p becomes p @ m[:3] + m[3]
+_GROWTH, _FLOOR = 100, 1 << 26  # times its size, or bytes, that a package may unpack to: stops zip bombs
 
 _DRAWN, _PLACED = 1 << 25, 1 << 20
 """Largest number of triangles and of placed objects: through components a small file could have any number."""

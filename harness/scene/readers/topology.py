@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ...arrays import I32, Floats
 
-Piece = tuple[Floats, I32]
-"""Positions [n, 3] and faces [m, 3] of a part at one frame."""
+Piece = tuple[Floats, I32]  # positions [n, 3] and faces [m, 3] of a part at one frame
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,12 +24,9 @@ from .shapes import Mesh, join
 NAME = re.compile(r"balls-([1-9]\d{0,17})(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?)|-swirl([1-9]\d{0,2}))?")
 EXAMPLE = "balls-300k"
 BALLS = 24
-GROUND_SHARE = 0.4
-"""Share of the triangles that belong to the ground; the balls share the rest equally."""
-HALF = 6.0
-"""Half the ground's side in metres."""
-FRAMES = 21
-"""Number of frames of a scene in which a share of the triangles moves."""
+GROUND_SHARE = 0.4  # share of the triangles that belong to the ground; the balls share the rest equally
+HALF = 6.0  # half the ground's side in metres
+FRAMES = 21  # number of frames of a scene in which a share of the triangles moves
 CAMERA = Camera(eye=(7.5, 4.2, 8.5), target=(0.0, 0.7, 0.0), fov=42.0)
 
 

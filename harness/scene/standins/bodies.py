@@ -17,11 +17,8 @@ from .shapes import Mesh, rotation
 
 Point = Sequence[float] | F64
 
-Turn = tuple[Sequence[float], float]
-"""Axis and degrees."""
-
-CHUNK = 2048
-"""Number of points evaluated at a time: blobs far from all of them are left out."""
+Turn = tuple[Sequence[float], float]  # axis and degrees
+CHUNK = 2048  # number of points evaluated at a time: blobs far from all of them are left out
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,9 @@ from ...arrays import Floats
 from ..scene import Geometry
 from .implicit import polygonise
 
-Part = Callable[[Floats, Floats, Floats], Floats]
-"""Arrays [n] in float32, unless a caller wants more."""
-
-SPACING = 0.00414
-"""Lattice spacing in metres; sets the triangle count (Stanford's mesh has 1,087,716)."""
-BLOCK = 8192
-"""Points evaluated at once, so that the arrays stay in cache."""
+Part = Callable[[Floats, Floats, Floats], Floats]  # arrays [n] in float32, unless a caller wants more
+SPACING = 0.00414  # lattice spacing in metres; sets the triangle count (Stanford's mesh has 1,087,716)
+BLOCK = 8192  # points evaluated at once, so that the arrays stay in cache
 
 
 def geometry() -> Geometry:

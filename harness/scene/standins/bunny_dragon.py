@@ -13,8 +13,7 @@ from .bodies import Blob, Body, ball, both, chain, curve, limb, normals, scales,
 from .shapes import Mesh, join, noise
 
 FRAMES = 16
-FRAME_TIME = 0.036
-"""Time between frames, seconds."""
+FRAME_TIME = 0.036  # time between frames, seconds
 IMPACT_TIME = 0.144
 BUNNY_SPEED = 2.2
 GRAVITY = 9.81

@@ -15,8 +15,7 @@ from .shapes import Mesh, box, cylinder, flip, join, lathe, pairs, patch, place,
 
 LENGTH, HEIGHT, WIDTH = 12.0, 3.1, 7.6
 X, Z = LENGTH / 2, WIDTH / 2
-TABLE_X, TABLE_Z, TABLE_Y = 3.7, 1.15, 0.75
-"""Half length, half width and height of the table."""
+TABLE_X, TABLE_Z, TABLE_Y = 3.7, 1.15, 0.75  # half length, half width and height of the table
 SEED = 284
 
 

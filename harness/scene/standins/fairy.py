@@ -15,8 +15,7 @@ from .motion import Carry, Drift, Motion, Part, Sway, Swing, animated
 from .shapes import Mesh, patch, transform
 
 FRAMES = 21
-TRIANGLES = 174_117
-"""Triangle count of the original; leaves are added up to this number."""
+TRIANGLES = 174_117  # triangle count of the original; leaves are added up to this number
 GRASS = 4600
 FAIRY_SPACING = 0.0101
 DRAGONFLY_SPACING = 0.0075

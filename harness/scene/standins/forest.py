@@ -126,8 +126,7 @@ def leaves(count: int) -> Part:
     return Part(mesh, [Sway(reach, _wind(foot))])
 
 
-Leaves = tuple[F64, F64]
-"""Points [n, 5, 3] and how far each leaf sways [n] in metres."""
+Leaves = tuple[F64, F64]  # points [n, 5, 3] and how far each leaf sways [n] in metres
 
 
 def _leaf(foot: F64, ahead: F64, side: F64, length: F64, width: F64) -> F64:

@@ -14,8 +14,7 @@ from .shapes import Mesh
 
 # Lattice axes 0, 1, 2 are y, z, x: a cyclic order, so that the orientation of quads holds.
 AXES = (1, 2, 0)
-COARSEST = 16
-"""Edge of the largest blocks of lattice points, in points."""
+COARSEST = 16  # edge of the largest blocks of lattice points, in points
 
 
 def polygonise(

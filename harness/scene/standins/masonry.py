@@ -5,8 +5,7 @@ from numpy.typing import ArrayLike
 
 from .shapes import Mesh, box, join, lathe, patch, transform, tube
 
-COLUMN_HEIGHT = 5.2
-"""From the floor to the top of the abacus."""
+COLUMN_HEIGHT = 5.2  # from the floor to the top of the abacus
 
 
 def arch(profile: ArrayLike, segments: int) -> Mesh:

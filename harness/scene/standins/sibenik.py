@@ -10,12 +10,9 @@ from ..scene import Geometry
 from .masonry import COLUMN_HEIGHT, arch, rib, rose, turned_column, window
 from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, pairs, patch, place, sphere, transform, tube
 
-HALF = 4.0
-"""Half width of the nave, and radius of its vault."""
-SIDE = 8.5
-"""Distance of the outer walls from the axis."""
-SPRING, AISLE_SPRING, ARCADE_SPRING = 10.5, 5.6, COLUMN_HEIGHT
-"""Heights at which the nave vault, the aisle vaults and the arcade arches begin."""
+HALF = 4.0  # half width of the nave, and radius of its vault
+SIDE = 8.5  # distance of the outer walls from the axis
+SPRING, AISLE_SPRING, ARCADE_SPRING = 10.5, 5.6, COLUMN_HEIGHT  # where vaults and arches begin
 WEST, EAST = -20.0, 20.0
 CROSSING = (4.0, 12.0)
 COLUMNS = (-16.0, -12.0, -8.0, -4.0, 0.0, 16.0)

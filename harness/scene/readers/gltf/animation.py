@@ -17,21 +17,13 @@ from .entries import Entry
 from .model import Block
 from .nodes import REST, Matrices, Tree, composed
 
-SLOWEST = 24.0
-"""Frames a second, at least, where the keys of an animation decide."""
+SLOWEST = 24.0  # frames a second, at least, where the keys of an animation decide
 
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
-_USUAL = 30.0
-"""Rates of films and games that are tried, and the one where keys fit none of them."""
-
-_NEAR = 0.01
-"""Part of the time between two frames within which a key is at a frame: keys are rounded to float32."""
-
-_FASTEST = 240.0
-"""Frames a second, at most, where the keys decide."""
-
-_SAME = 1e-4
-"""Seconds between times that are one key's but for rounding."""
+_USUAL = 30.0  # rates of films and games that are tried, and the one where keys fit none of them
+_NEAR = 0.01  # part of the time between two frames within which a key is at a frame: keys are rounded to float32
+_FASTEST = 240.0  # frames a second, at most, where the keys decide
+_SAME = 1e-4  # seconds between times that are one key's but for rounding
 
 _MOST_FRAMES = 1 << 24
 

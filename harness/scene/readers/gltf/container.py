@@ -14,8 +14,7 @@ from ..checks import broken, read_bytes
 from .entries import Entry
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-_JSON_LIMIT = 1 << 25
-"""Largest JSON part without embedded data, bytes. Parsed into Python objects it takes up to twenty times as much memory."""
+_JSON_LIMIT = 1 << 25  # bytes of JSON without embedded data; Python's objects take up to twenty times as much
 
 _EMBEDDED = re.compile(rb'"data:(?:[^"\\]|\\.)*+"')
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")

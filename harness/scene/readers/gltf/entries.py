@@ -14,8 +14,7 @@ from typing import Any
 from ....errors import UserError
 from ..checks import broken
 
-_LARGEST = 1 << 40
-"""Whole numbers are smaller: they count and index bytes of a file."""
+_LARGEST = 1 << 40  # whole numbers are smaller: they count and index bytes of a file
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")

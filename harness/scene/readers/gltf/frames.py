@@ -11,14 +11,12 @@ from .model import Block, Model
 from .nodes import Matrices, Tree
 from .primitives import Vertices
 
-MOST_POSITIONS = 1 << 27
-"""Largest number of vertices of all frames together: 3 GiB."""
+MOST_POSITIONS = 1 << 27  # largest number of vertices of all frames together: 3 GiB
 
 MOST_FRAMES = 1 << 14
 """Largest number of frames that are read: each takes about half a millisecond, however little moves."""
 
-_BLOCK = 1 << 16
-"""Vertices that are bent at a time."""
+_BLOCK = 1 << 16  # vertices that are bent at a time
 
 
 class Frames:

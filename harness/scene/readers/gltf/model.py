@@ -16,8 +16,7 @@ _DRAWN = 1 << 25
 """Largest number of triangles and of vertices with instances, unless the file itself has as many bytes: through instances
 a small file could have any number."""
 
-_DRAWS = 1 << 21
-"""Largest number of primitives and of instances over all nodes."""
+_DRAWS = 1 << 21  # largest number of primitives and of instances over all nodes
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,17 +10,13 @@ from .accessors import Accessors
 from .container import File
 from .entries import Entry
 
-Matrices = F64
-"""Transforms of column vectors, [..., 4, 4]."""
+Matrices = F64  # transforms of column vectors, [..., 4, 4]
 
 REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 """The transform of a node that says nothing."""
 
-_AFFINE = 1e-4
-"""Largest part of the last row of a matrix that counts as rounding."""
-
-ONCE = np.eye(4)[None]
-"""The transform of a node that is there once."""
+_AFFINE = 1e-4  # largest part of the last row of a matrix that counts as rounding
+ONCE = np.eye(4)[None]  # the transform of a node that is there once
 
 
 def composed(translation: NDArray, rotation: NDArray, scale: NDArray) -> Matrices:

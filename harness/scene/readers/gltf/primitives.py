@@ -17,8 +17,7 @@ from .accessors import Accessors, Draco, normal
 from .entries import DRACO, Entry
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_NO_SURFACE = (0, 1, 2, 3)
-"""Modes: points, lines, a closed line, a line."""
+_NO_SURFACE = (0, 1, 2, 3)  # modes: points, lines, a closed line, a line
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,17 +18,10 @@ from ..topology import Piece
 from .prims import IN_PROTOTYPE, Node, nodes_of, samples, times_of, vary
 from .shapes import SIZES, Polygons, Shape, Skin, Skinned, Tessellated, array, bindings
 
-MOST_NESTED = 32
-"""Most PointInstancers within each other."""
-
-MOST_INSTANCED = 1 << 25
-"""Largest number of triangles including instances; through nested instancers a small file could have any number."""
-
-MOST_INSTANCES = 1 << 22
-"""Largest number of placed shapes of one instancer: each has a matrix of 128 bytes."""
-
-_BLOCK = 1 << 18
-"""Positions of instances that are transformed at a time."""
+MOST_NESTED = 32  # most PointInstancers within each other
+MOST_INSTANCED = 1 << 25  # triangles, with those of instances: nested instancers of a small file could have any number
+MOST_INSTANCES = 1 << 22  # largest number of placed shapes of one instancer: each has a matrix of 128 bytes
+_BLOCK = 1 << 18  # positions of instances that are transformed at a time
 
 _OF_INSTANCES = (
     "positions", "orientations", "orientationsf", "scales", "velocities", "accelerations", "angularVelocities", "ids",

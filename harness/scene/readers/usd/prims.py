@@ -17,8 +17,7 @@ from pxr import Gf, Usd, UsdGeom, UsdShade
 from ....arrays import F64
 from ..checks import broken
 
-MOST_PRIMS = 1 << 20
-"""Largest number of prims, those of instances included."""
+MOST_PRIMS = 1 << 20  # largest number of prims, those of instances included
 
 DRAWN = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 IN_PROTOTYPE = Usd.TraverseInstanceProxies(

@@ -22,14 +22,9 @@ from .drawing import Drawing, Library
 from .prims import DRAWN
 from .shapes import RESOLUTION
 
-MOST_POSITIONS = 1 << 27
-"""Largest number of vertices of all frames together: 3 GiB."""
-
-MOST_FRAMES = 1 << 20
-"""Largest number of frames of an animation, before some are chosen."""
-
-_SLACK = 1e-6
-"""Difference of time codes, in frames, that rounding explains."""
+MOST_POSITIONS = 1 << 27  # largest number of vertices of all frames together: 3 GiB
+MOST_FRAMES = 1 << 20  # largest number of frames of an animation, before some are chosen
+_SLACK = 1e-6  # difference of time codes, in frames, that rounding explains
 
 _COUNTED = {
     "tessellated": f"tessellated gprims: {{}} ({RESOLUTION})",

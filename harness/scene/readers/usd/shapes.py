@@ -16,8 +16,7 @@ from ..polygons import polygon_sizes, triangulate
 from ..topology import Piece
 from .prims import samples, vary
 
-AROUND, POLE_TO_POLE = 32, 16
-"""Segments of a circle, and from one pole of a sphere to the other. Multiples of 4: bounds are those of the shape."""
+AROUND, POLE_TO_POLE = 32, 16  # segments of a circle, and from pole to pole; multiples of 4 keep a shape's bounds
 
 RESOLUTION = f"{AROUND} segments around, {POLE_TO_POLE} from pole to pole"
 
