@@ -136,11 +136,8 @@ class Played:
             self.method.forget()
 
     def _until(self, before: Kept, this: Kept) -> None:
-        """Everything that comes before a timed frame.
-
-        What the method kept of the last sample is forgotten first: a pixel without a ray in the frame before would keep
-        the occluder that the timed frame itself has left there.
-        """
+        """Everything that comes before a timed frame. What the method kept of the last sample is forgotten first: a
+        pixel without a ray in the frame before would keep the occluder that the timed frame itself has left there."""
         self.forget()
         for target, source in before:
             wp.copy(target, source)
@@ -152,10 +149,8 @@ class Played:
 
 def measure(options: Options, report: Silent, steps: Mapping[str, float], first: str) -> list[Record]:
     """The record of each entry of the preset, on each of its scenes, after each of ``steps`` {label: share of a step}.
-
     Points with a record are not measured again. The entry with the label ``first`` forgets before each timed frame what
-    it kept.
-    """
+    it kept."""
     preset = options.preset
     with results(options, report) as (folder, made_in):
         report.steps(len(preset.scenes) * len(steps) * len(preset.methods) * preset.rounds)

@@ -38,11 +38,9 @@ COLUMNS += "step ratio ratio_spread settled memory_bytes".split()
 
 
 def measured(options: Options, report: Silent) -> list[Record]:
-    """The points of a run (:func:`._played.measure`).
-
-    Raises UserError for other methods and for scenes that cannot be traced: the answers are compared with those of the same
-    method, so that no score would tell of a scene that it cannot trace.
-    """
+    """The points of a run (:func:`._played.measure`). Raises UserError for other methods and for scenes that cannot be
+    traced: the answers are compared with those of the same method, so that no score would tell of a scene that it
+    cannot trace."""
     for entry in options.preset.methods:
         if entry.method != NONE.method:
             raise UserError(f"--method {entry.method}: coherence measures ray_grids alone; leave out --method")

@@ -40,10 +40,8 @@ LACKING = {"energy_missing": "No energy", "flight_missing": "No second frame in 
 
 
 def read(folder: Path) -> DataFrame:
-    """The points, with power while frames are replayed, frames a second, and what a second one in flight adds.
-
-    Energy above that of a card that was not idle says nothing: there is none.
-    """
+    """The points, with power while frames are replayed, frames a second, and what a second one in flight adds. Energy
+    above that of a card that was not idle says nothing: there is none."""
     table = document.read(folder)
     watts = table["idle_w"] + table["energy_mj"] / table["alone_ms"].fillna(table["total_ms"])
     busy = table["idle_w"] > MOST_IDLE * watts

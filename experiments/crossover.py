@@ -54,10 +54,8 @@ def sweeps(
     base: Preset, triangles: tuple[str, ...], middle: str, sides: tuple[int, ...], lights: tuple[int, ...],
     seen: tuple[int, ...], few: tuple[str, ...], moving: tuple[int, ...], rooms: tuple[str, ...] = (),
 ) -> Preset:  # fmt: skip
-    """A map of triangles and pixels, one of triangles (``few``) and pixels hit, and the two other sweeps; lights in rooms.
-
-    All but the rooms cross at ``middle`` triangles, at the size of ``base``, with one light.
-    """
+    """A map of triangles and pixels, one of triangles (``few``) and pixels hit, and the two other sweeps; lights in
+    rooms. All but the rooms cross at ``middle`` triangles, at the size of ``base``, with one light."""
     parts = [
         *settings(base, sides, (f"balls-{n}" for n in triangles)),
         *settings(base, (base.width,), (f"balls-{middle}",), [n for n in lights if n != 1]),
@@ -69,11 +67,9 @@ def sweeps(
 
 
 def read(folder: Path) -> DataFrame:
-    """The points, with what is swept as columns of its own, and the label of the fastest of each setting.
-
-    ``triangles`` is the number in the scene's name; of a room, whose title is in ``room``, that of its mesh. ``exact``: the
-    method calls itself exact and no answer was wrong.
-    """
+    """The points, with what is swept as columns of its own, and the label of the fastest of each setting. ``triangles``
+    is the number in the scene's name; of a room, whose title is in ``room``, that of its mesh. ``exact``: the method
+    calls itself exact and no answer was wrong."""
     table = document.read(folder)
     names = [balls.read_name(name) for name in table["scene"]]
     shares = {column: [getattr(name, column, None) for name in names] for column in ("seen", "moving")}
@@ -105,10 +101,8 @@ def winners(table: DataFrame) -> DataFrame:
 
 
 def along(table: DataFrame, *axes: str) -> DataFrame:
-    """The points that differ in nothing but ``axes``: of all such groups the one with most settings.
-
-    Of several such groups the one whose other values are the most common: where the sweeps cross.
-    """
+    """The points that differ in nothing but ``axes``: of all such groups the one with most settings. Of several such
+    groups the one whose other values are the most common: where the sweeps cross."""
     others = [axis for axis in AXES if axis not in axes]
     if table.empty:
         return table
@@ -161,10 +155,8 @@ def over_lights(preposition: str, groups: Iterable[tuple[Any, DataFrame]]) -> li
 
 
 def over(line: DataFrame, axis: str, name: str) -> str:
-    """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value.
-
-    A winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence.
-    """
+    """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value. A
+    winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence."""
     if line[axis].nunique() < 2:
         return ""
     turns: list[tuple[float, str]] = []
@@ -244,11 +236,9 @@ def counted(axis: str, value: float) -> str:
 
 
 def map_picture(maps: list[tuple[str, str]], done: DataFrame, path: Path) -> Path:
-    """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the next
-    is.
-
-    Left: exact methods only; right: all. A square of two colours is a tie: the gap is within the spreads of the two.
-    """
+    """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the
+    next is. Left: exact methods only; right: all. A square of two colours is a tie: the gap is within the spreads of
+    the two."""
     from matplotlib.patches import Polygon, Rectangle
 
     # Labels of one method have one colour: the later ones are lighter.

@@ -81,9 +81,7 @@ def read(folder: Path) -> DataFrame:
 
 def overtaking(done: DataFrame) -> tuple[str, str]:
     """From how many targets on the fastest exact tree is faster than the fastest exact grid, in words, and its spread.
-
-    ``done``: points of one scene. Between two numbers of targets times are taken to lie on a line.
-    """
+    ``done``: points of one scene. Between two numbers of targets times are taken to lie on a line."""
     own = done[done["exact"]].sort_values("total_ms")
     tree, grid = (
         own[own["label"].isin(labels)].drop_duplicates("targets").set_index("targets").sort_index()

@@ -193,10 +193,8 @@ class Frame:
         wp.launch(kernel, dim=threads, inputs=inputs, outputs=outputs, device=self.device, block_dim=block)
 
     def load(self, moment: Moment, flags: NDArray[np.uint8] | None = None) -> None:
-        """Copy the data of the next frame to the device. This is not timed, as in the paper.
-
-        Raises ValueError for another image size, mesh or number of lights than this frame was made for.
-        """
+        """Copy the data of the next frame to the device. This is not timed, as in the paper. Raises ValueError for
+        another image size, mesh or number of lights than this frame was made for."""
         planned = (self.width, self.height, self.vertex_count, self.triangle_count, self.light_count)
         given = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
         if planned != given:

@@ -50,11 +50,9 @@ def _reflectances(prepared: Prepared) -> F32:
 
 
 def pieces(prepared: Prepared) -> I64:
-    """For each triangle the lowest vertex of the connected piece that it belongs to, int64 [triangle_count].
-
-    Two triangles are connected if they share a vertex of the welded mesh. The lowest label spreads over connected
-    triangles, with pointer jumping, until no label changes.
-    """
+    """For each triangle the lowest vertex of the connected piece that it belongs to, int64 [triangle_count]. Two
+    triangles are connected if they share a vertex of the welded mesh. The lowest label spreads over connected
+    triangles, with pointer jumping, until no label changes."""
     corners = prepared.weld[prepared.faces].astype(np.int64)
     label = np.arange(prepared.vertex_count, dtype=np.int64)
     while len(corners):
@@ -73,11 +71,8 @@ LAMP = 5  # numbers per light: red, green, blue, fall-off, and whether its shado
 
 
 def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> F64:
-    """Colour, fall-off and shadow flag of each light, float64 [light_count, 5].
-
-    The lights are scaled so that a surface that faces all of them receives 1. ``shadows``: whether the shadow bits of
-    each light count.
-    """
+    """Colour, fall-off and shadow flag of each light, float64 [light_count, 5]. The lights are scaled so that a surface
+    that faces all of them receives 1. ``shadows``: whether the shadow bits of each light count."""
     strength = sum(light.intensity * max(light.color) for light in lights) or 1.0
     rows = np.zeros((len(lights), LAMP))
     for i, light in enumerate(lights):

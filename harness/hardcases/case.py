@@ -115,11 +115,9 @@ def hard(
     name: str, title: str, breaks: str, *tables: Rows, refused: bool = False, excusable: float = EXCUSABLE,
     large: bool = False, **given: Any,
 ) -> Callable[[Callable[..., Trial]], Callable[..., Trial]]:  # fmt: skip
-    """Register what a builder makes as a :class:`HardCase`: one for each combination of the rows of ``tables``.
-
-    The texts name values in braces. The builder gets those of ``given`` and of the rows that are its parameters; if it has
-    ``**place``, those of :data:`PLACE`, too.
-    """
+    """Register what a builder makes as a :class:`HardCase`: one for each combination of the rows of ``tables``. The
+    texts name values in braces. The builder gets those of ``given`` and of the rows that are its parameters; if it has
+    ``**place``, those of :data:`PLACE`, too."""
 
     def register(build: Callable[..., Trial]) -> Callable[..., Trial]:
         taken = {*inspect.signature(build).parameters}

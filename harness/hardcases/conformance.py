@@ -173,10 +173,8 @@ class Tried:
         return ""
 
     def replays(self) -> str:
-        """A captured graph gives the bits of plain launches, also after points, camera and lights have moved.
-
-        This is repeated with a spotlight, whose passes the graph skips if it has no receivers.
-        """
+        """A captured graph gives the bits of plain launches, also after points, camera and lights have moved. This is
+        repeated with a spotlight, whose passes the graph skips if it has no receivers."""
         spotted = self.spotted()
         wrong = self.replayed(moments(self.prepared))
         if wrong or not spotted:
@@ -197,11 +195,9 @@ class Tried:
         return ""
 
     def allocations(self) -> str:
-        """A frame that runs again, as it is timed, allocates no memory through Warp, on any device.
-
-        On CUDA this is a replay of the graph: a scan or a sort that is launched eagerly allocates scratch memory each
-        time, while a graph owns the memory that it captured.
-        """
+        """A frame that runs again, as it is timed, allocates no memory through Warp, on any device. On CUDA this is a
+        replay of the graph: a scan or a sort that is launched eagerly allocates scratch memory each time, while a graph
+        owns the memory that it captured."""
         session = self.session()
         if not session.method.capturable:
             raise ExemptError("not capturable")

@@ -47,10 +47,8 @@ def dented(times: int, random: np.random.Generator) -> Mesh:
 @hard("P34 vertex off", "the same, off the origin", BEHIND, seed=9, at="vertex", offset=3.7)
 def eye_on(seed: int, at: str, **place: Any) -> Trial:
     """An eye on a triangle, which therefore no ray hits; all rays hit a wall ahead, which is lit from the eye.
-
-    ``scale`` is a power of two, so that the eye remains exactly on the triangle. With an ``offset`` (in scene sizes) this
-    is true only of an eye on a vertex.
-    """
+    ``scale`` is a power of two, so that the eye remains exactly on the triangle. With an ``offset`` (in scene sizes)
+    this is true only of an eye on a vertex."""
     mesh, eye = touched(seed, at)
     towards = np.random.default_rng(seed + 1000).normal(size=3)
     axis = int(np.abs(towards).argmax())

@@ -91,10 +91,8 @@ def odd_image(width: int, height: int) -> Trial:
 
 @hard("P17 {width}x{height}", "image of {width}x{height}", PARTIAL, rows("width height", (1023, 769), (7, 5000)))
 def large_image(width: int, height: int) -> Trial:
-    """Small triangles at the corners, along the sides and in the middle of a large image, without a background.
-
-    Most pixels miss, which makes judging fast; pixels in partial tiles and the last pixel hit a triangle.
-    """
+    """Small triangles at the corners, along the sides and in the middle of a large image, without a background. Most
+    pixels miss, which makes judging fast; pixels in partial tiles and the last pixel hit a triangle."""
     reach = width / height
     steps, size = (-1, -0.5, 0, 0.5, 1), 12.0 / max(width, height) * max(1.0, reach)
     places = [(x * reach, y) for x in steps for y in steps if x or y]

@@ -69,10 +69,8 @@ def around_the_light(**place: Any) -> Trial:
     side=1.0,
 )  # fmt: skip
 def spot_over_seam(side: float, **place: Any) -> Trial:
-    """S01 with a spotlight whose rectangle of azimuth runs from 170 to 190 degrees, across the seam.
-
-    ``side`` 1: the same scene rotated by exactly 180 degrees, so that the rectangle runs from -10 to 10 degrees.
-    """
+    """S01 with a spotlight whose rectangle of azimuth runs from 170 to 190 degrees, across the seam. ``side`` 1: the
+    same scene rotated by exactly 180 degrees, so that the rectangle runs from -10 to 10 degrees."""
     wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))
     points, faces = joined(wall, plane(0, -4, 8))
     mesh, light = (points * (-side, -side, 1), faces), spot_light(ORIGIN, (side, 0, 0), 10.0, 10.0, (0, 0, 1))

@@ -101,10 +101,8 @@ def grazing_floor() -> Trial:
          ("c", "above", True, "64 steps", 64), ("d", "below", False, "64 steps", 64)),
 )  # fmt: skip
 def two_sheets(above: bool, steps: int) -> Trial:
-    """Two planes ``steps`` float32 steps apart. From above, the upper plane is visible and lit.
-
-    At one step a wrong bit is excused, because rounding explains it. 64 steps are twice the bound of excused errors.
-    """
+    """Two planes ``steps`` float32 steps apart. From above, the upper plane is visible and lit. At one step a wrong bit
+    is excused, because rounding explains it. 64 steps are twice the bound of excused errors."""
     eye, towards = ((0, 0, 3), (0, 0, -1)) if above else ((0, 0, -1), (0, 0, 1))
     mesh = joined(plane(2, 1.0, 2), plane(2, 1.0 + steps * 2.0**-23, 2))
     stated = Counts(64, (0, 64) if above else (64, 0))
@@ -115,11 +113,9 @@ def two_sheets(above: bool, steps: int) -> Trial:
 @hard("S12c{axis}", "receivers half a step off their plane", ON_PLANE, axes(), steps=1)
 @hard("S12d{axis}", "receivers beside their plane", ON_PLANE, axes(), steps=3)
 def on_their_plane(steps: int, **place: Any) -> Trial:
-    """Receivers exactly on their plane (0 steps), or rounded to above or below it (1, 3).
-
-    A sheet that rises by ``steps`` float32 steps from end to end, under grazing lights from both sides; some rays meet
-    its vertices. Its triangles do not shadow each other.
-    """
+    """Receivers exactly on their plane (0 steps), or rounded to above or below it (1, 3). A sheet that rises by
+    ``steps`` float32 steps from end to end, under grazing lights from both sides; some rays meet its vertices. Its
+    triangles do not shadow each other."""
     x = pixel_centres(9, 2.0)
     mesh = lattice(x, 1.0 + np.round((x + 2) / 4 * steps) * 2.0**-23)
     lights = [(30.0, 20.0, 1.0 + 2.0**-10), (-30.0, 20.0, 1.0 - 2.0**-10), (0.3, 0.2, 4), (0.3, 0.2, -2)]
@@ -151,11 +147,9 @@ def same_place() -> Trial:
 
 @hard("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles")
 def one_tile() -> Trial:
-    """All receivers except a column of 256 lie in one tile of the light: 130,816 rays, twice the range of 16 bits.
-
-    The eye sees a small part of a near screen, half of it behind a wall. Past the edge of the screen it sees a plane just
-    behind the light. The directions to this plane extend the rectangle of all rays over a quarter of the sphere.
-    """
+    """All receivers except a column of 256 lie in one tile of the light: 130,816 rays, twice the range of 16 bits. The
+    eye sees a small part of a near screen, half of it behind a wall. Past the edge of the screen it sees a plane just
+    behind the light. The directions to this plane extend the rectangle of all rays over a quarter of the sphere."""
     above = 3 / 128
     edge = 510 / 512 / 128 / 16  # between the last two columns
     screen = quad((-1, -8, 4), (edge, -8, 4), (edge, 8, 4), (-1, 8, 4))

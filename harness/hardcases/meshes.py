@@ -36,11 +36,9 @@ def broken_triangles(hit: int) -> Trial:
 
 @hard("P06", "every triangle three times", "ties that depend on the order of a reduction")
 def three_of_each() -> Trial:
-    """Every triangle three times, in three vertex orders; shadows from and onto duplicates.
-
-    By convention the lowest index is the answer; another one counts as a tie, not as an error. For the built-in methods,
-    a test requires the exact index.
-    """
+    """Every triangle three times, in three vertex orders; shadows from and onto duplicates. By convention the lowest
+    index is the answer; another one counts as a tie, not as an error. For the built-in methods, a test requires the
+    exact index."""
     points, faces = ball_on_floor()
     thrice = np.concatenate([faces, faces[:, [1, 2, 0]], faces[:, [1, 0, 2]]])
     return view((points, thrice), [(1, 2.5, 0.5)], *BESIDE, (24, 24))

@@ -33,10 +33,8 @@ def onto_towers(kind: str, **place: Any) -> Trial:
     axes("xyz"), rows("kind eye", ("integers", (0.5, 37.0, 0.5)), ("halves", (0.0, 37.0, 0.0))),
 )  # fmt: skip
 def integer_ball(eye: tuple[float, ...], **place: Any) -> Trial:
-    """The rays of tinybvh#168 themselves: a grid of rays along -y from the top of a mesh on a grid of integers.
-
-    The thread's mesh is in a file that is not available; here it is a ball of 1,280 triangles of radius 37.
-    """
+    """The rays of tinybvh#168 themselves: a grid of rays along -y from the top of a mesh on a grid of integers. The
+    thread's mesh is in a file that is not available; here it is a ball of 1,280 triangles of radius 37."""
     points, faces = icosphere(3)
     mesh, lights, up, stated = (np.round(points * 37.0), faces), [(100.0, 200.0, 50.0)], (0, 0, 1), Counts(2500, None)
     return view(mesh, lights, eye, (0, -1, 0), size=(50, 50), up=up, height=50.0, stated=stated, **place)

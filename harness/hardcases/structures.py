@@ -38,10 +38,8 @@ EDGES_MOVED = rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0*
 @hard("P38 {count}", "{count:,} triangles with one centroid", DEPTH, rows("count", 10_000, 100_000), large=True)
 def one_centroid(count: int, **place: Any) -> Trial:
     """Triangles of sizes from 1 to 2^-12; the mean of the vertices and the middle of the box of each lie at the origin.
-
     Along each axis the three coordinates are v, -v and 0 in some order, so both middles are exact in float32. With an
-    ``offset`` (in scene sizes) they are only nearly the same.
-    """
+    ``offset`` (in scene sizes) they are only nearly the same."""
     random = np.random.default_rng(count)
     size = 2.0 ** random.uniform(-12, 0, (count, 1))
     value = float32_of(random.uniform(0.25, 1, (count, 3)) * size)
@@ -100,11 +98,9 @@ def towers() -> Mesh:
 )  # fmt: skip
 @hard("S39 edges {what}", "the same, {what}", "the same", EDGES_MOVED, kind="edges", excusable=AT_INFINITY)
 def along_an_axis(kind: str, **place: Any) -> Trial:
-    """Shadow rays along an axis among boxes with integer corners, through their edges, corners and in their walls.
-
-    The hit points are the odd integers (x, y) of the plane z = 0, seen from below, or with "edges" the even ones. The light
-    is directional, or far away on the axis above the middle for "point".
-    """
+    """Shadow rays along an axis among boxes with integer corners, through their edges, corners and in their walls. The
+    hit points are the odd integers (x, y) of the plane z = 0, seen from below, or with "edges" the even ones. The light
+    is directional, or far away on the axis above the middle for "point"."""
     mesh, middle = joined(towers(), plane(2, 0, 32)), 1.0 if kind == "edges" else 0.0
     light = Light((0.0, 0.0, 1.0), directional=True) if kind != "point" else Light((0.0, 0.0, 2.0**40))
     lights, stated = [light, Light((0.0, 0.0, -1.0), directional=True)], Counts(64, (None, 0))
@@ -175,9 +171,7 @@ def full_screen(count: int, same: bool, **place: Any) -> Trial:
 )  # fmt: skip
 def one_light_cell(light: Light, **place: Any) -> Trial:
     """All of 68,644 hit points but a column lie in one cell of a grid around the light, and within 2^-10 of one point.
-
-    A second plane far outside, which one column of pixels sees, widens the extent of the grid.
-    """
+    A second plane far outside, which one column of pixels sees, widens the extent of the grid."""
     half = 2.0**-10
     across = triangles((-half, -half / 3, 0.25), (half, -half / 2, 0.25), (half / 3, half, 0.25))
     outside = quad((1, -2048, 1024), (4096, -2048, 1024), (4096, 2048, 1024), (1, 2048, 1024))
@@ -188,11 +182,9 @@ def one_light_cell(light: Light, **place: Any) -> Trial:
 @hard("P44{end}", "T-junctions", "rays lost at a vertex on another's edge", TURNED, exact=True, excusable=0.0)
 @hard("P44 rounded{end}", "T-junctions", "rays lost at a vertex on another's edge", TURNED, exact=False)
 def t_junctions(exact: bool, **place: Any) -> Trial:
-    """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones.
-
-    ``exact``: on dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise rounding
-    moves the vertices off the edges, and rays may pass between.
-    """
+    """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones. ``exact``: on
+    dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise rounding moves the
+    vertices off the edges, and rays may pass between."""
     fine, coarse = np.arange(-8, 9) / 8, np.array([-1.0, 0.0, 1.0])
     points, faces = joined(*(sheet(np.array([k, k + 1]) / 4, fine if k % 2 else coarse, 2.0) for k in range(-4, 4)))
     if not exact:

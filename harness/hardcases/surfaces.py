@@ -20,10 +20,8 @@ EITHER_SIDE = "the texel of a rounded coordinate lies on either side"
 
 
 def chequered(mesh: Mesh, side: float, count: int, turned: int = 0) -> Callable[[Geometry], AlphaMask]:
-    """A mask: the first ``count`` triangles get a chequerboard over x and y with fields of length ``side``.
-
-    A corner of the board is at the origin. ``turned``: the last ``turned`` of these triangles have the fields swapped.
-    """
+    """A mask: the first ``count`` triangles get a chequerboard over x and y with fields of length ``side``. A corner of
+    the board is at the origin. ``turned``: the last ``turned`` of these triangles have the fields swapped."""
     points, faces = mesh[0], np.asarray(mesh[1])
     coordinates = np.zeros((len(faces), 3, 2), dtype=np.float32)
     coordinates[:count] = points[faces[:count]][..., :2] / (2 * side)
@@ -96,10 +94,8 @@ def caged_light() -> Trial:
     half=1.0, lit=0,
 )  # fmt: skip
 def hall(half: float, lit: int, **place: Any) -> Trial:
-    """A closed box of mirrors seen from its centre; with ``half`` = 16, rays meet its edges and corners exactly.
-
-    A light outside lights the wall next to it through that wall's plane: 72 of 256 rays meet this wall.
-    """
+    """A closed box of mirrors seen from its centre; with ``half`` = 16, rays meet its edges and corners exactly. A
+    light outside lights the wall next to it through that wall's plane: 72 of 256 rays meet this wall."""
     lights, stated = [(0.5, 0.25, 0.75), (0, 4, 0)], Counts(256, (0, 256 - lit))
     return view(box(-1, 1), lights, ORIGIN, (0, 0, -1), half, mirror=first(12), bounces=3, stated=stated, **place)
 

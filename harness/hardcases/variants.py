@@ -121,10 +121,8 @@ def among_subnormals(**place: Any) -> Trial:
     rows("eye", 2.0**-148, 2.0**-130), axes("xyz"),
 )  # fmt: skip
 def one_step_from_zero(eye: float, **place: Any) -> Trial:
-    """A plane at z = 0 and, in front of it but later in the list, one at the smallest positive number of float32.
-
-    From an eye at twice that number they are at distances of 2 and 1 of it.
-    """
+    """A plane at z = 0 and, in front of it but later in the list, one at the smallest positive number of float32. From
+    an eye at twice that number they are at distances of 2 and 1 of it."""
     mesh = joined(plane(2, 0, eye * 8), plane(2, 2.0**-149, eye * 8))
     lights = [(0.25 * eye, 0.5 * eye, side * eye) for side in (4, -4)]
     return view(mesh, lights, (0, 0, eye), (0, 0, -eye), stated=Counts(256, (0, 256)), **place)

@@ -118,11 +118,9 @@ def read_raw(
 
 
 def score_raw(path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None) -> Scored:
-    """The score of answers saved by :func:`save_raw`.
-
-    Raises :class:`UserError` for a file that does not have raw answers, or a mesh that is not the one traced.
-    ``scene_dir``: where originals of the catalogue's scenes are. ``folder``: stores the reference's answers.
-    """
+    """The score of answers saved by :func:`save_raw`. Raises :class:`UserError` for a file that does not have raw
+    answers, or a mesh that is not the one traced. ``scene_dir``: where originals of the catalogue's scenes are.
+    ``folder``: stores the reference's answers."""
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
     effects = Effects(tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0))
     return score_answers(Judge.of(prepared, moment, effects, folder), answers)

@@ -87,10 +87,8 @@ def crosses(d: Whole, a: Integers, b: Integers, c: Integers) -> bool:
 
 
 def hit(o: Whole, d: Whole, triangle: Whole) -> tuple[int, int] | None:
-    """The exact t of ray o + t d with a triangle (nine integers) as (numerator, denominator) > 0, or None.
-
-    ``o`` and the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two.
-    """
+    """The exact t of ray o + t d with a triangle (nine integers) as (numerator, denominator) > 0, or None. ``o`` and
+    the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two."""
     return on_plane(o, d, triangle) if crosses(d, *_seen_from(o, triangle)) else None
 
 

@@ -98,10 +98,8 @@ def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Bools:
 
 def reflected(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
     """Start and direction [n, 3] of mirrored rays in float64, before rounding, as :mod:`..frame.effects.mirrors`
-    computes them.
-
-    Also, [n]: the edges' product over the area of each triangle, and the sine of the ray's angle to its plane.
-    """
+    computes them. Also, [n]: the edges' product over the area of each triangle, and the sine of the ray's angle to its
+    plane."""
     a = corners[:, 0]
     e, f = corners[:, 1] - a, corners[:, 2] - a
     n = np.cross(e, f)

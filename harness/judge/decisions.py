@@ -125,9 +125,7 @@ class Decisions:
 
     def between(self, o: F32, d: F32, ratio: Ratio | None, light: F32, triangles: I32, holes: bool = True) -> list[int]:
         """The triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
-
-        ``holes``: whether a segment may pass through a hole; otherwise it meets the triangle there too.
-        """
+        ``holes``: whether a segment may pass through a hole; otherwise it meets the triangle there too."""
         if ratio is None or not len(triangles):
             return []
         _, ints = exact.integers(o, d, light, self.points[self.faces[triangles]])

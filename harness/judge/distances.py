@@ -90,10 +90,8 @@ def point_to_segment(x: Numbers, p: Numbers, q: Numbers) -> Reached:
 
 
 def segment_to_segment(p: Numbers, q: Numbers, a: Numbers, b: Numbers) -> Reached:
-    """Squares of the distances of closed segments pq and ab, and the shares of pq where they are reached.
-
-    The nearest pair holds an end of one of them, or lies inside both.
-    """
+    """Squares of the distances of closed segments pq and ab, and the shares of pq where they are reached. The nearest
+    pair holds an end of one of them, or lies inside both."""
     zero = np.zeros(len(p), dtype=p.dtype)
     ends = [(point_to_segment(p, a, b)[0], zero), (point_to_segment(q, a, b)[0], zero + 1)]
     d, e, r = q - p, b - a, a - p

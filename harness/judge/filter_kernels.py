@@ -118,11 +118,8 @@ def collect_hits(
     found: Found,
     best: wp.array[wp.float64],
 ):
-    """Every triangle that the rays from the ``first`` on may hit.
-
-    With ``nearest`` = 1 none beyond the certain hits found before it; best [n] is then an upper bound of the closest t of
-    each ray, from all of them.
-    """
+    """Every triangle that the rays from the ``first`` on may hit. With ``nearest`` = 1 none beyond the certain hits
+    found before it; best [n] is then an upper bound of the closest t of each ray, from all of them."""
     i = first + wp.tid()
     o = origins[i]
     d = directions[i]
@@ -162,11 +159,9 @@ def collect_between(
     found: Found,
     certain: wp.array[wp.int32],
 ):
-    """Triangles but ``own`` that may meet the open segment from starts[row] to lights[target]; one certain occluder, or -1.
-
-    Of the segments from the ``first`` on. With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0
-    triangles within that distance of the segment are collected too, and some beyond it.
-    """
+    """Triangles but ``own`` that may meet the open segment from starts[row] to lights[target]; one certain occluder, or
+    -1. Of the segments from the ``first`` on. With ``every`` = 0 a certain occluder ends the search. With ``margin`` >
+    0 triangles within that distance of the segment are collected too, and some beyond it."""
     s = first + wp.tid()
     i = row[s]
     light = lights[target[s]]

@@ -14,10 +14,8 @@ SURE = 2.0**-30  # float64 suffices up to this error of t (relative), u and v: 2
 
 
 def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
-    """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles.
-
-    corners [n, 3, 3], o and d [n, 3], all float32 numbers; results [n], not finite where a ray is coplanar.
-    """
+    """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles. corners [n, 3, 3], o
+    and d [n, 3], all float32 numbers; results [n], not finite where a ray is coplanar."""
     a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(e, f)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -55,10 +53,8 @@ def _exactly(corners: F64, o: F64, d: F64) -> tuple[float, float, float, float]:
 
 
 def beside_off_the_eye(o: F64, d: F64, t: float, corners: F64) -> bool:
-    """Whether the point o + t d of a triangle's plane is within the bound of the triangle, and farther from the eye.
-
-    o and d [3], corners [1, 3, 3].
-    """
+    """Whether the point o + t d of a triangle's plane is within the bound of the triangle, and farther from the eye. o
+    and d [3], corners [1, 3, 3]."""
     met = (o + t * d)[None]
     limit = edge_bound(o[None], met)[0]
     return bool(triangle_distance(met, met, corners)[0][0] <= limit < t * np.linalg.norm(d))

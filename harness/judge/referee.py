@@ -86,10 +86,8 @@ class Referee:
         return result
 
     def occluders(self, hits: Hits, light: F32) -> I32:
-        """One triangle that meets the open segment from each exact hit point to ``light``; -1 where none does.
-
-        At a miss -1. Triangles that contain the exact hit point do not meet the open segment.
-        """
+        """One triangle that meets the open segment from each exact hit point to ``light``; -1 where none does. At a
+        miss -1. Triangles that contain the exact hit point do not meet the open segment."""
         return self._occluders(hits, light[None], np.ones(1, dtype=bool))[0]
 
     def _occluders(self, hits: Hits, lights: F32, wanted: Bools) -> I32:
@@ -278,10 +276,7 @@ class Referee:
 
 def _rounds(candidates: Lists, verdicts: I8, undecided: Verdict) -> Iterator[tuple[NDArray[np.intp], I32]]:
     """Pairs (ray, candidate) of the rays that are still ``undecided``: first a few per ray, then more for the remaining
-    rays.
-
-    Most rays are decided by one of their first candidates; a ray may have as many as there are triangles.
-    """
+    rays. Most rays are decided by one of their first candidates; a ray may have as many as there are triangles."""
     first, step = 0, 8
     rows = np.nonzero(candidates.counts)[0]
     while len(rows):
@@ -293,9 +288,7 @@ def _rounds(candidates: Lists, verdicts: I8, undecided: Verdict) -> Iterator[tup
 
 def lowest_duplicates(corners: F32, single: Bools) -> I32:
     """The lowest index of a triangle with the same three positions, int32 [n]; its own for those that are ``single``.
-
-    corners [n, 3, 3], single [n]
-    """
+    corners [n, 3, 3], single [n]"""
     corners = corners + np.float32(0.0)  # -0 becomes +0
     bits = corners.view(np.uint32).astype(np.uint64)
     mixed = bits[..., 0] * np.uint64(0x9E3779B97F4A7C15)

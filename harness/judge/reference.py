@@ -93,10 +93,8 @@ def embree_reference(
     referee: Referee | None = None,
 ) -> Reference:
     """Trace a moment with Embree. ``folder``: store the answers there as .npz, named by the hash of all inputs.
-    ``referee``: the mesh's, under which Embree's scene is kept for other moments if the mesh does not move.
-
-    Lights without shadows (by ``effects``, default the scene's) get rows of zeros.
-    """
+    ``referee``: the mesh's, under which Embree's scene is kept for other moments if the mesh does not move. Lights
+    without shadows (by ``effects``, default the scene's) get rows of zeros."""
     shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
     facts = {
         "reference": "Embree",
@@ -118,9 +116,7 @@ def exact_reference(
     folder: Path | str | None = None,
 ) -> Reference:
     """The referee's own answers in place of Embree's: 10 to 30 us per pixel. ``folder`` as in :func:`embree_reference`.
-
-    For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip.
-    """
+    For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip."""
     shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
     facts = {"reference": EXACT, "shadows": shadows, **input_hashes(prepared, moment)}
     if referee.holes.mask is not None:
@@ -157,11 +153,9 @@ def embree_installed() -> bool:
 
 
 def make_scene(points: F32, faces: I32, valid: NDArray) -> Any | None:
-    """An Embree scene of the valid triangles with unchanged ids; None if there is no valid triangle.
-
-    Invalid triangles get a NaN vertex: Embree drops such triangles, and the others keep their ids. Raises ValueError for
-    an index out of range, with which Embree would read outside the array.
-    """
+    """An Embree scene of the valid triangles with unchanged ids; None if there is no valid triangle. Invalid triangles
+    get a NaN vertex: Embree drops such triangles, and the others keep their ids. Raises ValueError for an index out of
+    range, with which Embree would read outside the array."""
     # Imported here, so that answers can be saved for scoring elsewhere on a machine without Embree.
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene

@@ -96,10 +96,8 @@ def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:
 
 
 def share_errors(rows: Sequence[tuple[Score, Sequence[Disputes]]]) -> list[Score]:
-    """Scores of any moments, each with the errors of its reference that all of them together found.
-
-    If it is repeated, also with more rows, it starts again from each score's own counts.
-    """
+    """Scores of any moments, each with the errors of its reference that all of them together found. If it is repeated,
+    also with more rows, it starts again from each score's own counts."""
     pool = pooled(one for _, disputes in rows for one in disputes)
     return [charge(score, disputes, pool) for score, disputes in rows]
 

@@ -34,10 +34,8 @@ def answered_path(folder: Path, key: str, frame: int) -> Path:
 def keep_wrong(
     folder: Path, key: str, frame: int, judge: Judge, answers: dict[str, NDArray]
 ) -> tuple[Scored, dict[str, Any]]:
-    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none.
-
-    The picture of the reference is saved, and that of the answers if it differs.
-    """
+    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none. The
+    picture of the reference is saved, and that of the answers if it differs."""
     scored = score_answers(judge, answers)
     shape = (judge.moment.height, judge.moment.width)
     write_map(wrong_path(folder, key, frame), scored.classes.reshape(shape).astype(np.int64) + OFFSET)

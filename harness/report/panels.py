@@ -195,11 +195,9 @@ def bars(
 
 
 def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math.inf) -> None:
-    """One stacked bar per row, from the top down, as long as ``total_ms``. Whisker: its interquartile range.
-
-    The parts of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each in
-    their sum. ``text`` at its end is red where answers are wrong, in italics where nothing was measured.
-    """
+    """One stacked bar per row, from the top down, as long as ``total_ms``. Whisker: its interquartile range. The parts
+    of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each in their
+    sum. ``text`` at its end is red where answers are wrong, in italics where nothing was measured."""
     # Stages are differences: on a busy machine one may be negative.
     widths = own[[column for column, _ in parts.values()]].clip(lower=0.0).fillna(0.0)
     widths = widths.mul(own["total_ms"].fillna(0.0) / widths.sum(axis=1).replace(0.0, 1.0), axis=0)

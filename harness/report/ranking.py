@@ -26,11 +26,9 @@ def exact(table: DataFrame) -> Series:
 
 
 def best(frames: DataFrame, points: DataFrame) -> Series:
-    """Which points are the fastest of their scene with every answer right, and those that tie with it; by key.
-
-    Compared over the frames that two points have in common, on whatever device. A tie: apart by no more than the spreads.
-    Where two points of a scene may not be compared, or only one is right, none is the best.
-    """
+    """Which points are the fastest of their scene with every answer right, and those that tie with it; by key. Compared
+    over the frames that two points have in common, on whatever device. A tie: apart by no more than the spreads. Where
+    two points of a scene may not be compared, or only one is right, none is the best."""
     right = document.measured(points).query("error == @numbers.OK")
     scene = right.groupby(["title", "light_label"], sort=False)
     right = right[scene["key"].transform("size") > 1]
@@ -75,9 +73,7 @@ def settings(table: DataFrame) -> Iterator[tuple[str, DataFrame]]:
 
 def tables(table: DataFrame, rebuilt: Mapping[str, str], frames: DataFrame | None = None) -> dict[str, DataFrame]:
     """For each scene of a ranked table a table of texts, fastest first. ``rebuilt``: by label what is built in a frame.
-
-    ``frames``: the tidy table that was ranked, for rows of those without a time, which say why.
-    """
+    ``frames``: the tidy table that was ranked, for rows of those without a time, which say why."""
     made = {f"{setting}, fastest first": sorted_table(own, rebuilt) for setting, own in settings(table)}
     if frames is None:
         return made

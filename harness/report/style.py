@@ -33,9 +33,7 @@ def in_order(methods: Iterable[str]) -> list[str]:
 
 def look(method: str) -> dict[str, str]:
     """The colour and the marker of a method: as the methods' package says, or for others from the checksum of the name.
-
-    So they are the same whatever else is measured or installed.
-    """
+    So they are the same whatever else is measured or installed."""
     place, slot = divmod(zlib.crc32(method.encode()), len(COLOURS))
     other = (COLOURS[slot], MARKERS[place % len(MARKERS)])
     colour, marker = importlib.import_module(PACKAGE).LOOKS.get(method, other)

@@ -190,11 +190,9 @@ def entries(records: Iterable[Record]) -> dict[tuple, Record]:
 
 
 def gap_between(a: F64, b: F64) -> tuple[float, float, float]:
-    """How much longer ``b`` takes than ``a``, as a share, and its 95 % interval.
-
-    Hodges and Lehmann's estimate on logarithms, which belongs to Mann and Whitney's test. The interval is from the normal
-    approximation of its statistic.
-    """
+    """How much longer ``b`` takes than ``a``, as a share, and its 95 % interval. Hodges and Lehmann's estimate on
+    logarithms, which belongs to Mann and Whitney's test. The interval is from the normal approximation of its
+    statistic."""
     differences = np.sort(np.subtract.outer(np.log(b), np.log(a)).ravel())
     m, n = len(a), len(b)
     reach = 1.96 * math.sqrt(m * n * (m + n + 1) / 12)

@@ -55,9 +55,7 @@ def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disput
 
 def charge_folder(folder: Path) -> dict[str, Record]:
     """Add shared errors to the records of a folder. Returns the records that changed, by key, as they were rewritten.
-
-    Records are written atomically, so that a run that is stopped here updates the rest when it is resumed.
-    """
+    Records are written atomically, so that a run that is stopped here updates the rest when it is resumed."""
     files = sorted((folder / "truth").glob("disputes-*.npz"))
     known = [(path, found) for path in files if (found := read_disputes(path, state=False))]
     pool = pooled(one for _, (_, _, disputes) in known for one in disputes)

@@ -112,11 +112,9 @@ class _Event(TypedDict):
 
 
 class Journal:
-    """The events of an unfinished point: one JSON object per line, written to disk before :meth:`append` returns.
-
-    An incomplete last line, left by a crash, is removed when the journal is opened again, and so is all from the first
-    event on that does not have the type that ``schema`` gives for its name (others may have any).
-    """
+    """The events of an unfinished point: one JSON object per line, written to disk before :meth:`append` returns. An
+    incomplete last line, left by a crash, is removed when the journal is opened again, and so is all from the first
+    event on that does not have the type that ``schema`` gives for its name (others may have any)."""
 
     def __init__(self, path: Path, schema: Mapping[str, type] = MappingProxyType({})):
         self.path = path

@@ -19,9 +19,7 @@ def map_path(folder: Path, key: str, frame: int) -> Path:
 
 def write_map(path: Path, counts: Ints) -> None:
     """Keep counts [height, width] as a PNG: red, green and blue are the bytes of a 24-bit number, highest first.
-
-    Written atomically. Raises ValueError for a count that does not fit: none is ever cut.
-    """
+    Written atomically. Raises ValueError for a count that does not fit: none is ever cut."""
     wide = np.asarray(counts, dtype=np.int64)
     if wide.size and not 0 <= int(wide.min()) <= int(wide.max()) < 1 << 24:
         raise ValueError(f"counts {int(wide.min())} to {int(wide.max())} do not fit into 24 bits")

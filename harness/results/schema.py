@@ -27,10 +27,8 @@ BLOCK = 1 << 20
 
 
 def read_records(folder: Path | str) -> list[Record]:
-    """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none.
-
-    A packed folder has them in one file (:data:`ARCHIVE`); records measured in it later have a file each.
-    """
+    """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none. A packed folder
+    has them in one file (:data:`ARCHIVE`); records measured in it later have a file each."""
     return sorted(each_record(folder), key=lambda record: record.key)
 
 
@@ -56,10 +54,8 @@ def each_record(folder: Path | str) -> Iterator[Record]:
 
 
 def folders_with_records(folder: Path | str) -> list[Path]:
-    """The folder and the folders in it, however deep, that have records; each once, whatever links lead to it.
-
-    Raises :class:`UserError` where there is none.
-    """
+    """The folder and the folders in it, however deep, that have records; each once, whatever links lead to it. Raises
+    :class:`UserError` where there is none."""
     folder, seen, places = Path(folder), set[str](), list[Path]()
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; name a folder of results")
@@ -80,10 +76,8 @@ def place_name(place: Path, folder: Path) -> str:
 
 
 def archived(place: Path, seen: set[str]) -> Iterator[Record]:
-    """The records in the archives of a folder ``records/`` whose keys are not among ``seen``, which they join.
-
-    If two archives have a key, the later file name counts, and in one archive the later line.
-    """
+    """The records in the archives of a folder ``records/`` whose keys are not among ``seen``, which they join. If two
+    archives have a key, the later file name counts, and in one archive the later line."""
     for path in sorted(place.glob(ARCHIVES), reverse=True):
         own: dict[str, Record] = {}
         for record in read_archive(path):

@@ -68,10 +68,8 @@ def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, A
 
 
 def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str | None]]) -> None:
-    """Remove the failures to make the scene of points whose scene has been made.
-
-    ``made``: the keys of these points, and the labels of their methods.
-    """
+    """Remove the failures to make the scene of points whose scene has been made. ``made``: the keys of these points,
+    and the labels of their methods."""
     with folder.writing():
         for key, label in made:
             # All but the hash of the configuration, which says whether there was a scene.

@@ -177,10 +177,8 @@ class Run:
         return jobs
 
     def _ready(self, jobs: list[Job]) -> None:
-        """Prepare jobs and have their answers scored, as :func:`.dealt` says.
-
-        Scoring takes long, so each scoring process holds the machine lock itself and releases it between frames.
-        """
+        """Prepare jobs and have their answers scored, as :func:`.dealt` says. Scoring takes long, so each scoring
+        process holds the machine lock itself and releases it between frames."""
         unscored = [job for job in jobs if not job.journal.first("finished")]
         for job in unscored:
             MACHINE.give_way()
@@ -222,11 +220,9 @@ class Run:
                 self._close(job)
 
     def _turn(self, job: Job) -> contextlib.AbstractContextManager[None]:
-        """Around one round of a point. On a cluster several cards of a machine measure at the same time.
-
-        The clock of a GPU times a captured graph, whatever the host does meanwhile. A method on the CPU, and one whose
-        launches the host must issue in time, needs the machine alone: all others pause between two of their rounds.
-        """
+        """Around one round of a point. On a cluster several cards of a machine measure at the same time. The clock of a
+        GPU times a captured graph, whatever the host does meanwhile. A method on the CPU, and one whose launches the
+        host must issue in time, needs the machine alone: all others pause between two of their rounds."""
         if not self.card:
             return contextlib.nullcontext()
         MACHINE.give_way()
@@ -235,10 +231,8 @@ class Run:
         return contextlib.nullcontext() if captured else MACHINE.exclusive()
 
     def _redraw(self, jobs: list[Job]) -> None:
-        """Draw the picture of a scene with one lighting where it is missing or damaged though all its points have records.
-
-        The first measured point is answered again, untimed. If it cannot be drawn, a message says so.
-        """
+        """Draw the picture of a scene with one lighting where it is missing or damaged though all its points have
+        records. The first measured point is answered again, untimed. If it cannot be drawn, a message says so."""
         from ..report.picture import opened
 
         job = next((job for job in jobs if job.record is not None and job.record.status == "ok"), None)

@@ -23,11 +23,9 @@ MOST_TEXELS = 2.0**30  # coordinates times the bitmap's size stay below this, so
 
 
 def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
-    """The mask with contiguous arrays of the declared types; every value that is not 0 becomes 1.
-
-    Raises :class:`UserError` for shapes that do not fit the mesh, coordinates that are not finite or so large that
-    texels cannot be numbered, and a bitmap without texels. ``name``: of the scene, for the message.
-    """
+    """The mask with contiguous arrays of the declared types; every value that is not 0 becomes 1. Raises
+    :class:`UserError` for shapes that do not fit the mesh, coordinates that are not finite or so large that texels
+    cannot be numbered, and a bitmap without texels. ``name``: of the scene, for the message."""
     masked, coordinates = np.asarray(mask.triangles), np.asarray(mask.coordinates)
     opaque = np.asarray(mask.opaque)
     if masked.shape != (triangle_count,):

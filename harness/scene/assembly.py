@@ -99,10 +99,8 @@ def _turn(axis: int, degrees: float) -> F64:
 
 
 def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
-    """The scene of several meshes, with a view chosen from its shape; of its frames those ``wanted``.
-
-    Its cameras and lights are those of all meshes; the second of one name is "NAME 2".
-    """
+    """The scene of several meshes, with a view chosen from its shape; of its frames those ``wanted``. Its cameras and
+    lights are those of all meshes; the second of one name is "NAME 2"."""
     geometry = joined(path, parts, wanted)
     scenes = [part.scene for part in parts]
     shape = shape_of(geometry, scenes[0].camera.up)

@@ -103,10 +103,8 @@ class Effects:
         return ("surfaces",) if self.alpha else ()
 
     def switches(self, light: int | None = None, bounce: int = 0) -> Switches:
-        """The switches of the kernels for primary rays, or for shadow rays to ``light``.
-
-        ``bounce`` > 0: of the kernels for mirrored rays, or for shadow rays from their hits.
-        """
+        """The switches of the kernels for primary rays, or for shadow rays to ``light``. ``bounce`` > 0: of the kernels
+        for mirrored rays, or for shadow rays from their hits."""
         return Switches(
             receivers=light is not None and self.has_receivers(light),
             alpha=self.alpha,

@@ -59,10 +59,8 @@ def contents(facts: dict[str, Any]) -> list[str | None]:
 
 
 def surface_facts(prepared: Prepared) -> dict[str, str]:
-    """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither.
-
-    A rule may choose them, and the rule's input need not be among the arrays that all methods receive.
-    """
+    """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither. A rule may choose
+    them, and the rule's input need not be among the arrays that all methods receive."""
     mirror = [prepared.mirror] if prepared.scene.mirror is not None else []
     chosen = [*mirror, *arrays_of(prepared.alpha).values()]
     return {"surfaces_sha256": array_hash(*chosen)} if chosen else {}

@@ -14,10 +14,8 @@ from .scene import Light, Spot, Vector
 
 @dataclass(frozen=True)
 class Orbit:
-    """Every light turns about an axis through ``centre`` by ``turns`` full turns, at its own radius and height.
-
-    The position of a directional light is a direction, which turns about the axis only.
-    """
+    """Every light turns about an axis through ``centre`` by ``turns`` full turns, at its own radius and height. The
+    position of a directional light is a direction, which turns about the axis only."""
 
     centre: Vector
     axis: Vector = (0.0, 1.0, 0.0)

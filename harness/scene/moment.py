@@ -89,10 +89,8 @@ def max_coordinate_of(starts: F32, extent: float) -> F32:
 
 
 def ray_tables(camera: Camera, width: int, height: int, centre: F64) -> tuple[F32, F32, F32, F32, F32]:
-    """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
-
-    Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical.
-    """
+    """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32. Pixel (x, y) has its centre
+    at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical."""
     if width < 1 or height < 1:
         raise UserError(f"image size {width}x{height}: both must be at least 1")
     eye = np.asarray(camera.eye, dtype=np.float64)

@@ -31,10 +31,8 @@ def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
 
 
 def outside(shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> tuple[Camera, tuple[Light, ...]]:
-    """The three-quarter view from outside, everything just inside a square image; the light high at its left.
-
-    Where that sees planes edge-on, it is turned.
-    """
+    """The three-quarter view from outside, everything just inside a square image; the light high at its left. Where
+    that sees planes edge-on, it is turned."""
     turns = (azimuth, azimuth - 45.0, azimuth + 45.0, azimuth - 90.0)
     azimuth = next((turn for turn in turns if shape.facing(_direction(shape, turn, elevation)) > _EDGE_ON), azimuth)
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
@@ -93,10 +91,8 @@ def _into_box(shape: Shape, axis: int, end: int) -> tuple[Camera, tuple[Light, .
 
 
 def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Camera, tuple[Light, ...]]:
-    """From within a building along its longest level axis; one light high in the middle.
-
-    ``along``: the eye's place as a share of that axis. ``height``: its share of the upward axis.
-    """
+    """From within a building along its longest level axis; one light high in the middle. ``along``: the eye's place as
+    a share of that axis. ``height``: its share of the upward axis."""
     extent = shape.high - shape.low
     axis = max({0, 1, 2} - {shape.up}, key=lambda i: extent[i])
     eye, target, light = (shape.low + 0.5 * extent for _ in range(3))

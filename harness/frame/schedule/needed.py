@@ -78,10 +78,8 @@ def stale(passes: Sequence[Pass], changed: Collection[str]) -> list[Pass]:
 
 
 def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
-    """Every pass, what is launched of it and why, if only the ``changed`` inputs differ from those of the last frame.
-
-    A pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs.
-    """
+    """Every pass, what is launched of it and why, if only the ``changed`` inputs differ from those of the last frame. A
+    pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs."""
     dirty, why = set(changed), dict[Pass, str]()
     parts = [part for whole in passes for part in whole.apart or (whole,)]
     before = -1

@@ -80,10 +80,8 @@ class ClusterRun:
         self.folder = ResultsFolder(self.options.out)
 
     def go(self) -> list[Record]:
-        """Measure every point without a record.
-
-        Raises :class:`UserError`, with what is finished and how to continue, if the scheduler is lost or no worker is left.
-        """
+        """Measure every point without a record. Raises :class:`UserError`, with what is finished and how to continue,
+        if the scheduler is lost or no worker is left."""
         options = self.options
         scratch.remove_abandoned()
         with self.folder.locked(), self.folder.writing():

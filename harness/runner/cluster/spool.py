@@ -32,10 +32,8 @@ Files = dict[str, bytes]
 
 
 def root() -> Path:
-    """The folder of all shards of this machine and user. Nothing outside it is written to or removed.
-
-    Raises :class:`UserError` where it is not closed to others: anybody may have made one of its name before.
-    """
+    """The folder of all shards of this machine and user. Nothing outside it is written to or removed. Raises
+    :class:`UserError` where it is not closed to others: anybody may have made one of its name before."""
     given = os.environ.get(PLACE)
     folder = Path(os.path.abspath(given or tempfile.gettempdir())) / (PREFIX if given else f"{PREFIX}-{os.getuid()}")
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -101,10 +101,8 @@ def packages() -> dict[str, str]:
 
 
 def git_state(file: Path = Path(__file__)) -> dict[str, Any] | None:
-    """Commit and whether tracked files differ from it; None without git, and where the repository does not track ``file``.
-
-    An installed package may lie in a repository of something else.
-    """
+    """Commit and whether tracked files differ from it; None without git, and where the repository does not track
+    ``file``. An installed package may lie in a repository of something else."""
     try:
         _git(file, "ls-files", "--error-unmatch", file.name)
         commit = _git(file, "rev-parse", "HEAD")

@@ -82,11 +82,9 @@ class MachineLock:
         self._change(self.held or SHARED)
 
     def share_beside(self, device: str) -> None:
-        """As :meth:`share`, for a command that times nothing. On a CPU it waits for nobody: while another process measures
-        it goes on without the lock, at the lowest priority, and that process notes the load of the machine.
-
-        On a GPU it waits, since kernels of two processes take turns whatever their priority, and no load shows it.
-        """
+        """As :meth:`share`, for a command that times nothing. On a CPU it waits for nobody: while another process
+        measures it goes on without the lock, at the lowest priority, and that process notes the load of the machine. On
+        a GPU it waits, since kernels of two processes take turns whatever their priority, and no load shows it."""
         self._beside = device == "cpu" and self.wait
         if self.held == FREE:
             self._share()
@@ -200,10 +198,8 @@ def _unlock(file: int) -> None:
 
 
 def _opened(path: Path) -> int:
-    """Open a file to lock it. It may belong to another user and need not be writable.
-
-    Anyone may have put something else in the folder for temporary files: opening a pipe would wait for its writer.
-    """
+    """Open a file to lock it. It may belong to another user and need not be writable. Anyone may have put something
+    else in the folder for temporary files: opening a pipe would wait for its writer."""
     how = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
     try:
         file = os.open(path, how)

@@ -306,9 +306,7 @@ def hashes(answers: Answers) -> dict[str, str]:
 
 def differing(session: Session, known: Mapping[str, str]) -> list[str]:
     """Run the frame once more, as it is timed, and return the names of the answers whose hashes differ from ``known``.
-
-    The answers are filled with invalid values first, so that a method that relies on an earlier run is detected.
-    """
+    The answers are filled with invalid values first, so that a method that relies on an earlier run is detected."""
     session.replay_complete()
     wp.synchronize_device(session.device)
     return unlike(session, known)
@@ -321,10 +319,8 @@ def unlike(session: Session, known: Mapping[str, str]) -> list[str]:
 
 
 def affordable_frames(frames: list[int], session: Session, seconds: float, runs: int, budget_s: float) -> list[int]:
-    """The frames whose samples fit into the budget: evenly spaced, including the first; at least one.
-
-    ``seconds``: time of the first frame including one-time costs. ``runs``: number of times that each frame will run.
-    """
+    """The frames whose samples fit into the budget: evenly spaced, including the first; at least one. ``seconds``: time
+    of the first frame including one-time costs. ``runs``: number of times that each frame will run."""
     if len(frames) == 1 or seconds * runs * len(frames) <= budget_s:
         return frames
     start = time.perf_counter()
@@ -336,10 +332,8 @@ def affordable_frames(frames: list[int], session: Session, seconds: float, runs:
 
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:
-    """``wanted`` evenly spaced frames from the first to the last; all if there are fewer; for 1 the middle frame.
-
-    An animation's first frame is often its simplest, such as a cloth before it falls.
-    """
+    """``wanted`` evenly spaced frames from the first to the last; all if there are fewer; for 1 the middle frame. An
+    animation's first frame is often its simplest, such as a cloth before it falls."""
     if wanted < 1:
         raise UserError(f"frames {wanted}: at least 1")
     count = min(wanted, frame_count)

@@ -20,10 +20,8 @@ from ...errors import CapacityRejected, one_line
 
 class Memory:
     """Counts the memory of a method: bytes held by Warp's allocators on every device, and the growth of the process.
-
     Counting begins with :meth:`start`, before the method plans. It is paused during samples, so that methods that
-    allocate inside a frame are not slowed down.
-    """
+    allocate inside a frame are not slowed down."""
 
     def __init__(self) -> None:
         from warp._src.context import runtime
@@ -43,10 +41,8 @@ class Memory:
         return int(self._core.wp_alloc_tracker_get_peak_bytes())
 
     def growth(self, peak: int = 0) -> int:
-        """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp.
-
-        ``peak``: resident memory of the process at an earlier time, which counts where it is more than now.
-        """
+        """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp. ``peak``:
+        resident memory of the process at an earlier time, which counts where it is more than now."""
         return max(0, resident_bytes() - self._resident, peak - self._resident)
 
 
@@ -68,10 +64,8 @@ def reset_peak_resident() -> None:
 
 
 def peak_resident_bytes() -> int:
-    """Peak resident memory of this process, bytes.
-
-    On Linux it is read from /proc, which can be reset, unlike the value of getrusage; psutil gives no peak on Linux.
-    """
+    """Peak resident memory of this process, bytes. On Linux it is read from /proc, which can be reset, unlike the value
+    of getrusage; psutil gives no peak on Linux."""
     peak = _status("VmHWM")
     if peak is not None:
         return peak

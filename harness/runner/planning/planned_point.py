@@ -21,10 +21,8 @@ from .experiment import Entry, Preset
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with ``method.param=value`` settings added to every entry of that method.
-
-    Raises :class:`UserError` as :func:`describe_method` does for any of them.
-    """
+    """Entries with ``method.param=value`` settings added to every entry of that method. Raises :class:`UserError` as
+    :func:`describe_method` does for any of them."""
     result, known = list(entries), {entry.method for entry in entries}
     for text in texts:
         method, key, value = _parsed(text)
@@ -39,10 +37,8 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
 
 
 def refuse_own_settings(experiment: str, texts: list[str], entries: tuple[Entry, ...]) -> None:
-    """Raise :class:`UserError` for a setting that an entry of the experiment has itself.
-
-    The labels of entries name such settings, and tables, findings and claims compare entries by label.
-    """
+    """Raise :class:`UserError` for a setting that an entry of the experiment has itself. The labels of entries name
+    such settings, and tables, findings and claims compare entries by label."""
     for text in texts:
         method, key, _ = _parsed(text)
         own = [entry.settings.get(key) for entry in entries if entry.method == method]
@@ -59,10 +55,8 @@ def _parsed(text: str) -> tuple[str, str, str]:
 
 
 def describe_method(entry: Entry, device: str) -> dict[str, Any]:
-    """Facts about a method for its records. ``broken``: why the method cannot be constructed.
-
-    Raises :class:`UserError` for an unknown method or parameter, or a value of a wrong type.
-    """
+    """Facts about a method for its records. ``broken``: why the method cannot be constructed. Raises :class:`UserError`
+    for an unknown method or parameter, or a value of a wrong type."""
     facts: dict[str, Any] = {"name": entry.method, "title": entry.method, "label": entry.label or entry.method}
     facts |= {"settings": dict(entry.settings), "parameters": {}, "capturable": None, "source_sha256": ""}
     facts |= {"device": device, "asked_device": device}
@@ -150,10 +144,8 @@ def seed_of(text: str) -> int:
 
 
 def orders(count: int, rounds: int, seed: int) -> list[list[int]]:
-    """A random order of ``count`` points for each round; over the rounds, each point has each place equally often.
-
-    The orders are rows of a cyclic Latin square over a random first order. Every second row is reversed, so that
-    neighbours change.
-    """
+    """A random order of ``count`` points for each round; over the rounds, each point has each place equally often. The
+    orders are rows of a cyclic Latin square over a random first order. Every second row is reversed, so that neighbours
+    change."""
     first = np.random.default_rng(seed).permutation(count)
     return [np.roll(first, -(number // 2))[:: 1 - 2 * (number % 2)].tolist() for number in range(rounds)]

@@ -52,11 +52,9 @@ class Grader:
     def grade(
         self, key: str, save_answers: bool, score: bool, picture: str, shows: str, wrong_maps: bool = False
     ) -> list[dict[str, Any]]:
-        """The score of every frame, or the reason why there is none.
-
-        The middle frame is drawn as ``picture``, unless there is a picture made from the same data (``shows``).
-        ``wrong_maps``: also save a map of the wrong pixels of the last frame, and its FLIP difference.
-        """
+        """The score of every frame, or the reason why there is none. The middle frame is drawn as ``picture``, unless
+        there is a picture made from the same data (``shows``). ``wrong_maps``: also save a map of the wrong pixels of
+        the last frame, and its FLIP difference."""
         from ...report.picture import scene_picture, shown_in
 
         frames, drawing, last = [], Path(picture), max(self.moments)

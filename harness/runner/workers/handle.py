@@ -41,10 +41,8 @@ class WorkerLostError(WorkerError):
 
 class Remote:
     """One worker process. It starts with the first command, and again with the first command after it has ended.
-
-    ``generation`` counts the starts; points prepared in an earlier generation are lost. ``command``: what was sent last.
-    ``apart``: the only processors that it uses, and then no GPU (:mod:`.apart`).
-    """
+    ``generation`` counts the starts; points prepared in an earlier generation are lost. ``command``: what was sent
+    last. ``apart``: the only processors that it uses, and then no GPU (:mod:`.apart`)."""
 
     def __init__(self, name: str, log: Path, apart: Sequence[int] = ()):
         self.name, self.log, self.apart = name, log, apart
@@ -68,10 +66,8 @@ class Remote:
 
     def receive(self, timeout: float) -> dict[str, Any]:
         """The reply to the last command, within ``timeout`` seconds. Waiting for the machine lock does not count.
-
-        Raises :class:`WorkerError` with the worker's reason, and :class:`WorkerLostError` if it died or did not reply; it
-        is then stopped.
-        """
+        Raises :class:`WorkerError` with the worker's reason, and :class:`WorkerLostError` if it died or did not reply;
+        it is then stopped."""
         reply = self._reply(timeout)
         while "waiting" in reply:
             self._asked = math.inf if reply["waiting"] else time.monotonic()

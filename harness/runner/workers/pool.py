@@ -88,9 +88,7 @@ class Workers:
 
     def make(self, scene: str, lighting: Lighting, methods: set[str]) -> tuple[dict[str, Any], dict[str, WorkerError]]:
         """Have the grader make a scene, and the workers of ``methods`` read it: its facts, and the workers that failed.
-
-        Raises :class:`WorkerError` if it cannot be made.
-        """
+        Raises :class:`WorkerError` if it cannot be made."""
         with self.folder.writing():
             self.folder.shared_scene().parent.mkdir(parents=True, exist_ok=True)
         self._ask_to_load(GRADER, scene, lighting, make=True)

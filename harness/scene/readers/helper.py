@@ -104,10 +104,8 @@ def send(line: Connection, value: Any) -> None:
 
 
 def received(line: Connection, most: int = 0) -> Any:
-    """The next value. ``most``: bytes of arrays that it may hold.
-
-    Raises EOFError or OSError at the end, other errors for a wrong message.
-    """
+    """The next value. ``most``: bytes of arrays that it may hold. Raises EOFError or OSError at the end, other errors
+    for a wrong message."""
     text_length, left = HEAD.unpack(_filled(line, bytearray(HEAD.size)))
     if text_length > MOST_TEXT or left > most:
         raise ValueError(f"a text of {text_length} bytes with {left} bytes of arrays")

@@ -75,11 +75,9 @@ UNREAD = {
 
 
 def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
-    """A mesh file, an ``.npz`` sequence, or a folder of numbered frames; of its frames those ``wanted``.
-
-    Raises :class:`UserError` for everything that is not a valid mesh of at least one triangle. Vertices with NaN are
-    allowed: their triangles are never hit.
-    """
+    """A mesh file, an ``.npz`` sequence, or a folder of numbered frames; of its frames those ``wanted``. Raises
+    :class:`UserError` for everything that is not a valid mesh of at least one triangle. Vertices with NaN are allowed:
+    their triangles are never hit."""
     path = Path(path)
     if path.is_dir():
         frames = numbered(path, READERS)

@@ -126,10 +126,8 @@ def _faces(path: Path, lines: Sequence[bytes], vertex_count: int) -> tuple[I64, 
 
 
 def _corners(lines: Sequence[bytes]) -> tuple[I32, I64]:
-    """The vertex indices as they stand in the lines, and how many each line has.
-
-    A corner is ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``.
-    """
+    """The vertex indices as they stand in the lines, and how many each line has. A corner is ``v``, ``v/vt``, ``v//vn``
+    or ``v/vt/vn``."""
     values, each = numbers([line[1:] for line in _before_slashes(lines)], np.int64)
     if each.min(initial=3) < 3:
         raise ValueError(f"a face has {each.min()} vertices, it needs at least 3")

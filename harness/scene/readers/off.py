@@ -24,10 +24,8 @@ _INDEX_LIMIT = 1 << 31
 
 def read_off(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Positions float64 and triangulated faces. A vertex and a face have a line each; what follows in it is left out.
-
-    Raises :class:`UserError` for binary files and other than three dimensions, and if the header's counts are not those of
-    the lines.
-    """
+    Raises :class:`UserError` for binary files and other than three dimensions, and if the header's counts are not those
+    of the lines."""
     text = without_comments(plain_lines(decoded(read_bytes(path))))
     header = _HEADER.match(text)
     if header is None:

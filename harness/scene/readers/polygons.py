@@ -135,9 +135,7 @@ def _clipped(flat: F64) -> I64 | None:
 
 def _rings_left(cut: I64, count: int) -> list[list[int]]:
     """The closed rings between the outline of triangles and the polygon 0, 1 ... ``count`` - 1 that they are cut from.
-
-    None passes a corner twice: a ring that does is several that touch there.
-    """
+    None passes a corner twice: a ring that does is several that touch there."""
     inner = {(int(t[i]), int(t[(i + 1) % 3])) for t in cut for i in range(3)}
     outline = {edge for edge in inner if edge[::-1] not in inner}
     polygon = {(i, (i + 1) % count) for i in range(count)}

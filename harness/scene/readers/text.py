@@ -108,9 +108,7 @@ def parsed(
     wrong: Callable[[int, str], UserError],
 ) -> list[NDArray[Any]]:
     """The arrays that ``parse`` makes of the lines of blocks, each joined over all blocks, of which there is one.
-
-    Raises what ``wrong`` makes of the index of the first line that is refused, and of the problem.
-    """
+    Raises what ``wrong`` makes of the index of the first line that is refused, and of the problem."""
     made, first = [], 0
     for lines in some:
         try:

@@ -44,11 +44,9 @@ T = TypeVar("T")
 
 
 def read_3mf(path: Path, wanted: Wanted = ALL) -> Loaded:
-    """All triangles of the build, float64, in the unit of the file. Each placed object has vertices of its own.
-
-    Raises :class:`UserError` for extensions that the file requires and cannot be read, for objects of other shapes than
-    triangles, and for a package that unpacks to far more than its size.
-    """
+    """All triangles of the build, float64, in the unit of the file. Each placed object has vertices of its own. Raises
+    :class:`UserError` for extensions that the file requires and cannot be read, for objects of other shapes than
+    triangles, and for a package that unpacks to far more than its size."""
     blob = read_bytes(path)
     with guarded(path, "3MF"), zipfile.ZipFile(io.BytesIO(blob)) as archive:
         package = _Package(path, archive, max(_FLOOR, _GROWTH * len(blob)))

@@ -28,10 +28,8 @@ class Fixed:
 
 def fixed_topology(frames: Sequence[Sequence[Piece | None]]) -> Fixed:
     """Join the parts of each frame, in order. ``frames[k][i]``: part i at frame k, or None where it is not there.
-
-    float64 if any part is, else float32. Triangles of a padded part are in the order of its frame, so that one of them is
-    not the same piece of surface in all frames.
-    """
+    float64 if any part is, else float32. Triangles of a padded part are in the order of its frame, so that one of them
+    is not the same piece of surface in all frames."""
     there = [[piece for piece in part if piece is not None] for part in zip(*frames, strict=True)]
     padded = [any(not _alike(piece, own[0]) for piece in own) for own in there]
     types = {piece[0].dtype for own in there for piece in own}

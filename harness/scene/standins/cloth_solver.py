@@ -67,10 +67,8 @@ class ClothSettings:
 
 
 def simulate(settings: ClothSettings, frame_count: int, frame_time: float) -> F64:
-    """Positions of the sheet, shape [frame_count, 3, cells + 1, cells + 1], ``frame_time`` seconds apart.
-
-    Frame 0 is the flat sheet at rest.
-    """
+    """Positions of the sheet, shape [frame_count, 3, cells + 1, cells + 1], ``frame_time`` seconds apart. Frame 0 is
+    the flat sheet at rest."""
     sheet = _Sheet(settings)
     steps = round(frame_time * settings.steps_per_second)
     frames = [sheet.place.copy()]

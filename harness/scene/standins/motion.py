@@ -29,10 +29,8 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """Points turn about an axis through ``pivot``, each by its weight [n] of the angle at the time.
-
-    The angle is ``mean`` + ``reach`` sin(2 pi (``beats`` phase + ``shift``)), in degrees.
-    """
+    """Points turn about an axis through ``pivot``, each by its weight [n] of the angle at the time. The angle is
+    ``mean`` + ``reach`` sin(2 pi (``beats`` phase + ``shift``)), in degrees."""
 
     pivot: Sequence[float]
     axis: Sequence[float]

@@ -85,10 +85,8 @@ def _displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats
 
 
 def _transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
-    """Write each transform of the points into ``result`` [matrix_count, point_count, 3].
-
-    Points that no transform moves stay as they are stored, bit for bit.
-    """
+    """Write each transform of the points into ``result`` [matrix_count, point_count, 3]. Points that no transform moves
+    stay as they are stored, bit for bit."""
     with np.errstate(over="ignore", invalid="ignore"):
         if (matrices == np.eye(4)).all():
             result[:] = points
@@ -100,11 +98,9 @@ def _transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
 
 
 def _bent(points: Floats, vertices: Vertices, joints: Matrices, result: Floats) -> None:
-    """Write the points, each moved by the weighted mean of its joints' transforms, into ``result`` [count, 3].
-
-    Weights need not add up to 1: in homogeneous coordinates, as renderers have them, their sum divides out. A point
-    without any weight follows its first joint.
-    """
+    """Write the points, each moved by the weighted mean of its joints' transforms, into ``result`` [count, 3]. Weights
+    need not add up to 1: in homogeneous coordinates, as renderers have them, their sum divides out. A point without any
+    weight follows its first joint."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for k in range(0, len(points), _BLOCK):
             some = slice(k, k + _BLOCK)

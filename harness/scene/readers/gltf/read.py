@@ -15,11 +15,9 @@ from .viewpoints import cameras, lights, moving
 
 
 def read_gltf(path: Path, wanted: Wanted = ALL) -> Loaded:
-    """All triangles of the default scene, and the wanted frames of its first animation. In glTF, y is up.
-
-    Positions are float32 if all stand as the file stores them, else float64. Raises :class:`UserError` for extensions that
-    may change what is drawn and cannot be read, for counts that exceed the file, and for files outside its folder.
-    """
+    """All triangles of the default scene, and the wanted frames of its first animation. In glTF, y is up. Positions are
+    float32 if all stand as the file stores them, else float64. Raises :class:`UserError` for extensions that may change
+    what is drawn and cannot be read, for counts that exceed the file, and for files outside its folder."""
     with guarded(path, "glTF"):
         file = File(path)
         accessors = Accessors(file)

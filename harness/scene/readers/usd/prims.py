@@ -85,10 +85,8 @@ class Node:
 
 
 def nodes_of(path: Path, roots: Sequence[Any], predicate: Any, purpose: str, counts: Counter[str]) -> list[Node]:
-    """Prims and all below them that have a place, depth first, in the order of the stage; nothing below a PointInstancer.
-
-    ``purpose``: what the roots inherit. ``counts``: how many prims there were is added to it.
-    """
+    """Prims and all below them that have a place, depth first, in the order of the stage; nothing below a
+    PointInstancer. ``purpose``: what the roots inherit. ``counts``: how many prims there were is added to it."""
     nodes: list[Node] = []
     waiting: list[tuple[Any, Node | None]] = [(root, None) for root in reversed(roots)]
     while waiting:

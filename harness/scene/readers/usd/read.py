@@ -103,11 +103,9 @@ def _frames(path: Path, drawing: Drawing, codes: list[float]) -> list[list[Piece
 def _times(
     path: Path, stage: Any, drawing: Drawing, wanted: Wanted, notes: list[str]
 ) -> tuple[list[float], float | None]:
-    """The time codes of the frames of a stage, and the frames a second, None where there is one frame.
-
-    It starts where the file says, else at the earliest sample of what is drawn, and ends likewise. There is a frame for each
-    time code, or as many a second as the file or ``wanted`` says. One frame, the start, if nothing moves.
-    """
+    """The time codes of the frames of a stage, and the frames a second, None where there is one frame. It starts where
+    the file says, else at the earliest sample of what is drawn, and ends likewise. There is a frame for each time code,
+    or as many a second as the file or ``wanted`` says. One frame, the start, if nothing moves."""
     start = _authored(stage, "startTimeCode", min(drawing.times, default=0.0))
     end = max(start, _authored(stage, "endTimeCode", max(drawing.times, default=start)))
     if not drawing.moves:
@@ -182,11 +180,8 @@ def _listening(path: Path, notes: list[str]) -> Iterator[None]:
 
 
 def _opened(path: Path, allow_missing: bool, notes: list[str]) -> Any:
-    """The stage of a file, all its payloads loaded.
-
-    Raises :class:`UserError` for a reference, payload, sublayer or clip that cannot be opened or found; with
-    ``allow_missing`` it is noted and left out.
-    """
+    """The stage of a file, all its payloads loaded. Raises :class:`UserError` for a reference, payload, sublayer or
+    clip that cannot be opened or found; with ``allow_missing`` it is noted and left out."""
     stage = Usd.Stage.Open(str(path))
     lost = sorted({_plain(str(error), path) for error in stage.GetCompositionErrors()})
     lost += _missing_clips(stage, path)
@@ -200,10 +195,8 @@ def _opened(path: Path, allow_missing: bool, notes: list[str]) -> Any:
 
 
 def _layer_files(stage: Any, path: Path) -> tuple[Path, ...]:
-    """The files that were read beside ``path``: of references, payloads, sublayers and value clips. Sorted.
-
-    A layer within a package counts as the package. Clips are those of the times that were read.
-    """
+    """The files that were read beside ``path``: of references, payloads, sublayers and value clips. Sorted. A layer
+    within a package counts as the package. Clips are those of the times that were read."""
     names = {Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()}
     root = path.resolve()
     return tuple(Path(name) for name in sorted(names) if name and Path(name).resolve() != root)

@@ -126,11 +126,9 @@ class Tessellated(Shape):
 
 
 def surface(kind: str, sizes: dict[str, float], axis: str) -> tuple[F64, I32]:
-    """The surface of a prim about the origin and outwards. Its axis (of a plane: the normal) is "X", "Y" or "Z".
-
-    All but cube and plane are surfaces of revolution: a profile of radii and heights, turned in :data:`AROUND` steps. The
-    number of triangles does not depend on the sizes, so that a shape that grows keeps its topology.
-    """
+    """The surface of a prim about the origin and outwards. Its axis (of a plane: the normal) is "X", "Y" or "Z". All
+    but cube and plane are surfaces of revolution: a profile of radii and heights, turned in :data:`AROUND` steps. The
+    number of triangles does not depend on the sizes, so that a shape that grows keeps its topology."""
     if kind == "Plane":
         width, length = sizes["width"], sizes["length"]
         points, faces = grid((-width / 2, -length / 2, 0), (width, 0, 0), (0, length, 0))
