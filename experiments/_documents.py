@@ -14,7 +14,7 @@ from ..harness.report.documents import Results
 from ..harness.report.page.gather import PARTS as PARTS_OF_A_FRAME
 from ..harness.report.page.gather import machine_of, written
 from ..harness.results.folder import read_environment
-from ..harness.results.newest import newest
+from ..harness.results.schema import newest
 from . import _rivals, effects, soft_shadows
 from .accuracy.untimed import read_hard
 from .claims import CLAIMS

@@ -24,8 +24,7 @@ from ..harness.results.record import SCHEMA, Record
 from ..harness.runner.measuring.measured_point import frame_bytes, spread_frames
 from ..harness.runner.measuring.memory import Memory
 from ..harness.runner.planning.experiment import Entry
-from ..harness.runner.planning.planned_point import describe_method, seed_of
-from ..harness.runner.planning.run_options import Options
+from ..harness.runner.planning.planned_point import Options, describe_method, seed_of
 from ..harness.runner.progress import Silent
 from ..harness.runner.source.closure import hash_of
 from ..harness.scene.facts import scene_facts

@@ -8,13 +8,11 @@ from typing import Any
 
 from ..harness.results.folder import ResultsFolder
 from ..harness.results.record import Record, make_record
-from ..harness.runner.machine.clocks import clock_state
-from ..harness.runner.machine.environment import environment, keep
+from ..harness.runner.machine.environment import clock_state, environment, keep
 from ..harness.runner.machine.lock import MACHINE
 from ..harness.runner.measuring.memory import peak_resident_bytes
 from ..harness.runner.planning.experiment import Preset
-from ..harness.runner.planning.planned_point import key_of, orders
-from ..harness.runner.planning.run_options import Options
+from ..harness.runner.planning.planned_point import Options, key_of, orders
 from ..harness.runner.progress import Silent
 
 

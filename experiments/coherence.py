@@ -12,7 +12,7 @@ from ..harness.frame.registry import make_method
 from ..harness.report import compare, document, numbers, panels
 from ..harness.results.record import Record
 from ..harness.runner.planning.experiment import Entry, Experiment
-from ..harness.runner.planning.run_options import Options
+from ..harness.runner.planning.planned_point import Options
 from ..harness.runner.progress import Silent
 from ._paper import large, small
 from ._played import measure

@@ -27,7 +27,7 @@ from ..harness.results.record import SCHEMA, Record
 from ..harness.results.table import stage_ms
 from ..harness.runner.measuring.timing import Sampling, sample_frame
 from ..harness.runner.planning.experiment import Experiment, Preset
-from ..harness.runner.planning.run_options import Options
+from ..harness.runner.planning.planned_point import Options
 from ..harness.runner.progress import Silent
 from ..harness.runner.source.closure import SAMPLING, closure_hash, hash_of
 from ._paper import large, small

@@ -26,7 +26,7 @@ LIGHTINGS = (
     Lighting("1 bounce", count=1, bounces=1),
     Lighting("4 bounces", count=1, bounces=4),
 )
-"""The scene's largest triangles are mirrors (:func:`.scene.surface_rules.largest_triangles`)."""
+"""The scene's largest triangles are mirrors (:func:`.scene.overrides.largest_triangles`)."""
 
 MIRRORED = r"bounce \d+: mirrored rays"
 COLUMNS = [*document.COMMON, "mirrored_rays", "primary_ns", "mirrored_ns", "loss", "added_ms", "ratio", "memory_bytes"]

@@ -10,7 +10,7 @@ from typing import Any
 from ..harness.report import document, numbers, panels, ranking
 from ..harness.report import paper_table1 as paper
 from ..harness.report.dataframe import DataFrame, pd
-from ..harness.results.newest import settings_text
+from ..harness.results.schema import settings_text
 from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.planning.experiment import Entry, Experiment
 from ._paper import METHOD, REAL, SCENES, faithful, large, small

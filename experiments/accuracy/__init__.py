@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...harness.report import document
 from ...harness.runner.planning.experiment import Entry, Experiment
-from ...harness.runner.planning.run_options import Options
+from ...harness.runner.planning.planned_point import Options
 from ...harness.runner.planning.time_estimate import expected_triangles
 from ...harness.runner.progress import Silent
 from .._paper import REAL, SCENES, large, small

@@ -11,8 +11,7 @@ from PIL import Image, ImageColor
 from ...harness.judge.verdict import Verdict
 from ...harness.report import compare, document, numbers, panels, pareto, style
 from ...harness.report.dataframe import DataFrame, Series, pd
-from ...harness.report.flip import reference_path
-from ...harness.report.picture import opened
+from ...harness.report.picture import opened, reference_path
 from ...harness.results.pixel_maps import read_wrong, wrong_path
 from .untimed import HEAT as NAME
 

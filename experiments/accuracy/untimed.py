@@ -28,7 +28,7 @@ from ...harness.judge.verdict import EXCUSED, Verdict
 from ...harness.report.dataframe import DataFrame, pd
 from ...harness.runner.machine.lock import MACHINE
 from ...harness.runner.planning.experiment import Entry
-from ...harness.runner.planning.run_options import Options
+from ...harness.runner.planning.planned_point import Options
 from ...harness.runner.progress import Silent, counted
 from ...harness.scene.overrides import Lighting
 from ...harness.scene.prepared import Prepared, prepare, rounded, weld

@@ -33,7 +33,7 @@ def cache(action: str = "show", as_json: bool = False) -> int:
     """
     if action not in ("show", "clear"):
         raise UserError(f"cache {action!r}: give show or clear")
-    from ..frame.warp_init import kernel_cache
+    from ..frame.devices import kernel_cache
 
     place = kernel_cache()
     found = [(path, size(path)) for path in modules(place)]

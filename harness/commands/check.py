@@ -12,12 +12,11 @@ from ..hardcases import all_cases, find_case
 from ..hardcases.conformance import Check, conformance
 from ..hardcases.judge import ERROR_NAMES, SHADOWS, Finding, judge_method, outside_of
 from ..judge.verdict import Verdict
-from ..report.terminal import plain_console
+from ..report.terminal import make_table, plain_console, print_legend, print_lines, tell
 from ..runner.machine.lock import MACHINE
 from ..scene.facts import few_hits
 from ..texts import numbered
 from .options import command
-from .tables import make_table, print_legend, print_lines, tell
 
 
 @command(

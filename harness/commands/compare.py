@@ -13,15 +13,13 @@ from typing import Any
 from ..errors import UserError
 from ..files import plain
 from ..report import numbers, two_runs
-from ..report.terminal import plain_console
+from ..report.terminal import make_table, plain_console, print_lines, tell
 from ..report.two_runs import OPEN, UNMEASURED, WRONG, Comparison, Row
 from ..results.folder import read_environment
-from ..results.newest import newest
 from ..results.record import Record
-from ..results.schema import folders_with_records
+from ..results.schema import folders_with_records, newest
 from ..texts import numbered
 from .options import command
-from .tables import make_table, print_lines, tell
 
 ALLOWED = ("machine", "driver", "scene", "versions", "missing", "wrong")
 """What may differ where ``--allow`` says so; ``versions``: several versions of one method within a run; ``missing`` and

@@ -19,14 +19,13 @@ from ..judge.distances import edge_distance
 from ..judge.receivers import not_receivers
 from ..judge.score import Judgement, judge_frame, judge_rays
 from ..judge.verdict import ERRORS, Verdict
-from ..report.terminal import plain_console
+from ..report.terminal import make_table, plain_console, print_legend, print_lines, tell
 from ..runner.machine.lock import MACHINE
 from ..runner.planning.experiment import parse_size
 from ..scene.chosen_view import ChosenView
 from ..scene.prepared import prepare
 from .answering import answer, entries_of, require_frame
 from .options import command
-from .tables import make_table, print_legend, print_lines, tell
 
 
 @command(

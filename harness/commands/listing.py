@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 from ..errors import UserError, did_you_mean
 from ..files import plain
 from ..frame import registry
-from ..report.terminal import plain_console
+from ..report.terminal import plain_console, tell
 from ..texts import numbered, visible
 from .options import command, view_of
-from .tables import tell
 
 if TYPE_CHECKING:  # each kind imports what it needs
     from ..runner.planning.experiment import Preset

@@ -13,6 +13,7 @@ from ..frame.room import fewer_that_fit
 from ..frame.schedule.needed import Step, steps, wanted_of
 from ..frame.schedule.passes import Pass
 from ..frame.session import Session
+from ..report.terminal import table_blocks, tell
 from ..runner.measuring.measured_point import frame_bytes
 from ..runner.measuring.memory import Memory
 from ..runner.planning.experiment import Entry, parse_size
@@ -25,7 +26,6 @@ from ..scene.targets import numbers_of
 from .answering import entries_of, require_frame
 from .listing import area_text, place_text
 from .options import command
-from .tables import table_blocks, tell
 
 if TYPE_CHECKING:
     from rich.table import Table

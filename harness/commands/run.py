@@ -12,8 +12,8 @@ from typing import Any
 from ..errors import UserError, did_you_mean, say, warn
 from ..frame.devices import find_device
 from ..results.folder import ResultsFolder, require_plain
-from ..results.newest import prefer
 from ..results.record import Record
+from ..results.schema import prefer
 from ..runner.machine.lock import MACHINE
 from ..runner.planning import survey
 from ..runner.planning.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size

@@ -10,8 +10,7 @@ from pathlib import Path
 from ..errors import UserError, did_you_mean, say, warn, writing
 from ..files import write_text
 from ..scene import catalogue, from_packages
-from ..scene.archives import unpack
-from ..scene.download import downloaded, recorded
+from ..scene.download import downloaded, recorded, unpack
 from ..scene.offered import OFFERS, Offer
 from ..scene.readers.apart import load, load_sequence
 from ..texts import numbered

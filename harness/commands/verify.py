@@ -10,16 +10,15 @@ from typing import Any
 
 from ..errors import UserError, say, warn
 from ..files import write_atomic
-from ..frame.devices import find_device
+from ..frame.devices import find_device, start_warp
 from ..frame.registry import make_method
-from ..frame.warp_init import start_warp
 from ..judge.answer_files import read_facts, score_raw
 from ..judge.context import Judge
 from ..judge.counts import ReferenceErrors, Score, total
 from ..judge.score import score_answers
 from ..judge.shared_errors import share_errors
 from ..judge.verdict import EXCUSED_LIMIT, Verdict
-from ..report.terminal import plain_console
+from ..report.terminal import make_table, plain_console, print_legend, print_lines, tell
 from ..results.disputes import charge_folder, write_disputes
 from ..results.folder import require_plain
 from ..results.record import Record
@@ -33,7 +32,6 @@ from ..scene.prepared import prepare
 from ..typed_json import to_json
 from .answering import answer, entries_of, require_frame
 from .options import checked_limit, command
-from .tables import make_table, print_legend, print_lines, tell
 
 COLUMNS = ("differ", "tie", "near\ntie", "edge", "true", "acne", "leak", "t error", "exc.\n%", "check")
 

@@ -1,13 +1,91 @@
-"""S06-S16, S21, S22, S34: lights inside, on, near to and far from surfaces."""
+"""S06-S16, S21, S22, S34: lights inside, on, near to and far from surfaces.
 
+S01-S05, S17, S18: occluders where a spherical map around the light has seams, poles and curved edges; each exists three
+times with permuted coordinates, so that it meets a seam or pole along any axis.
+
+A: lights with an area that touches, crosses or lies in a surface, of extreme size, with targets on vertices. Judged are
+the shadow bits of the targets; a surface exactly at a target does not count.
+"""
+
+import math
 from typing import Any
 
 import numpy as np
 
 from ..arrays import F64
-from ..scene.scene import Light
-from .case import BESIDE, ORIGIN, Counts, Trial, axes, hard, rows, view
-from .shapes import ball_on_floor, box, fan, joined, lattice, pixel_centres, plane, quad, triangles
+from ..scene.scene import Light, Vector
+from ..scene.targets import target_places
+from .case import BESIDE, ORIGIN, Counts, Trial, axes, hard, rows, spot_light, view
+from .shapes import ball, ball_on_floor, box, fan, joined, lattice, pixel_centres, plane, quad, triangles
+
+
+@hard(
+    "S01{axis}", "wall across the azimuth's seam", "a box of azimuths wraps to the full circle or its complement", axes(),
+)  # fmt: skip
+def seam(**place: Any) -> Trial:
+    """A wall at x = -2 that the half plane of azimuth pi crosses; receivers at x = -4 within its shadow."""
+    mesh, stated = joined(plane(0, -2, 1), plane(0, -4, 8)), Counts(256, (256,))
+    return view(mesh, [ORIGIN], (-8, 0, 0), (1, 0, 0), 0.125, (32, 8), stated=stated, **place)
+
+
+@hard("S02{axis}", "pole inside a triangle", "bounds that are not the full circle of azimuth up to the pole", axes())
+def pole_inside(**place: Any) -> Trial:
+    """A triangle that contains the pole; the receivers are three times as far away."""
+    mesh = joined(triangles((0.4, 0, 1), (-0.3, 0.35, 1), (-0.2, -0.3, 1)), plane(2, 3, 8))
+    return view(mesh, [ORIGIN], (0, 0, 7), (0, 0, -1), 3 / 32, (8, 8), stated=Counts(64, (64,)), **place)
+
+
+@hard("S03{axis}", "nadir under a ceiling light", "a pole of the spherical map among the receivers", axes())
+def nadir(**place: Any) -> Trial:
+    """A table of 4 x 4 under a ceiling light; receivers on the floor all around the nadir."""
+    mesh = joined(plane(2, -1.5, 2), plane(2, -3, 8))
+    return view(mesh, [ORIGIN], (0, 0, -7), (0, 0, 1), 0.75, stated=Counts(256, (256,)), **place)
+
+
+@hard("S04{axis}", "edge through the pole", "azimuths that differ by exactly pi, with two ways round", axes())
+def edge_through_pole(**place: Any) -> Trial:
+    """An edge that passes exactly over the light: the azimuths of its ends differ by pi. The shadow rays of the middle
+    row of receivers meet the edge, which belongs to the closed triangle; the others miss it.
+    """
+    mesh = joined(triangles((1, 0, 2), (-1, 0, 2), (-1, 1e-3, 2)), plane(2, 4, 8))
+    return view(mesh, [ORIGIN], (0, 0, 8), (0, 0, -1), 5 / 32, (16, 5), stated=Counts(80, (16,)), **place)
+
+
+@hard(
+    "S05{axis}", "bulge of a great circle", "the box of the vertices misses every ray: great arcs bulge beyond it", axes(),
+)  # fmt: skip
+def bulge(**place: Any) -> Trial:
+    """An edge between elevations of 45 degrees reaches 57: every receiver lies between the two."""
+
+    def at(azimuth: float, elevation: float) -> tuple[float, float, float]:
+        a, b = math.radians(azimuth), math.radians(elevation)
+        return math.cos(b) * math.cos(a), math.cos(b) * math.sin(a), math.sin(b)
+
+    mesh, stated = joined(triangles(at(50, 45), at(-50, 45), at(0, 30)), plane(0, 3, 16)), Counts(32, (32,))
+    return view(mesh, [ORIGIN], (7, 0, 3.85), (-1, 0, 0), 0.175, (2, 16), up=(0, 0, 1), stated=stated, **place)
+
+
+@hard("S18{axis}", "walls all around the light", "seam, both poles and every face of a cube at once", axes())
+def around_the_light(**place: Any) -> Trial:
+    """Large triangles on every side of the light, across the seam and both poles, and receivers behind all of them."""
+    shell = joined(*(plane(axis, at, 3) for axis in (2, 0, 1) for at in (1, -1)), plane(2, -4, 64))
+    return view(shell, [ORIGIN], (0, 0, -8), (0, 0, 1), 8.0, stated=Counts(256, (256,)), **place)
+
+
+@hard("S17{axis}", "spot over the seam", "a rectangle stored as (min, max) has min > max", axes(), side=-1.0)
+@hard(
+    "S17r{axis}", "the same spot, away from the seam", "nothing by itself: compared with the spot over the seam", axes(),
+    side=1.0,
+)  # fmt: skip
+def spot_over_seam(side: float, **place: Any) -> Trial:
+    """S01 with a spotlight whose rectangle of azimuth runs from 170 to 190 degrees, across the seam. ``side`` 1: the
+    same scene rotated by exactly 180 degrees, so that the rectangle runs from -10 to 10 degrees."""
+    wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))
+    points, faces = joined(wall, plane(0, -4, 8))
+    mesh, light = (points * (-side, -side, 1), faces), spot_light(ORIGIN, (side, 0, 0), 10.0, 10.0, (0, 0, 1))
+    eye, towards, stated = (8 * side, 0, 0), (-side, 0, 0), Counts(256, (120,))
+    return view(mesh, [light], eye, towards, 0.25, up=(0, 0, 1), stated=stated, **place)
+
 
 ON_PLANE = "t = 0 taken for a hit; an origin on the wrong side"
 
@@ -183,3 +261,62 @@ def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
 def light_at_eye() -> Trial:
     """A light at the eye: every closest hit is also the surface closest to the light, so none is shadowed."""
     return view(ball_on_floor(), [BESIDE[0]], *BESIDE, (24, 24))
+
+
+DOWN = (0.0, 0.0, -1.0)
+
+
+def area(shape: str, size: float | tuple[float, float], samples: int = 4, at: Vector = ORIGIN) -> Light:
+    """An area at a place, its plane perpendicular to z."""
+    return Light(at, shape=shape, size=size, samples=samples, towards=DOWN)
+
+
+@hard("A01", "area in the plane of a surface", "a surface at the light, and planes through it")
+def in_surface() -> Trial:
+    """A rectangle in the plane of a ceiling, which shadows nothing, and a disc in the plane of a triangle it overlaps."""
+    lights = [area("rectangle", (2, 1)), area("disc", 1.5, at=(0.5, 0.25, -1))]
+    mesh = joined(plane(2, 0, 8), triangles((0, 0, -1), (2, 0, -1), (0, 2, -1)), plane(2, -3, 8))
+    stated = Counts(64, (*[None] * 4, *[0] * 4))
+    return view(mesh, lights, (0, 0, -7), (0, 0, 1), 0.25, (8, 8), stated=stated)
+
+
+@hard("A02", "area crossed by a surface", "one side taken for all targets of a light", height=0.0)
+@hard("A03", "area that stands on a surface", "an offset from the light", height=0.25)
+def across_surface(height: float) -> Trial:
+    """A sphere that a sheet crosses, with targets on both sides; or that stands on it. Receivers beyond the sheet."""
+    lamp = area("sphere", 0.5, 8, (0.0, 0.0, height))
+    return view(joined(plane(2, 0, 1), plane(2, -2, 8)), [lamp], (0, 0, -6), (0, 0, 1), 0.5, (8, 8))
+
+
+@hard("A04", "area around a box", "targets inside and outside one surface")
+def around_surface() -> Trial:
+    """A sphere of targets on the corners' radius of a box: nearly in its surface everywhere."""
+    lamp = area("sphere", 2.0 * 3.0**0.5, 8)
+    return view(joined(box(-1, 1), plane(2, -3, 8)), [lamp], (0, 0, -8), (0, 0, 1), 0.5, (8, 8))
+
+
+@hard("A05", "area of size 0", "division by the size of a light", size=0.0)
+@hard("A06", "area of size 1e-30", "division by the size of a light", size=1e-30)
+@hard("A07", "area of 1e6 radii", "one region for all targets of a light", size=4e6)
+@hard("A08", "rectangle of 1e6 radii", "one region for all targets of a light", size=4e6, shape="rectangle")
+def of_size(size: float, shape: str = "sphere") -> Trial:
+    """A light over a ball, its targets in one place or far outside the scene."""
+    equal = tuple((0, i) for i in range(1, 4)) if size < 1e-20 else ()
+    mesh, lamp = joined(ball(0.75, ORIGIN), plane(2, -1, 4)), area(shape, size, at=(0.5, 0.75, 3.0))
+    return view(mesh, [lamp], (0, 0, -5), (0, 0, 1), 0.75, (8, 8), same_lights=equal)
+
+
+@hard("A09", "targets on vertices", "a surface at the light counts")
+def at_vertices() -> Trial:
+    """A triangle hangs at each target by a corner, so that each target is a vertex and the others look past or at it."""
+    lamp = area("rectangle", 2.0)
+    hung = [(p, (p[0] + 0.5, p[1], -1.0), (p[0], p[1] + 0.5, -1.0)) for p in target_places(lamp, 0, np.zeros(3), DOWN)]
+    return view(joined(triangles(*hung), plane(2, -3, 8)), [lamp], (0, 0, -7), (0, 0, 1), 0.5, (8, 8))
+
+
+@hard("A10", "256 targets", "a fixed number of lights", large=True, lights=1, samples=256)
+@hard("A11", "64 lights with areas", "a fixed number of lights", large=True, lights=64, samples=2)
+def many(lights: int, samples: int) -> Trial:
+    """Many lights, or one with many targets, over a ball."""
+    lamps = [area("disc", 1.0, samples, (float(x), 0.5, 2.5)) for x in np.linspace(-1, 1, lights)]
+    return view(joined(ball(0.75, ORIGIN), plane(2, -1, 4)), lamps, (0, 0, -5), (0, 0, 1), 0.75, (4, 4))

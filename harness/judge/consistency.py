@@ -15,7 +15,7 @@ from ..frame.schedule.threads import processors
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .arithmetic import UNIT, edge_bound
-from .planes import plane_numbers
+from .distances import plane_numbers
 from .receivers import not_receivers
 
 T_UNITS = 64.0  # allowed error of t (relative), u and v, in units of 2^-24, on a triangle seen along its normal

@@ -1,8 +1,9 @@
-"""Distances of rays and segments from triangles: in float64 where that suffices, in rational numbers elsewhere.
+"""Distances of rays and segments from triangles, and where rays meet their planes: in float64 where that suffices, in
+rational numbers elsewhere.
 
-They are compared with :func:`.arithmetic.edge_bound`, 2^-20 of the coordinates near the ray. Float64 knows them to 2^-46 of
-the farthest corner, so it suffices unless corners are :data:`FAR` times as far away as what the ray passes. The formulas
-are the same for both: arrays hold float64 numbers, or fractions as objects. Until the end distances are squares.
+Distances are compared with :func:`.arithmetic.edge_bound`, 2^-20 of the coordinates near the ray. Float64 knows them to
+2^-46 of the farthest corner, so it suffices unless corners are :data:`FAR` times as far away as what the ray passes. The
+formulas are the same for both: arrays hold float64 numbers, or fractions as objects. Until the end they are squares.
 """
 
 import math
@@ -14,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F64
+from . import arithmetic as exact
+from .arithmetic import edge_bound
 
 EDGES = ((0, 1), (1, 2), (2, 0))
 
@@ -124,3 +127,54 @@ def _to_triangles(p: Numbers, q: Numbers, triangles: Numbers) -> Reached:
     zero = np.zeros(len(p), dtype=p.dtype)
     ends = [(_to_plane(p, triangles, True), zero), (_to_plane(q, triangles, True), zero + 1)]
     return _nearest([*ends, _to_edges(p, q, triangles)])
+
+
+ROUNDING = 2.0**-49  # error in float64 of a triple product of differences of float32 numbers, in units of its terms
+SURE = 2.0**-30  # float64 suffices up to this error of t (relative), u and v: 2^-12 of what is allowed of an answer
+
+
+def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
+    """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles. corners [n, 3, 3], o
+    and d [n, 3], all float32 numbers; results [n], not finite where a ray is coplanar."""
+    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(e, f)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        area = np.linalg.norm(normal, axis=1)
+        under, over = np.einsum("ij,ij->i", normal, d), np.einsum("ij,ij->i", normal, a - o)
+        slope = under / area
+        t = over / under
+        p = o + t[:, None] * d - a
+        u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
+        v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
+        edges = np.linalg.norm(e, axis=1) * np.linalg.norm(f, axis=1)
+        doubt = np.abs(edges * np.linalg.norm(d, axis=1) / under) + np.abs(edges * np.linalg.norm(a - o, axis=1) / over)
+        sure = ROUNDING * np.maximum(doubt, edges / area) <= SURE
+    for i in np.nonzero(~sure)[0]:
+        t[i], u[i], v[i], slope[i] = _exactly(corners[i], o[i], d[i])
+    return t, u, v, slope
+
+
+def _exactly(corners: F64, o: F64, d: F64) -> tuple[float, float, float, float]:
+    """:func:`plane_numbers` of one ray, each exact and rounded once but for the root in the slope."""
+    values = np.concatenate([o, d, corners.ravel()]).astype(np.float32)
+    if not np.isfinite(values).all():
+        return math.nan, math.nan, math.nan, math.nan
+    scale, ints = exact.integers(values)
+    origin, way, triangle = ints[0:3], ints[3:6], ints[6:15]
+    weights = exact.hit_weights(origin, way, triangle)
+    normal, height = exact.plane_of(origin, triangle)
+    under, longest = exact.dot(normal, way), max(map(abs, normal))
+    if not under:
+        return math.nan, math.nan, math.nan, 0.0
+    unit = math.hypot(*(n / longest for n in normal))
+    all_weights = sum(weights)
+    slope = under / (longest << max(scale, 0)) * 2.0 ** max(-scale, 0) / unit
+    return height / under, weights[1] / all_weights, weights[2] / all_weights, slope
+
+
+def beside_off_the_eye(o: F64, d: F64, t: float, corners: F64) -> bool:
+    """Whether the point o + t d of a triangle's plane is within the bound of the triangle, and farther from the eye. o
+    and d [3], corners [1, 3, 3]."""
+    met = (o + t * d)[None]
+    limit = edge_bound(o[None], met)[0]
+    return bool(triangle_distance(met, met, corners)[0][0] <= limit < t * np.linalg.norm(d))

@@ -16,7 +16,7 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.spotlight import CONE, DOUBT, NO_SPOT
 from .arithmetic import edge_bound
-from .planes import plane_numbers
+from .distances import plane_numbers
 
 
 def in_spot(row: F64, v: Floats) -> Bools:

@@ -15,10 +15,8 @@ from ..arrays import F32, F64, I8, I32, U8, Bools, Ints
 from ..scene.scene import AlphaMask
 from . import arithmetic as exact
 from .candidates import BATCH, Candidates, Lists, Segments
-from .decisions import Decisions, Exact, Hits
-from .distances import edge_distance, plane_distance, triangle_distance
-from .holes import Holes
-from .planes import beside_off_the_eye
+from .decisions import Decisions, Exact, Hits, Holes
+from .distances import beside_off_the_eye, edge_distance, plane_distance, triangle_distance
 from .verdict import Verdict
 
 PAIRS = 1 << 17  # pairs of rays and candidates that are processed together: bounds the memory of a classification

@@ -29,7 +29,7 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .consistency import in_blocks
 from .decisions import Exact
-from .planes import plane_numbers
+from .distances import plane_numbers
 from .referee import Referee
 
 ROBUST = True

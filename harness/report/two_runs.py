@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import F64
-from ..results.newest import entry_of
 from ..results.record import Record
+from ..results.schema import entry_of
 from ..results.throttled import disturbed, usual_clock
 
 FASTER, SLOWER, SAME, WRONG, OPEN, UNMEASURED = "faster", "slower", "same", "wrong", "can't tell", "not measured"

@@ -23,9 +23,8 @@ from ..frame.registry import label_of
 from ..frame.schedule.passes import BUILD_PARTS, PARTS
 from ..texts import scalar
 from . import costs
-from .newest import newest_as, settings_text
 from .record import Frame, Record
-from .schema import folders_with_records, place_name
+from .schema import folders_with_records, newest_as, place_name, settings_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -61,7 +60,7 @@ def tidy(folder: Path | str) -> DataFrame:
     """The results of a folder, or of the folders in it where it has no records itself: one row per point and measured frame;
     a point without one has one row, with its reason. docs/results-table.md says what each column is.
 
-    Of several records of one table entry the one asked for last counts (:func:`.results.newest.newest`);
+    Of several records of one table entry the one asked for last counts (:func:`.results.schema.newest`);
     ``table.attrs["older"]`` is the number of the others. Raises :class:`~.errors.UserError` where there are none.
     """
     folder = Path(folder)

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..texts import numbered
 from .folder import read_environment
-from .newest import newest_as
+from .schema import newest_as
 
 REASONS = {
     0x04: "power limit",

@@ -23,7 +23,7 @@ from ..scene.names import NAMES, TITLES
 from ..scene.overrides import Lighting
 from ..scene.readers.load import DECLARATION
 from ..typed_json import WrongFieldError, checked
-from .planning.run_options import Options
+from .planning.planned_point import Options
 from .source.closure import HARNESS, closure_hash
 
 MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "overrides", "prepared"))

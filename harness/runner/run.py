@@ -26,14 +26,12 @@ from .machine.environment import environment, keep
 from .machine.lock import MACHINE
 from .measuring.memory import NOT_STOPPED, stops_allocations
 from .planning.experiment import Entry
-from .planning.planned_point import describe_method, orders, seed_of
-from .planning.run_options import Job, Options, dealt
+from .planning.planned_point import Job, Options, dealt, describe_method, orders, seed_of
 from .planning.survey import announcement, survey
 from .planning.time_estimate import Estimate, expected_work, guess_of_scene, points_of, steps_of
 from .progress import Silent
 from .workers import scratch
-from .workers.apart import graders
-from .workers.handle import WorkerError, WorkerLostError
+from .workers.handle import WorkerError, WorkerLostError, graders
 from .workers.pool import GRADER, Workers, grader_name
 from .workers.protocol import load_command, picture_of
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..arrays import F64, I32, Floats
 from ..errors import UserError, note
-from .declared_values import Table, listed, with_path
+from .declared_views import Table, listed, with_path
 from .light_paths import vector
 from .readers.checks import LARGEST, MAX_TRIANGLES, Wanted, frames_of
 from .scene import Camera, Geometry, Moves, Scene, Source

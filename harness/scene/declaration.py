@@ -23,14 +23,13 @@ from ..errors import UserError, did_you_mean, one_line
 from ..files import read_regular
 from ..texts import visible
 from .assembly import assembled, declared_parts
-from .declared_values import Table, with_path
-from .declared_views import CAMERA, camera_of, lights_of, named_cameras
+from .declared_views import CAMERA, Table, camera_of, lights_of, named_cameras, with_path
 from .effects import OUTPUTS
 from .light_paths import Orbit
+from .overrides import largest_triangles, perforated
 from .readers.checks import ALL, Wanted, refuse_pointer
 from .readers.sequences import is_pattern
 from .scene import Scene
-from .surface_rules import largest_triangles, perforated
 
 MOST_BYTES = 1 << 20  # longest declaration, bytes
 MOST_BOUNCES = 64  # largest number of bounces: a frame has passes and buffers for each one

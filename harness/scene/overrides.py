@@ -1,4 +1,5 @@
-"""Lights and effects that replace those of a scene in experiments: number, distance, spot, path and effects.
+"""Lights and effects that replace those of a scene in experiments: number, distance, spot, path and effects; and rules
+that choose triangles of any mesh, for effects whose surfaces the scene does not define.
 
 A lighting consists of plain numbers, so that an experiment can declare it, a worker can receive it and a record can store
 it. It is applied to a prepared scene, because distances are in radii of the scene from its centre.
@@ -9,11 +10,44 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
+from ..arrays import U8
 from .light_paths import Orbit, as_directional, as_point, as_spot, at_distance, spread, vector
 from .prepared import Prepared, under
-from .scene import Scene, Vector
-from .surface_rules import largest_triangles, perforated
+from .scene import AlphaMask, Geometry, Scene, Vector
 from .targets import SHAPE
+
+
+def largest_triangles(geometry: Geometry, share: float = 0.5) -> U8:
+    """1 for the largest triangles of the first frame that together make ``share`` of its area, uint8 [triangles]."""
+    points = np.asarray(geometry.positions(0), dtype=np.float64)
+    a, b, c = (points[geometry.faces[:, i]] for i in range(3))
+    with np.errstate(invalid="ignore", over="ignore"):
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = np.nan_to_num(area, posinf=0.0)
+    order = np.argsort(-area, kind="stable")
+    count = int(np.searchsorted(np.cumsum(area[order]), share * area.sum())) + 1
+    chosen = np.zeros(len(area), dtype=np.uint8)
+    chosen[order[:count]] = area[order[:count]] > 0.0
+    return chosen
+
+
+def perforated(geometry: Geometry, every: int = 2, holes: int = 4) -> AlphaMask:
+    """A mask for any mesh: triangle 0 and every ``every``-th after it become a chequerboard with ``holes`` fields per
+    side.
+
+    The fields lie along two edges of the triangle itself, so that the pattern follows it as it moves. ``every`` = 1
+    masks them all. Raises ValueError unless both are at least 1.
+    """
+    if every < 1 or holes < 1:
+        raise ValueError("every and holes must be at least 1")
+    count = len(geometry.faces)
+    masked = (np.arange(count) % every == 0).astype(np.uint8)
+    corners = np.array([[0, 0], [holes / 2, 0], [0, holes / 2]], dtype=np.float32)
+    coordinates = np.broadcast_to(corners, (count, 3, 2)).copy()
+    return AlphaMask(masked, coordinates, np.array([[1, 0], [0, 1]], dtype=np.uint8))
+
 
 HOLES = 4  # holes along a side of a triangle that has some
 
@@ -47,7 +81,7 @@ class Lighting:
     directional  every light becomes directional, shining as it does at the scene's middle
     facing    only hit points that face a light have a shadow ray
     color     the frame is shaded
-    alpha     every n-th triangle has holes (:func:`.scene.surface_rules.perforated`); 0: none
+    alpha     every n-th triangle has holes (:func:`.scene.overrides.perforated`); 0: none
     bounces   number of bounces of rays mirrored by the scene's largest triangles; 0: nothing reflects
     size      diameter of the sphere that every light becomes, in radii of the scene
     samples   number of targets of each of these spheres; 0: lights are points, as they are

@@ -17,7 +17,7 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically.
 
     The first frame is always kept: trees that are refitted are built there. Its positions are passed on unchanged, too:
-    rules that choose triangles (:mod:`.scene.surface_rules`) use it, and must make the same choice in every process.
+    rules that choose triangles (:mod:`.scene.overrides`) use it, and must make the same choice in every process.
     Where it has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none. Of a
     mesh that does not move the first stands for all.
     """

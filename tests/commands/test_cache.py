@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from shadowbench.harness.commands.cache import cache
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame.warp_init import CACHE
+from shadowbench.harness.frame.devices import CACHE
 
 
 @pytest.fixture

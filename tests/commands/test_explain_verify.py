@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from shadowbench.harness.commands import answering
 from shadowbench.harness.commands.explain import explain
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.judge.verdict import RIGHT, Verdict

@@ -5,7 +5,7 @@ import json
 
 import pytest
 from rich.console import Console
-from shadowbench.harness.commands.tables import GAP, table_blocks
+from shadowbench.harness.report.terminal import GAP, table_blocks
 
 NAMES = ["pass", "first frame", "camera", *(f"light {i}" for i in range(5)), "geometry", "nothing"]
 ROWS = [

@@ -15,7 +15,7 @@ from helpers.tiny_runs import TETRAHEDRON
 from helpers.zipped import zipped
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.scene import archives, catalogue
+from shadowbench.harness.scene import catalogue, download
 from shadowbench.harness.scene.download import downloaded, recorded
 from shadowbench.harness.scene.names import scene_names
 from shadowbench.harness.scene.offered import FURTHER, OFFERS, ORIGINALS, Offer
@@ -99,7 +99,7 @@ MEMBERS = {
 def test_of_an_archive_the_wanted_mesh_is_taken(tmp_path, name):
     wanted, *others = MEMBERS[name]
     (tmp_path / "a.zip").write_bytes(zipped({wanted: "mesh", **dict.fromkeys(others, "no mesh")}))
-    (made,) = archives.unpack(tmp_path / "a.zip", OFFERS[name].files, tmp_path)
+    (made,) = download.unpack(tmp_path / "a.zip", OFFERS[name].files, tmp_path)
     assert (made.name, made.read_text()) == (wanted.rpartition("/")[2], "mesh")
 
 
@@ -114,7 +114,7 @@ def test_a_gzip_file_is_an_archive_of_one_file(serve, tmp_path):
         (tmp_path / "a.ply.gz").write_bytes(broken)
         (tmp_path / str(number)).mkdir()
         with pytest.raises(UserError, match="damaged"):
-            archives.unpack(tmp_path / "a.ply.gz", "*.ply", tmp_path / str(number))
+            download.unpack(tmp_path / "a.ply.gz", "*.ply", tmp_path / str(number))
 
 
 def test_of_several_those_that_can_be_fetched_are_and_the_others_are_named(serve, tmp_path, capsys):
@@ -224,8 +224,8 @@ packed_tar = taped(TETRAHEDRON * 500)
     ],
 )
 def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, content, said):
-    monkeypatch.setattr(archives, "MOST_MEMBERS", 20)
-    monkeypatch.setattr(archives.unpack, "__defaults__", (100_000,))
+    monkeypatch.setattr(download, "MOST_MEMBERS", 20)
+    monkeypatch.setattr(download.unpack, "__defaults__", (100_000,))
     serve(content)
     folder = tmp_path / "deep" / "scenes"
     with pytest.raises(UserError, match=said) as refused:

@@ -19,7 +19,7 @@ from shadowbench.harness.commands.run import run as measure
 from shadowbench.harness.commands.verify import score, verify
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.catalogue import resolve

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 from warp._src.context import ModuleBuilder  # the one name that is not public: it writes the C++ of a module
 
 from .assembly import with_shared_memory, without_assembly

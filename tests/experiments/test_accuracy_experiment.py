@@ -18,7 +18,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import all_cases
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.report import flip as looks
+from shadowbench.harness.report import picture as looks
 from shadowbench.harness.report import style
 from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.runner.planning import survey

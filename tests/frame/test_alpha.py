@@ -17,9 +17,9 @@ from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import AlphaMask, Geometry
-from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.culling import refusal
 
 # --- the rule -------------------------------------------------------------------------------------------------

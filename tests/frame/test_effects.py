@@ -26,9 +26,9 @@ from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.runner.measuring.memory import Memory
 from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light, Spot
-from shadowbench.harness.scene.surface_rules import perforated
 
 # --- (1) the launch list without an effect is the list with it, minus exactly its passes ------------------------
 

@@ -14,9 +14,9 @@ from shadowbench.harness.frame.registry import make_method, method_class, method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.runner.measuring.memory import Memory, array_bytes
 from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import prepare, under
 from shadowbench.harness.scene.scene import Camera
-from shadowbench.harness.scene.surface_rules import perforated
 
 
 @pytest.mark.parametrize(("name", "settings"), EXACT + INEXACT)

@@ -24,10 +24,10 @@ from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects, Switches
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera
 from shadowbench.harness.scene.shared import read_stored, store
-from shadowbench.harness.scene.surface_rules import perforated
 
 
 def test_a_mirrored_hit_is_what_the_mirrored_eye_sees(device):

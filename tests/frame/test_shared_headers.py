@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import warp as wp
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """The devices that tests run on: the CPU everywhere, and one GPU where there is one."""
 
 import pytest
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 
 start_warp()
 

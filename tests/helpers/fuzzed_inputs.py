@@ -35,9 +35,9 @@ from shadowbench.harness.results.record import make_record
 from shadowbench.harness.results.schema import ARCHIVE, read_records
 from shadowbench.harness.results.table import samples
 from shadowbench.harness.runner.planning.experiment import Entry
-from shadowbench.harness.scene.archives import unpack
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.chosen_view import ChosenView
+from shadowbench.harness.scene.download import unpack
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.typed_json import checked
 

@@ -9,8 +9,8 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.shapes import ball_on_floor
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.surface_rules import perforated
 
 SIZE = (24, 18)
 EXACT = [

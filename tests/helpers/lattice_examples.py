@@ -21,9 +21,9 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import Counts, HardCase, Trial
 from shadowbench.harness.hardcases.judge import ERROR_NAMES, Judged, same_bits
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
-from shadowbench.harness.scene.surface_rules import perforated
 
 LENGTH = 400
 """Bytes that an example reads at most."""

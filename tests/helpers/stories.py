@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.hardcases.shapes import Mesh, ball, icosphere, joined, quad, sheet, soup
 from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
-from shadowbench.harness.scene.surface_rules import perforated
 
 F64 = NDArray[np.float64]
 

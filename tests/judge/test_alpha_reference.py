@@ -17,9 +17,9 @@ from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.alpha import checked
 from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.scene import AlphaMask, Geometry
 from shadowbench.harness.scene.shared import read_stored, store
-from shadowbench.harness.scene.surface_rules import perforated
 
 
 def test_ignoring_holes_is_a_true_error():

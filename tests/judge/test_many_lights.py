@@ -14,7 +14,7 @@ from shadowbench.harness.judge.arithmetic import edge_bound
 from shadowbench.harness.judge.distances import triangle_distance
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.runner.planning.run_options import dealt
+from shadowbench.harness.runner.planning.planned_point import dealt
 from shadowbench.harness.scene.overrides import Lighting
 
 

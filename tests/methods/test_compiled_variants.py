@@ -9,9 +9,9 @@ from helpers.compiled_variants import FACTORIES, WITHOUT_FACTORY, Compiled, comp
 from helpers.paper_knobs import answers_of, drawn
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.effects import specialise
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
-from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.camera import grid as camera
 from shadowbench.methods.perspective_spherical.light import grid as light
 from shadowbench.methods.perspective_spherical.light import placement as light_places

@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from shadowbench.harness.report import panels
-from shadowbench.harness.report.short_svg import short
+from shadowbench.harness.report.panels import short
 
 DECIMAL = re.compile(r"-?\d+\.\d+")
 

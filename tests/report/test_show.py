@@ -8,7 +8,7 @@ from helpers.table1_records import METHODS, record
 from shadowbench.experiments import table1
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.results.newest import newest
+from shadowbench.harness.results.schema import newest
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.reference import embree_installed
 from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.report import flip as looks
+from shadowbench.harness.report import picture as looks
 from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.results.disputes import charge_folder, disputes_path, read_disputes
 from shadowbench.harness.results.schema import read_record

@@ -6,7 +6,7 @@ import tokenize
 
 import pytest
 from hypothesis import given, settings, strategies
-from shadowbench.harness.runner.source.code import code_of
+from shadowbench.harness.runner.source.closure import code_of
 
 SAMPLE = r'''
 """Doc of the module."""  # a comment

@@ -1,4 +1,4 @@
-"""Scoring on processors of its own (``workers/apart.py``): it waits for nobody, and nobody for it."""
+"""Scoring on processors of its own (``workers/handle.py``): it waits for nobody, and nobody for it."""
 
 import contextlib
 import errno
@@ -17,9 +17,9 @@ from shadowbench.harness.runner import run as run_module
 from shadowbench.harness.runner.cluster.shard import introduce
 from shadowbench.harness.runner.machine.lock import FOLDER, FREE, MachineLock
 from shadowbench.harness.runner.progress import Silent
-from shadowbench.harness.runner.workers import apart as apart_module
+from shadowbench.harness.runner.workers import handle as apart_module
 from shadowbench.harness.runner.workers import pool
-from shadowbench.harness.runner.workers.apart import PLACE
+from shadowbench.harness.runner.workers.handle import PLACE
 from shadowbench.harness.runner.workers.pool import Workers
 
 

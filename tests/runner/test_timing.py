@@ -14,7 +14,7 @@ from helpers.small_scenes import make_scene
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.results.throttled import throttled
-from shadowbench.harness.runner.machine import clocks
+from shadowbench.harness.runner.machine import environment
 from shadowbench.harness.runner.measuring import measured_point, timing
 from shadowbench.harness.runner.measuring.measured_point import spread_frames
 from shadowbench.harness.runner.measuring.memory import Memory
@@ -273,7 +273,7 @@ def test_peak_of_the_process_grows_with_what_it_holds():
 
 
 def test_clock_state_of_a_cpu_has_no_gpu():
-    state = clocks.clock_state("cpu")
+    state = environment.clock_state("cpu")
     assert state["gpu"] is None
     assert state["load"] >= 0
 
@@ -292,15 +292,15 @@ LIBRARY = SimpleNamespace(
 def test_clocks_of_the_library_are_those_of_nvidia_smi(monkeypatch):
     """What is asked of the library reads like what nvidia-smi prints; where it refuses one, nvidia-smi is asked."""
     monkeypatch.setitem(sys.modules, "pynvml", LIBRARY)
-    monkeypatch.setattr(clocks, "card_of", str)
-    monkeypatch.setattr(clocks, "wp", SimpleNamespace(get_device=lambda name: SimpleNamespace(uuid="GPU-1")))
-    monkeypatch.setattr(clocks, "asked_of_driver", lambda *fields, device: [dict.fromkeys(fields, device)])
-    state = clocks.clock_state("cuda:0")
+    monkeypatch.setattr(environment, "card_of", str)
+    monkeypatch.setattr(environment, "wp", SimpleNamespace(get_device=lambda name: SimpleNamespace(uuid="GPU-1")))
+    monkeypatch.setattr(environment, "asked_of_driver", lambda *fields, device: [dict.fromkeys(fields, device)])
+    state = environment.clock_state("cuda:0")
     values = ["1200", "2619", "699.123", "41", "0x4", "97"]
-    assert state["gpu"] == dict(zip(clocks.FIELDS, values, strict=True))
+    assert state["gpu"] == dict(zip(environment.FIELDS, values, strict=True))
     assert throttled({"clock": state}, 1980.0) == "power limit"
     monkeypatch.setattr(LIBRARY, "nvmlDeviceGetUtilizationRates", refuse)
-    assert clocks.clock_state("cuda:0")["gpu"] == dict.fromkeys(clocks.FIELDS, "GPU-1")
+    assert environment.clock_state("cuda:0")["gpu"] == dict.fromkeys(environment.FIELDS, "GPU-1")
 
 
 def refuse(card):

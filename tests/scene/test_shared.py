@@ -8,7 +8,7 @@ import pytest
 from shadowbench.harness.commands.run import plan_run, run
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.files import write_arrays
-from shadowbench.harness.results.newest import newest
+from shadowbench.harness.results.schema import newest
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run

@@ -12,9 +12,9 @@ from shadowbench.harness.frame import session
 from shadowbench.harness.frame.effects.shading import shaded
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases.areas import area
 from shadowbench.harness.hardcases.case import CASES, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.hardcases.light_places import area
 from shadowbench.harness.hardcases.shapes import ball, joined, plane
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.effects import Effects, Limits

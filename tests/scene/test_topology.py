@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shadowbench.harness.scene.readers.topology import fixed_topology
+from shadowbench.harness.scene.readers.polygons import fixed_topology
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 MORE = np.array([[3, 1, 0], [0, 1, 2], [4, 0, 1]], dtype=np.int32)

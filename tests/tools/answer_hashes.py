@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as a program it 
 from helpers.asked_scene import AskedScene
 from shadowbench.harness import api
 from shadowbench.harness.errors import CapacityRejected
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 from shadowbench.harness.hardcases import all_cases
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared

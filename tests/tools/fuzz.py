@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as a program it 
 
 from helpers.judged_hard_cases import exact_methods
 from helpers.lattice_examples import LENGTH, METHODS, Calls, Example, decode, true_errors
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 from shadowbench.harness.runner.machine.lock import MACHINE
 
 REGRESSIONS = Path(__file__).resolve().parents[1] / "data" / "regressions"

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as a program it 
 
 from helpers.played_stories import Judging, Player, grown_memory, keeps_still, play, players
 from helpers.stories import draw_story
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 
 STORY = 20
 """Frames of a story."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 from shadowbench.harness.judge.classify import neighbours
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import Reference, embree_reference, processor

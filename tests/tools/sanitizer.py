@@ -40,9 +40,9 @@ PLANTED = "planted errors"
 
 def frames(name: str, device: str, graphs: bool) -> str:
     """Run a method's frames; a digest of all answers, so that two runs may be compared. Or why it does not run."""
+    from shadowbench.harness.frame.devices import start_warp
     from shadowbench.harness.frame.registry import make_method, method_class, parameters
     from shadowbench.harness.frame.session import Session
-    from shadowbench.harness.frame.warp_init import start_warp
     from shadowbench.harness.hardcases.conformance import moving_scene
 
     start_warp()

@@ -21,7 +21,7 @@ from helpers.judged_hard_cases import CASES
 from helpers.second_excuses import excuses
 from helpers.second_judge import SecondJudge, dot, exactly
 from helpers.second_opinion import Count, answers_of_case, random_opinion, random_trial, rays_of_case
-from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.frame.devices import start_warp
 
 RAYS = 100
 """Rays of one random mesh."""

@@ -16,8 +16,7 @@ from ...results.pixel_maps import OFFSET, map_path, wrong_path
 from .. import document
 from ..dataframe import DataFrame
 from ..document import Source
-from ..flip import answered_path, reference_path
-from ..picture import UNREADABLE
+from ..picture import UNREADABLE, answered_path, reference_path
 
 LARGEST = 1024  # most pixels per side of a picture on the page
 ROOM = 5_000_000  # bytes for all figures, pictures and maps together; files beyond that are listed on the page

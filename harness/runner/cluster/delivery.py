@@ -9,8 +9,7 @@ from ...results.folder import ResultsFolder, image_name, read_json
 from ...results.record import Record
 from ...results.schema import each_record, record_in
 from ..known_scenes import forget_unmade, is_unmade, known_scene, unmade_scene
-from ..planning.planned_point import describe_method
-from ..planning.run_options import Options
+from ..planning.planned_point import Options, describe_method
 from ..workers.protocol import load_command
 from .spool import SCENES, Files, allowed
 

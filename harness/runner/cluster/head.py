@@ -18,7 +18,7 @@ from ...results.record import Record
 from ...texts import numbered
 from ..machine.lock import MACHINE
 from ..planning.experiment import Experiment
-from ..planning.run_options import Options
+from ..planning.planned_point import Options
 from ..planning.time_estimate import expected_work, points_of
 from ..progress import Silent
 from ..workers import scratch

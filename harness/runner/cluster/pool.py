@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from ...errors import UserError, install
-from ...frame.warp_init import start_warp
+from ...frame.devices import start_warp
 from ..workers import scratch
 
 LOCAL = "local"

@@ -14,15 +14,14 @@ from pathlib import Path
 import warp as wp
 
 from ...files import digest
-from ...frame.devices import device_title
-from ...frame.warp_init import start_warp
+from ...frame.devices import device_title, start_warp
 from ..machine.lock import MACHINE, MachineLock
-from ..planning.run_options import Options
+from ..planning.planned_point import Options
 from ..planning.survey import survey
 from ..progress import Silent
 from ..run import Run
 from ..source.closure import project
-from ..workers.apart import graders, judges_processors
+from ..workers.handle import graders, judges_processors
 from . import spool
 from .calibration import Calibration, calibrate
 

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 
 from ...errors import UserError
 from ...files import digest, plain, write_bytes
-from ..planning.run_options import Options
+from ..planning.planned_point import Options
 
 PLACE = "SHADOWBENCH_SHARDS"  # environment variable: where the folder of all shards of a machine is made
 PREFIX = "shadowbench-shards"  # the name of that folder; without the variable, how it begins: the user's number follows

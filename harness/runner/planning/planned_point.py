@@ -1,10 +1,11 @@
-"""The points of an experiment: what is measured, its configuration and its key."""
+"""The points of an experiment: what is measured, its configuration and its key; the options of a run."""
 
 import dataclasses
 import hashlib
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,14 @@ from ...errors import UserError, did_you_mean, one_line
 from ...files import digest, plain, require_storable
 from ...frame import registry
 from ...frame.devices import device_for, device_title
-from ...results.record import SCHEMA, MethodFacts
+from ...results.journal import Journal
+from ...results.record import SCHEMA, MethodFacts, Record, make_record
+from ...scene.chosen_view import ChosenView
+from ...scene.overrides import Lighting
+from ...scene.scene import Scene
 from ...typed_json import checked
 from ..source.closure import source_hash
-from .experiment import Entry, Preset
+from .experiment import Entry, Experiment, Preset
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
@@ -149,3 +154,75 @@ def orders(count: int, rounds: int, seed: int) -> list[list[int]]:
     change."""
     first = np.random.default_rng(seed).permutation(count)
     return [np.roll(first, -(number // 2))[:: 1 - 2 * (number % 2)].tolist() for number in range(rounds)]
+
+
+@dataclass(frozen=True)
+class Options:
+    """The checked options of one ``shadowbench run``. ``extras``: untimed work that was asked for (``--with``)."""
+
+    experiment: Experiment
+    preset_name: str
+    preset: Preset
+    device: str
+    out: Path
+    scene_dir: str | None = None
+    seed: int = 0
+    save_answers: bool = False
+    score: bool = True
+    retry: bool = False
+    view: ChosenView = field(default_factory=ChosenView)
+    extras: tuple[str, ...] = ()
+
+    def described(self, scene: str) -> Scene:
+        """A scene of the run, given by name or file, with the camera and the lights of the command line."""
+        return self.view.resolved(scene, self.scene_dir)
+
+    def point(self, entry: Entry, scene: dict[str, Any], method: dict[str, Any]) -> Point:
+        """The point of a method on a scene, from the facts of both (:func:`.planned_point.make_point`)."""
+        return make_point(self.experiment.name, self.preset, entry, scene, method, self.seed)
+
+    def record(
+        self,
+        point: Point,
+        events: Iterable[dict[str, Any]] = (),
+        environment: str = "",
+        status: str = "ok",
+        reason: str = "",
+    ) -> Record:
+        """The record of a point from the events of its journal (:func:`.results.record.make_record`)."""
+        asked = {**point.configuration, "preset": self.preset_name}
+        return make_record(point.key, asked, point.scene, point.method, environment, events, status, reason)
+
+
+@dataclass(eq=False)
+class Job:
+    """A point being measured: ``scene`` as given, the generation of the worker that prepared it, remaining steps.
+
+    graders_lost  scoring processes that were killed with its answers
+    answers       a hash of its answers to all frames, once it is prepared
+    """
+
+    point: Point
+    scene: str
+    journal: Journal
+    steps: int
+    lighting: Lighting = field(default_factory=Lighting)
+    generation: int = 0
+    graders_lost: int = 0
+    answers: str = ""
+    record: Record | None = None
+
+    @property
+    def method(self) -> str:
+        return self.point.entry.method
+
+
+def dealt(jobs: Sequence[Job], graders: int) -> list[list[Job | None]]:
+    """What each scoring process scores in turn; None: nothing. The first job is scored alone, because that computes the
+    exact reference. Equal answers go to the same process, which scores them once."""
+    queues: list[list[Job | None]] = [[] if not number else [None] for number in range(graders)]
+    groups: dict[str, int] = {}
+    for job in jobs:
+        number = groups.setdefault(job.answers or job.point.key, len(groups) % graders)
+        queues[number].append(job)
+    return queues

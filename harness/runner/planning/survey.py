@@ -15,8 +15,7 @@ from ...results.throttled import CROWDED
 from ...texts import numbered
 from ..known_scenes import known_scene
 from ..workers.protocol import load_command
-from .planned_point import describe_method
-from .run_options import Options
+from .planned_point import Options, describe_method
 from .time_estimate import expected_work, guess
 
 

@@ -3,10 +3,12 @@
 A record is current as long as the code that it measured is. That code is every module that the method's own module
 imports, directly or not, as far as it belongs to this project or to the method's distribution; the further files that
 the method names (``sources``); and, for every method, the modules that load a frame and take samples
-(:data:`MEASURING`). Import statements are read from the source, also
-those inside functions; nothing is run. Modules found by name at run time (the registry's methods, the catalogue's
-stand-ins) are not imported by a statement, and so one method's key does not depend on another method. Comments,
-docstrings and layout do not count (:mod:`.runner.source.code`).
+(:data:`MEASURING`). Import statements are read from the source, also those inside functions; nothing is run. Modules
+found by name at run time (the registry's methods, the catalogue's stand-ins) are not imported by a statement, and so one
+method's key does not depend on another method.
+
+Of a file the syntax tree counts, without statements that are only a string (docstrings, the text below an attribute):
+so comments and layout do not count, nor changes of a docstring that a program reads as data (``__doc__``).
 """
 
 import ast
@@ -17,8 +19,7 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-
-from .code import code_of
+from typing import Any
 
 HARNESS = __name__.rsplit(".", 3)[0]
 PROJECT = HARNESS.rpartition(".")[0]
@@ -158,3 +159,38 @@ def distribution(name: str, file: Path) -> dict[str, Path]:
             {name: file.parent} if file.name == "__init__.py" else {package or module: file.parent if package else file}
         )
     return places
+
+
+UNREADABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
+
+
+def code_of(source: bytes) -> bytes:
+    """The code of a Python file, the same for every version of Python that can parse it; the whole file if it cannot be
+    parsed."""
+    try:
+        return "".join(_written(ast.parse(source))).encode("utf-8", "surrogatepass")
+    except UNREADABLE:
+        return b"whole\0" + source
+
+
+def _written(value: Any) -> Iterator[str]:
+    """A part of a syntax tree as text. Fields that are empty are left out: later versions of Python have more of them."""
+    if isinstance(value, ast.JoinedStr):  # Python 3.12 has empty parts in some
+        value.values = [part for part in value.values if getattr(part, "value", None) != ""]
+    if isinstance(value, ast.AST):
+        yield f"{type(value).__name__}("
+        for name, field in ast.iter_fields(value):
+            if field is not None and field != []:
+                yield f"{name}="
+                yield from _written(field)
+        yield ")"
+    elif isinstance(value, list):
+        yield "["
+        for one in value:
+            alone = one.value if isinstance(one, ast.Expr) else None
+            if not (isinstance(alone, ast.Constant) and isinstance(alone.value, str)):  # not only a string
+                yield from _written(one)
+                yield ","
+        yield "]"
+    else:
+        yield repr(value)

@@ -24,9 +24,9 @@ import warp as wp
 
 from ...errors import CapacityRejected, UserError, one_line
 from ...files import plain
+from ...frame.devices import start_warp
 from ...frame.method import Method
 from ...frame.registry import make_method
-from ...frame.warp_init import start_warp
 from ...results.folder import FULL
 from ...results.pixel_maps import map_path, write_map
 from ...scene.chosen_view import ChosenView
@@ -35,7 +35,7 @@ from ...scene.moment import Moment
 from ...scene.overrides import Lighting
 from ...scene.prepared import Prepared, prepare
 from ...scene.shared import read_stored, store
-from ..machine.clocks import clock_state
+from ..machine.environment import clock_state
 from ..machine.lock import MACHINE
 from ..measuring.measured_point import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
 from ..measuring.memory import give_back_memory, reset_peak_resident

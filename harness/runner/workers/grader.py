@@ -88,7 +88,7 @@ class Grader:
         try:
             from ...judge.context import Judge
             from ...judge.score import score_answers
-            from ...report.flip import keep_wrong
+            from ...report.picture import keep_wrong
             from ...results.disputes import write_disputes
         except ImportError as error:
             missing = f"no exact reference: {error.name or error} is not installed"

@@ -1,4 +1,8 @@
-"""The parent's side of a worker process: start it, send commands, stop it if it does not reply or has died."""
+"""The parent's side of a worker process: start it, send commands, stop it if it does not reply or has died.
+
+Scoring takes longer than samples. Where several runs take turns on a GPU (:mod:`.runner.machine.lock`), it has processors
+of its own: it uses no GPU, has no share of the lock, and waits for nobody.
+"""
 
 import contextlib
 import json
@@ -10,14 +14,61 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from ...errors import UserError
+from ...frame.schedule.threads import processors
 from ...results.record import STATUSES
 from . import scratch
-from .apart import kept_to
 from .protocol import UNWRITABLE, check_reply
+
+PLACE = "SHADOWBENCH_JUDGES"
+"""The environment variable that gives the numbers of these processors, as 8,9,10. A run must be kept off them, as by
+``taskset``."""
+
+
+def judges_processors() -> list[int]:
+    """The processors that only scoring has; none: it works between samples, where all other work is done."""
+    given = os.environ.get(PLACE, "")
+    if not given:
+        return []
+    try:
+        found = sorted({int(word) for word in given.split(",")})
+    except ValueError:
+        raise UserError(f"{PLACE}={given}: not numbers of processors, as 8,9,10") from None
+    if not hasattr(os, "sched_setaffinity"):
+        raise UserError(f"{PLACE}={given}: this system does not assign processors; unset it")
+    if set(found) & os.sched_getaffinity(0):
+        raise UserError(f"{PLACE}={given}: samples are taken on these too; keep the run off them, as by taskset")
+    had: set[int] = set()
+    with contextlib.suppress(OSError, ValueError, OverflowError), kept_to(found):
+        had = os.sched_getaffinity(0)
+    if had != set(found):
+        raise UserError(f"{PLACE}={given}: this machine, or its container, does not have all of these processors")
+    return found
+
+
+@contextlib.contextmanager
+def kept_to(chosen: Collection[int]) -> Iterator[None]:
+    """In the block this thread, and the processes that it starts, have only these processors; none chosen: as before."""
+    if not chosen:
+        yield
+        return
+    own = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, chosen)
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, own)
+
+
+def graders(beside: int = 1) -> int:
+    """Number of workers that score at the same time, by the processors for scoring, which runs ``beside`` each other share.
+    Each has the scene in memory."""
+    return max(1, min(8, (len(judges_processors()) or processors()) // 2 // beside))
+
 
 GRACE_S = 0.5  # additional time for a reply to arrive after its time limit, or after the end of its worker, seconds
 STOP_S = 5.0  # time for a worker to end with all that it has started, seconds; then it is left to itself
@@ -42,7 +93,7 @@ class WorkerLostError(WorkerError):
 class Remote:
     """One worker process. It starts with the first command, and again with the first command after it has ended.
     ``generation`` counts the starts; points prepared in an earlier generation are lost. ``command``: what was sent
-    last. ``apart``: the only processors that it uses, and then no GPU (:mod:`.apart`)."""
+    last. ``apart``: the only processors that it uses, and then no GPU (:mod:`.handle`)."""
 
     def __init__(self, name: str, log: Path, apart: Sequence[int] = ()):
         self.name, self.log, self.apart = name, log, apart

@@ -9,9 +9,8 @@ from typing import Any
 from ...results.folder import ResultsFolder
 from ...scene.overrides import Lighting
 from ..machine.lock import MACHINE
-from ..planning.run_options import Job, Options
-from .apart import judges_processors
-from .handle import Remote, WorkerError
+from ..planning.planned_point import Job, Options
+from .handle import Remote, WorkerError, judges_processors
 from .protocol import UNWRITABLE, grade_command, load_command, prepare_command
 
 LOAD_S = 300.0  # least time limit for a worker to start and load a scene, whatever the method's limit, seconds

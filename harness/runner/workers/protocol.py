@@ -13,7 +13,7 @@ from ...results.record import SceneFacts
 from ...scene.facts import contents
 from ...scene.overrides import Lighting
 from ...typed_json import checked
-from ..planning.run_options import Job, Options
+from ..planning.planned_point import Job, Options
 
 UNWRITABLE = "unwritable"  # a worker's reply, as a status, where it could not write to the results folder
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from .checks import ALL, Loaded, Wanted, broken, checked, guarded, read_bytes
-from .topology import fixed_topology
+from .polygons import fixed_topology
 
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
 _PLACE = re.compile(r"(%0?\d*d|\*|\?)")  # what stands for a number or for other letters in the name of a sequence
@@ -88,7 +88,7 @@ def numbered(folder: Path, suffixes: Iterable[str], name: str | None = None) -> 
 
 def joined(paths: list[Path], meshes: list[Loaded], rate: float | None = None) -> Loaded:
     """One mesh of the meshes of files, each of which is a frame. Where the connectivity changes, each triangle has vertices
-    of its own, and those that a frame has not have NaN positions (:mod:`.topology`); a note says so.
+    of its own, and those that a frame has not have NaN positions (:mod:`.polygons`); a note says so.
     """
     fixed = fixed_topology([[(mesh.frames[0], mesh.faces)] for mesh in meshes])
     notes = [note for mesh in meshes for note in mesh.notes]

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.needed import stale
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Light
-from shadowbench.harness.scene.surface_rules import perforated
 
 NAME = "bvh2"
 SETTINGS = [

@@ -126,9 +126,7 @@ def test_frames_of_a_moving_mesh(build, at):
 
 def test_it_writes_nothing_to_where_results_are_written(at):
     code = f"start_warp(); device.device_of({at[0]['api']!r}, {at[1]!r})"
-    names = (
-        "from shadowbench.harness.frame.warp_init import start_warp; from shadowbench.methods.driver import device; "
-    )
+    names = "from shadowbench.harness.frame.devices import start_warp; from shadowbench.methods.driver import device; "
     done = subprocess.run([sys.executable, "-c", names + code], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
 

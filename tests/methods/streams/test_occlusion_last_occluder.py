@@ -11,9 +11,9 @@ from helpers.streams import trial
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
-from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.streams.occlusion.last_occluder import LastOccluder
 
 SIZE = 40, 32

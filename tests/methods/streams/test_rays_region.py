@@ -13,9 +13,9 @@ from helpers.method_trials import box
 from helpers.small_scenes import make_scene, soup
 from helpers.streams import trial
 from numpy.typing import NDArray
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
-from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.streams.cube.rectangle import FACE, LARGEST
 from shadowbench.methods.streams.light import Occlusion
 from shadowbench.methods.streams.rays.placing import ByRays, ByTriangles

@@ -18,9 +18,9 @@ from shadowbench.harness.frame.schedule.needed import stale
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.hardcases.shapes import ball, triangles
+from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Moves
-from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.two_level_bvh import TwoLevelTree
 from shadowbench.methods.two_level_bvh.forest import Forest
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ....arrays import Floats
 from ....errors import install
-from .container import File
-from .entries import MESHOPT, Entry
+from .container import MESHOPT, Entry, File
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

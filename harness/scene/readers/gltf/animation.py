@@ -13,7 +13,7 @@ import numpy as np
 
 from ....arrays import F64
 from .accessors import Accessors
-from .entries import Entry
+from .container import Entry
 from .model import Block
 from .nodes import REST, Matrices, Tree, composed
 

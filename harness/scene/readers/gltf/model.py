@@ -7,8 +7,7 @@ import numpy as np
 
 from ....arrays import I32, Bools
 from .accessors import Accessors
-from .container import MissingError
-from .entries import Entry, counted
+from .container import Entry, MissingError, counted
 from .nodes import ONCE, Instances, Matrices, Skin, Tree, mirrored
 from .primitives import Meshes, Primitive, Vertices
 

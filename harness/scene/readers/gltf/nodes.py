@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from ....arrays import F64, I64, Bools
 from .accessors import Accessors
-from .container import File
-from .entries import Entry
+from .container import Entry, File
 
 Matrices = F64  # transforms of column vectors, [..., 4, 4]
 

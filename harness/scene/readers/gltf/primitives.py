@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....arrays import Floats, Ints
 from .accessors import Accessors, Draco, normal
-from .entries import DRACO, Entry
+from .container import DRACO, Entry
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _NO_SURFACE = (0, 1, 2, 3)  # modes: points, lines, a closed line, a line

@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from ....arrays import F64, I64
 from ..checks import broken
-from ..topology import Piece
+from ..polygons import Piece
 from .prims import IN_PROTOTYPE, Node, nodes_of, samples, times_of, vary
 from .shapes import SIZES, Polygons, Shape, Skin, Skinned, Tessellated, array, bindings
 

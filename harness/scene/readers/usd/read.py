@@ -16,7 +16,7 @@ import numpy as np
 from pxr import Ar, Tf, Usd, UsdGeom, UsdUtils
 
 from ..checks import MAX_TRIANGLES, Loaded, Wanted, broken, checked, guarded, some
-from ..topology import Piece, fixed_topology
+from ..polygons import Piece, fixed_topology
 from . import views
 from .drawing import Drawing, Library
 from .prims import DRAWN

@@ -12,8 +12,7 @@ from pxr import UsdGeom, UsdSkel, Vt
 from ....arrays import F64, I32
 from ...standins.shapes import box, grid, lathe
 from ..checks import broken
-from ..polygons import polygon_sizes, triangulate
-from ..topology import Piece
+from ..polygons import Piece, polygon_sizes, triangulate
 from .prims import samples, vary
 
 AROUND, POLE_TO_POLE = 32, 16  # segments of a circle, and from pole to pole; multiples of 4 keep a shape's bounds
