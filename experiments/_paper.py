@@ -36,12 +36,7 @@ def small(
 def large(scenes: tuple[str, ...], methods: tuple[Entry, ...], budget_s: float = 9.0, **other: Any) -> Preset:
     """Nine rounds of one frame of 1024x1024, sampled until its median is known to half a per cent."""
     usual = {
-        "frames": 1,
-        "samples": 5,
-        "most": 20,
-        "deviation": 0.005,
-        "stage_samples": 2,
-        "rounds": 9,
+        "frames": 1, "samples": 5, "most": 20, "deviation": 0.005, "stage_samples": 2, "rounds": 9,
         "timeout_s": 600.0,
-    }
+    }  # fmt: skip
     return Preset(1024, 1024, scenes, methods, budget_s=budget_s, **usual | other)

@@ -14,12 +14,8 @@ from . import _rivals
 from ._paper import SCENES, large, small
 
 METHODS = (
-    *_rivals.FEW,
-    _rivals.REFITTED[0],
-    *_rivals.REBUILT[3:],
-    Entry("warp_bvh", {}, "mesh rebuilt"),
-    _rivals.DRIVER[0],
-)
+    *_rivals.FEW, _rivals.REFITTED[0], *_rivals.REBUILT[3:], Entry("warp_bvh", {}, "mesh rebuilt"), _rivals.DRIVER[0],
+)  # fmt: skip
 COLUMNS = [*document.COMMON, *NUMBERS, *MISSING, *LATENCIES, "watts", "in_flight_gain", "memory_bytes"]
 SHOWN = {
     "title": "scene", "label": "method", "ms": "ms", "error": "answers", "energy_mj": "energy, mJ", "watts": "power, W",

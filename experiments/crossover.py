@@ -25,12 +25,9 @@ from ._rivals import FEW, STRONGEST, lights
 from .scaling import short
 
 AXES = {
-    "triangles": "triangles",
-    "pixels": "pixels",
-    "lights": "lights",
-    "seen": "pixels that see the ground, %",
+    "triangles": "triangles", "pixels": "pixels", "lights": "lights", "seen": "pixels that see the ground, %",
     "moving": "triangles that move, %",
-}
+}  # fmt: skip
 """The swept quantities, by column."""
 MAPS = (("triangles", "pixels"), ("triangles", "seen"))
 NATURAL = -1  # in the columns `seen` and `moving`: the scene's own camera; nothing moves and there is one frame

@@ -15,16 +15,9 @@ from ._paper import SCENES, faithful, large, small
 
 REBUILD = (Entry("warp_bvh", {}, "mesh rebuilt"), *_rivals.REBUILT)
 METHODS = (
-    _rivals.OURS,
-    _rivals.HYBRID,
-    _rivals.RASTERISED,
-    faithful("paper-faithful"),
-    *REBUILD,
-    *_rivals.REFITTED,
-    *_rivals.BODIES,
-    *_rivals.GRIDS,
-    *_rivals.DRIVER,
-)
+    _rivals.OURS, _rivals.HYBRID, _rivals.RASTERISED, faithful("paper-faithful"), *REBUILD, *_rivals.REFITTED,
+    *_rivals.BODIES, *_rivals.GRIDS, *_rivals.DRIVER,
+)  # fmt: skip
 
 RATIO = ["times_fastest_exact", "low", "high"]
 """Time over that of the fastest exact method of the scene, and its range between rounds."""

@@ -17,14 +17,9 @@ from ._rivals import HYBRID, OURS, RASTERISED, REBUILT, lights
 from .crossover import NATURAL, over_lights
 
 GRIDS = (
-    faithful("paper-faithful"),
-    Entry(METHOD, {}, "the paper's grids"),
-    OURS,
-    HYBRID,
-    RASTERISED,
-    REBUILT[0],
+    faithful("paper-faithful"), Entry(METHOD, {}, "the paper's grids"), OURS, HYBRID, RASTERISED, REBUILT[0],
     Entry("warp_bvh", {}, "mesh rebuilt"),
-)
+)  # fmt: skip
 QUICK = (*GRIDS[:3], *GRIDS[5:], Entry("embree", {}, "Embree"))
 
 

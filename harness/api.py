@@ -20,27 +20,7 @@ from .scene.prepared import prepare
 from .scene.scene import Camera, Geometry, Light, Scene
 
 __all__ = [
-    "Camera",
-    "ChosenView",
-    "Geometry",
-    "Judge",
-    "Light",
-    "Scene",
-    "Session",
-    "UserError",
-    "experiment_names",
-    "find_device",
-    "make_method",
-    "method_names",
-    "plan_run",
-    "points",
-    "prepare",
-    "resolve",
-    "run",
-    "samples",
-    "save_png",
-    "scene_names",
-    "score_answers",
-    "shade",
-    "tidy",
-]
+    "Camera", "ChosenView", "Geometry", "Judge", "Light", "Scene", "Session", "UserError", "experiment_names",
+    "find_device", "make_method", "method_names", "plan_run", "points", "prepare", "resolve", "run", "samples",
+    "save_png", "scene_names", "score_answers", "shade", "tidy",
+]  # fmt: skip

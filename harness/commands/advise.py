@@ -39,18 +39,10 @@ MOST_LIGHTS = 1024
     without=["frames"],
 )
 def advise(
-    scene: str,
-    lights: int | None = None,
-    moves: str | None = None,
-    size: str | None = None,
-    device: str | None = None,
-    scene_dir: Path | None = None,
-    memory_limit: int | None = None,
-    out: Path | None = None,
-    as_json: bool = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: str, lights: int | None = None, moves: str | None = None, size: str | None = None,
+    device: str | None = None, scene_dir: Path | None = None, memory_limit: int | None = None,
+    out: Path | None = None, as_json: bool = False, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Measure a shortlist of structures on a scene and say which is the fastest: of the exact ones, and of all.
 
     It takes about two minutes on a CPU and half a minute on a GPU, besides compiling kernels for the first time. The

@@ -70,13 +70,9 @@ class Outcome:
 
 
 def answer(
-    name: str,
-    settings: dict[str, str],
-    prepared: Prepared,
-    moment: Moment,
-    device: str,
+    name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str,
     memory_limit: int | None = None,
-) -> Outcome:
+) -> Outcome:  # fmt: skip
     """The answers of a method to one frame, or the reason why there are none. Errors of the method are caught.
 
     The frame is run again several times. A method whose answers then differ has failed. ``memory_limit`` in bytes, as in a

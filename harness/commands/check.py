@@ -30,12 +30,9 @@ from .options import command
     """
 )
 def check(
-    method: str,
-    device: str | None = None,
-    setting: list[str] | None = None,
-    case: list[str] | None = None,
+    method: str, device: str | None = None, setting: list[str] | None = None, case: list[str] | None = None,
     as_json: bool = False,
-) -> int:
+) -> int:  # fmt: skip
     """Run one method on small scenes that are hard to trace, and test that it keeps the rules of the interface.
 
     Every answer is compared with exact arithmetic. A wrong answer that float32 rounding explains (near-tie, edge) is
@@ -60,18 +57,12 @@ def check(
     unchecked = _unchecked(findings)
     passed = not unchecked and not any(status in ("error", "excused") for status in statuses)
     facts = {
-        "method": method,
-        "settings": settings,
-        "device": place,
-        "known_inexact": getattr(made, "known_inexact", None),
-        "outside": outside,
-        "passed": passed,
-        "unchecked": unchecked,
-        "true_errors": sum(finding.true_errors for finding in findings),
-        "excused": sum(finding.excused for finding in findings),
-        "rays": sum(finding.rays for finding in findings),
+        "method": method, "settings": settings, "device": place,
+        "known_inexact": getattr(made, "known_inexact", None), "outside": outside, "passed": passed,
+        "unchecked": unchecked, "true_errors": sum(finding.true_errors for finding in findings),
+        "excused": sum(finding.excused for finding in findings), "rays": sum(finding.rays for finding in findings),
         "warning": warning.rpartition(";")[0],
-    }
+    }  # fmt: skip
     report = {**facts, "cases": [one.as_json() for one in findings], "conformance": [one.as_json() for one in checks]}
     tell(report, as_json, lambda facts: _print(facts, findings, checks))
     return 0 if passed else 1

@@ -38,18 +38,10 @@ from .options import command
     """
 )
 def explain(
-    scene: str,
-    pixel: str,
-    method: list[str] | None = None,
-    device: str | None = None,
-    size: str = "256x256",
-    frame: int = 0,
-    setting: list[str] | None = None,
-    scene_dir: Path | None = None,
-    as_json: bool = False,
-    *,
+    scene: str, pixel: str, method: list[str] | None = None, device: str | None = None, size: str = "256x256",
+    frame: int = 0, setting: list[str] | None = None, scene_dir: Path | None = None, as_json: bool = False, *,
     view: ChosenView,
-) -> int:
+) -> int:  # fmt: skip
     """Show the answer of every method at one pixel with its class, the answer of the reference, and the exact answer.
 
     The classes are those that `verify --every-pixel` counts. Distances to edges are in units of the error bound of a
@@ -128,14 +120,10 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
             entry["edge_in_bounds"] = float(away[0] / edge_bound(point, corners)[0])
         shadows.append({**entry, "shadow_ray": bool(entry["shadow_ray"])})
     return {
-        "triangle": int(hits.triangle[0]),
-        "ties": list(hits.ties[0]),
-        "t": float(hits.t[0]),
-        "t_ratio": [str(ratio[0]), str(ratio[1])],
-        "point": point[0].tolist(),
-        "edge_in_bounds": float(nearest[0] / bound[0]),
-        "shadows": shadows,
-    }
+        "triangle": int(hits.triangle[0]), "ties": list(hits.ties[0]), "t": float(hits.t[0]),
+        "t_ratio": [str(ratio[0]), str(ratio[1])], "point": point[0].tolist(),
+        "edge_in_bounds": float(nearest[0] / bound[0]), "shadows": shadows,
+    }  # fmt: skip
 
 
 def _row(found: Judgement) -> dict[str, Any]:

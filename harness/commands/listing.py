@@ -34,13 +34,9 @@ KINDS = ("methods", "scenes", "experiments")
     """
 )
 def list_(
-    kind: str,
-    name: list[str] | None = None,
-    rate: float | None = None,
-    allow_missing: bool = False,
-    scene_dir: Path | None = None,
-    as_json: bool = False,
-) -> int:
+    kind: str, name: list[str] | None = None, rate: float | None = None, allow_missing: bool = False,
+    scene_dir: Path | None = None, as_json: bool = False,
+) -> int:  # fmt: skip
     """List the methods, scenes or experiments; of a method its parameters; of an experiment its presets; of a file its
     triangles and frames, its cameras and its lights."""
     rows = rows_of(kind, name or [], lambda: view_of(rate=rate, allow_missing=allow_missing), scene_dir, not as_json)
@@ -146,16 +142,11 @@ def contents(name: str, seen: ChosenView, scene_dir: Path | None) -> Row:
     frames, rate = geometry.frame_count, f" at {found.rate:g} a second" if found.rate else ""
     moves = f", {frames} frames{rate}" if frames > 1 else ""
     return {
-        "name": found.name,
-        "title": f"{found.title}: {triangles(len(geometry.faces))}{moves}",
-        "stand_in": found.stand_in,
-        "about": told(found),
-        "triangles": len(geometry.faces),
-        "frames": frames,
-        "rate": found.rate,
-        "cameras": {key: plain(dataclasses.asdict(one)) for key, one in found.cameras.items()},
+        "name": found.name, "title": f"{found.title}: {triangles(len(geometry.faces))}{moves}",
+        "stand_in": found.stand_in, "about": told(found), "triangles": len(geometry.faces), "frames": frames,
+        "rate": found.rate, "cameras": {key: plain(dataclasses.asdict(one)) for key, one in found.cameras.items()},
         "lights": {key: light_facts(one) for key, one in found.lamps.items()},
-    }
+    }  # fmt: skip
 
 
 def camera_text(camera: Row) -> str:

@@ -138,18 +138,11 @@ def command(text: str, without: Collection[str] = ()) -> Callable[[Work], Work]:
 
 
 def view_of(
-    camera: tuple[str, str] | None = None,
-    fov: float | None = None,
-    light: list[str] | None = None,
-    camera_of: str | None = None,
-    light_of: list[str] | None = None,
-    frames: str | None = None,
-    rate: float | None = None,
-    allow_missing: bool = False,
-    light_size: float | None = None,
-    light_samples: int | None = None,
-    light_shape: str | None = None,
-) -> ChosenView:
+    camera: tuple[str, str] | None = None, fov: float | None = None, light: list[str] | None = None,
+    camera_of: str | None = None, light_of: list[str] | None = None, frames: str | None = None,
+    rate: float | None = None, allow_missing: bool = False, light_size: float | None = None,
+    light_samples: int | None = None, light_shape: str | None = None,
+) -> ChosenView:  # fmt: skip
     """What the options of these names ask of a scene. Raises :class:`UserError` for a malformed value."""
     from ..scene.chosen_view import ChosenView
     from ..scene.readers.checks import Wanted, frames_of

@@ -40,17 +40,10 @@ if TYPE_CHECKING:
     """
 )
 def plan(
-    scene: str,
-    method: list[str] | None = None,
-    setting: list[str] | None = None,
-    size: str = "256x256",
-    device: str | None = None,
-    frame: int = 0,
-    scene_dir: Path | None = None,
-    as_json: bool = False,
-    *,
+    scene: str, method: list[str] | None = None, setting: list[str] | None = None, size: str = "256x256",
+    device: str | None = None, frame: int = 0, scene_dir: Path | None = None, as_json: bool = False, *,
     view: ChosenView,
-) -> int:
+) -> int:  # fmt: skip
     """List the effects of a scene and the passes of each method, with the reason why each pass runs.
 
     The passes are listed for the first frame that is traced (--frame), and for a later one in which only the camera, only
@@ -62,15 +55,9 @@ def plan(
 
 
 def frame_plan(
-    scene: str,
-    methods: list[str],
-    size: str = "256x256",
-    device: str | None = None,
-    scene_dir: Path | None = None,
-    settings: Sequence[str] = (),
-    view: ChosenView = AS_IT_IS,
-    frame: int = 0,
-) -> dict[str, Any]:
+    scene: str, methods: list[str], size: str = "256x256", device: str | None = None, scene_dir: Path | None = None,
+    settings: Sequence[str] = (), view: ChosenView = AS_IT_IS, frame: int = 0,
+) -> dict[str, Any]:  # fmt: skip
     """What the command prints, as JSON types. Raises :class:`UserError` for an unknown name, or no such ``frame``."""
     width, height = parse_size(size)
     place = find_device(device)
@@ -175,16 +162,12 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
     facts["device"] = place
     facts["passes"] = [
         {
-            "name": work.name,
-            "part": work.part,
-            "effect": work.effect,
-            "reads": list(work.reads),
-            "writes": list(work.writes),
-            "first": first_reason(work, session.all_passes, wanted),
+            "name": work.name, "part": work.part, "effect": work.effect, "reads": list(work.reads),
+            "writes": list(work.writes), "first": first_reason(work, session.all_passes, wanted),
             "after": {label: verdict(rows[k]) for label, rows in after.items()},
         }
         for k, work in enumerate(session.all_passes)
-    ]
+    ]  # fmt: skip
     kept = set(session.all_passes)
     facts["left_out"] = [work.name for work in session.planned if work not in kept]
     return facts

@@ -56,14 +56,9 @@ class Renderer:
 
 
 def opened(
-    scene: str,
-    described: Scene,
-    method: str | None,
-    size: tuple[int, int],
-    device: str | None,
-    settings: Mapping[str, dict[str, str]] | None = None,
-    turning: int = 0,
-) -> Renderer:
+    scene: str, described: Scene, method: str | None, size: tuple[int, int], device: str | None,
+    settings: Mapping[str, dict[str, str]] | None = None, turning: int = 0,
+) -> Renderer:  # fmt: skip
     """A scene prepared for pictures with a method, by default the :func:`.default_method.default_method`.
 
     settings  parameters by method
@@ -118,20 +113,10 @@ def with_turning_light(described: Scene, places: int) -> Prepared:
     """
 )
 def render(
-    scene: list[str],
-    method: str | None = None,
-    out: Path | None = None,
-    animation: Path | None = None,
-    size: str = "512x512",
-    frame: int = 0,
-    frames: str | None = None,
-    seconds: float | None = None,
-    setting: list[str] | None = None,
-    device: str | None = None,
-    scene_dir: Path | None = None,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: list[str], method: str | None = None, out: Path | None = None, animation: Path | None = None,
+    size: str = "512x512", frame: int = 0, frames: str | None = None, seconds: float | None = None,
+    setting: list[str] | None = None, device: str | None = None, scene_dir: Path | None = None, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Render a scene from the hits and shadow bits that a method finds.
 
     The picture of a stand-in scene has a caption that says so.
@@ -163,13 +148,9 @@ def render(
 
 
 def animated(
-    scenes: list[str],
-    renderer: Callable[[str, int], Renderer],
-    out: Path,
-    size: tuple[int, int],
-    frames: int | None,
+    scenes: list[str], renderer: Callable[[str, int], Renderer], out: Path, size: tuple[int, int], frames: int | None,
     seconds: float | None,
-) -> Path:
+) -> Path:  # fmt: skip
     """Draw the frames of scenes into one looping WebP file; several scenes stand side by side.
 
     Of a scene that does not move, the lights turn once about its middle. ``frames``: so many, evenly spread over an

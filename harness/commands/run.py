@@ -95,20 +95,11 @@ def run_(
 
 
 def plan_run(
-    experiment: str,
-    preset: str | None = None,
-    device: str | None = None,
-    scenes: Sequence[str] = (),
-    methods: Sequence[str] = (),
-    settings: Sequence[str] = (),
-    scene_dir: Path | None = None,
-    out: Path | None = None,
-    size: str | None = None,
-    overrides: dict[str, Any] | None = None,
-    view: ChosenView | None = None,
-    elsewhere: str | None = None,
-    **options: Any,
-) -> Options:
+    experiment: str, preset: str | None = None, device: str | None = None, scenes: Sequence[str] = (),
+    methods: Sequence[str] = (), settings: Sequence[str] = (), scene_dir: Path | None = None, out: Path | None = None,
+    size: str | None = None, overrides: dict[str, Any] | None = None, view: ChosenView | None = None,
+    elsewhere: str | None = None, **options: Any,
+) -> Options:  # fmt: skip
     """The checked options of a run.
 
     ``elsewhere``: the device of a cluster's workers, which this machine need not have, in place of ``device``.
@@ -160,15 +151,9 @@ def plan_run(
         if other != scene:
             raise UserError(f"--scene {scene}: has the same name as {other}; rename one of them, or run it separately")
     return Options(
-        experiment=declared,
-        preset_name=name,
-        preset=whole,
-        device=place,
-        out=out or RESULTS / f"{experiment}-{name}",
-        scene_dir=where,
-        view=seen,
-        **options,
-    )
+        experiment=declared, preset_name=name, preset=whole, device=place,
+        out=out or RESULTS / f"{experiment}-{name}", scene_dir=where, view=seen, **options,
+    )  # fmt: skip
 
 
 def _refuse_own_areas(experiment: str, preset: Preset, view: ChosenView | None) -> None:

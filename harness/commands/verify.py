@@ -52,19 +52,10 @@ LEGEND = (
     """
 )
 def verify(
-    scene: list[str],
-    method: list[str] | None = None,
-    setting: list[str] | None = None,
-    device: str | None = None,
-    size: str = "256x256",
-    frame: int = 0,
-    everything: bool = False,
-    memory_limit: int | None = None,
-    scene_dir: Path | None = None,
-    as_json: bool = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: list[str], method: list[str] | None = None, setting: list[str] | None = None, device: str | None = None,
+    size: str = "256x256", frame: int = 0, everything: bool = False, memory_limit: int | None = None,
+    scene_dir: Path | None = None, as_json: bool = False, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
     Each frame is repeated up to 16 times, and a method whose answers change has failed.
@@ -125,17 +116,10 @@ def _report(name: str, view: ChosenView, judge: Judge, rows: list[dict[str, Any]
     # Without a triangle that can be hit there is nothing else to say.
     warnings = [never_hit(prepared.triangle_count, valid), few_hits(hits, judge.pixel_count) if valid else ""]
     return {
-        "scene": name,
-        "title": prepared.scene.title,
-        "stand_in": prepared.scene.stand_in,
-        "triangles": prepared.triangle_count,
-        "valid_triangles": valid,
-        "hits": hits,
-        "view": view.text(),
-        "warning": "; ".join(filter(None, warnings)),
-        "sha256": prepared.sha256(moment.index),
-        "methods": rows,
-    }
+        "scene": name, "title": prepared.scene.title, "stand_in": prepared.scene.stand_in,
+        "triangles": prepared.triangle_count, "valid_triangles": valid, "hits": hits, "view": view.text(),
+        "warning": "; ".join(filter(None, warnings)), "sha256": prepared.sha256(moment.index), "methods": rows,
+    }  # fmt: skip
 
 
 @command(

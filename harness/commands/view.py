@@ -35,18 +35,10 @@ DEFAULT_SCENE = "cloth"
     """
 )
 def view(
-    scene: str = DEFAULT_SCENE,
-    method: str | None = None,
-    setting: list[str] | None = None,
-    size: str = "256x256",
-    frame: int | None = None,
-    device: str | None = None,
-    scene_dir: Path | None = None,
-    port: int = 0,
-    browser: bool = False,
-    *,
-    view: ChosenView,
-) -> int:
+    scene: str = DEFAULT_SCENE, method: str | None = None, setting: list[str] | None = None, size: str = "256x256",
+    frame: int | None = None, device: str | None = None, scene_dir: Path | None = None, port: int = 0,
+    browser: bool = False, *, view: ChosenView,
+) -> int:  # fmt: skip
     """Show a scene on a page on this machine: drag the light and the camera, walk, play the animation, compare two methods.
 
     The page shows what the method answers, the time of its passes, and on request its wrong pixels. Only this machine

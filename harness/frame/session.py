@@ -44,16 +44,9 @@ class Session(PassRunner):
     """
 
     def __init__(
-        self,
-        method: Method,
-        prepared: Prepared,
-        width: int,
-        height: int,
-        device: str,
-        light_count: int | None = None,
-        effects: Effects | None = None,
-        limits: Limits | None = None,
-    ):
+        self, method: Method, prepared: Prepared, width: int, height: int, device: str,
+        light_count: int | None = None, effects: Effects | None = None, limits: Limits | None = None,
+    ):  # fmt: skip
         super().__init__(device, [])
         self.method, self.limits = method, limits or Limits()
         self.effects = effects or Effects.of(prepared.scene)

@@ -134,22 +134,11 @@ def hard(
 
 
 def view(
-    mesh: Mesh,
-    lights: Iterable[Point | Light],
-    eye: Point,
-    towards: Point,
-    half: float = 1.0,
-    size: tuple[int, int] = (16, 16),
-    up: Point | None = None,
-    turn: int = 0,
-    scale: float = 1.0,
-    offset: Point | float = 0.0,
-    height: float | None = None,
-    stated: Counts | None = None,
-    same_lights: tuple[tuple[int, int], ...] = (),
-    watertight: bool = False,
-    **fields: Any,
-) -> Trial:
+    mesh: Mesh, lights: Iterable[Point | Light], eye: Point, towards: Point, half: float = 1.0,
+    size: tuple[int, int] = (16, 16), up: Point | None = None, turn: int = 0, scale: float = 1.0,
+    offset: Point | float = 0.0, height: float | None = None, stated: Counts | None = None,
+    same_lights: tuple[tuple[int, int], ...] = (), watertight: bool = False, **fields: Any,
+) -> Trial:  # fmt: skip
     """A trial from plain numbers.
 
     towards  direction of the view (not a point);  half: half height of the image plane at distance 1

@@ -79,13 +79,10 @@ def turns() -> list[Turn]:
     one = (LIGHTS[0].moved((0, 40, 3)), LIGHTS[1])
     both = (one[0], LIGHTS[1].moved((0.0, 0.05, 0.0)))
     return [
-        ("the camera moved", 0, ELSEWHERE, LIGHTS),
-        ("light 0 moved", 0, ELSEWHERE, one),
-        ("light 1 moved", 0, ELSEWHERE, both),
-        ("the mesh moved", 1, ELSEWHERE, one),
-        ("nothing moved", 1, ELSEWHERE, one),
-        ("everything moved", 0, None, LIGHTS),
-    ]
+        ("the camera moved", 0, ELSEWHERE, LIGHTS), ("light 0 moved", 0, ELSEWHERE, one),
+        ("light 1 moved", 0, ELSEWHERE, both), ("the mesh moved", 1, ELSEWHERE, one),
+        ("nothing moved", 1, ELSEWHERE, one), ("everything moved", 0, None, LIGHTS),
+    ]  # fmt: skip
 
 
 def turns_away() -> list[Turn]:

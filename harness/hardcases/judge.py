@@ -241,12 +241,9 @@ def same_bits(a: NDArray, b: NDArray) -> bool:
 
 
 def judge_method(
-    make_method: Callable[[], Method],
-    device: str,
-    cases: Sequence[HardCase],
-    judged: dict[str, Judged],
+    make_method: Callable[[], Method], device: str, cases: Sequence[HardCase], judged: dict[str, Judged],
     every_bit: bool = False,
-) -> list[Finding]:
+) -> list[Finding]:  # fmt: skip
     """Run every case on one method. ``judged``: a cache of exact answers; ``every_bit`` as in :func:`judge_case`."""
     findings = []
     for case in cases:

@@ -32,14 +32,9 @@ TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
 
 
 def save_raw(
-    path: Path | str,
-    prepared: Prepared,
-    moment: Moment,
-    answers: dict[str, NDArray],
-    scene_argument: str,
-    effects: Effects | None = None,
-    extra: dict[str, Any] | None = None,
-) -> None:
+    path: Path | str, prepared: Prepared, moment: Moment, answers: dict[str, NDArray], scene_argument: str,
+    effects: Effects | None = None, extra: dict[str, Any] | None = None,
+) -> None:  # fmt: skip
     """Keep a frame's answers (as ``Answers.to_host`` gives them) at ``path``, and the mesh beside it; atomically.
 
     The alpha mask of a mesh is saved with it.
@@ -50,16 +45,10 @@ def save_raw(
     hashes = input_hashes(prepared, moment)
     effects = effects or Effects.of(prepared.scene)
     facts = {
-        "schema": SCHEMA,
-        "scene": scene_argument,
-        "frame": moment.index,
-        "shadows": list(effects.shadows),
-        "alpha": effects.alpha,
-        "facing": moment.facing,
-        "bounces": effects.bounces,
-        "hashes": hashes,
+        "schema": SCHEMA, "scene": scene_argument, "frame": moment.index, "shadows": list(effects.shadows),
+        "alpha": effects.alpha, "facing": moment.facing, "bounces": effects.bounces, "hashes": hashes,
         "extra": extra or {},
-    }
+    }  # fmt: skip
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     mesh = _mesh_path(path, hashes)

@@ -76,15 +76,10 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
         sound_miss = miss & np.isposinf(t) & (u == 0) & (v == 0)
     shadow_invalid = (shadowed > 1) | ((shadowed != 0) & ~known[None, :])
     result = Checked(
-        {**answers, "shadowed": shadowed},
-        *not_receivers(prepared, moment, triangle),
-        ~(sound_hit | sound_miss),
-        shadow_invalid,
-        np.zeros(len(triangle), dtype=bool),
-        np.zeros(len(triangle), dtype=bool),
-        np.zeros(len(triangle)),
-        np.zeros(len(triangle)),
-    )
+        {**answers, "shadowed": shadowed}, *not_receivers(prepared, moment, triangle), ~(sound_hit | sound_miss),
+        shadow_invalid, np.zeros(len(triangle), dtype=bool), np.zeros(len(triangle), dtype=bool),
+        np.zeros(len(triangle)), np.zeros(len(triangle)),
+    )  # fmt: skip
     pixels = np.nonzero(sound_hit)[0]
     in_blocks(len(pixels), lambda block: _check_hits(prepared, moment, answers, pixels[block], result))
     return result

@@ -42,13 +42,9 @@ class Judge:
 
     @staticmethod
     def of(
-        prepared: Prepared,
-        moment: Moment,
-        effects: Effects | None = None,
-        folder: Path | str | None = None,
-        device: str = "cpu",
-        known: Referee | None = None,
-    ) -> Judge:
+        prepared: Prepared, moment: Moment, effects: Effects | None = None, folder: Path | str | None = None,
+        device: str = "cpu", known: Referee | None = None,
+    ) -> Judge:  # fmt: skip
         """The judge of a moment's primary rays. ``folder`` stores the reference's answers; ``device`` runs the
         referee's filter; ``effects`` default to the scene's; ``known``: a referee to use again if its mesh is this one."""
         effects = effects or Effects.of(prepared.scene)

@@ -137,13 +137,9 @@ class Hits:
     def take(self, rows: Ints) -> Hits:
         """The hits of some of the rays."""
         return Hits(
-            self.origins[rows],
-            self.directions[rows],
-            self.triangle[rows],
-            self.t[rows],
-            [self.ratio[i] for i in rows],
-            [self.ties[i] for i in rows],
-        )
+            self.origins[rows], self.directions[rows], self.triangle[rows], self.t[rows],
+            [self.ratio[i] for i in rows], [self.ties[i] for i in rows],
+        )  # fmt: skip
 
     def put(self, i: int, found: list[tuple[int, int, int]]) -> None:
         """Set ray ``i`` to the nearest of exact hits, given as (numerator of t, denominator, triangle)."""

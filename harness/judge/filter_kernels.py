@@ -110,14 +110,9 @@ def put(found: Found, ray: wp.int32, triangle: wp.int32, least: wp.float64):
 
 @wp.kernel
 def collect_hits(
-    tree: Tree,
-    first: wp.int32,
-    origins: wp.array[wp.vec3d],
-    directions: wp.array[wp.vec3d],
-    nearest: wp.int32,
-    found: Found,
-    best: wp.array[wp.float64],
-):
+    tree: Tree, first: wp.int32, origins: wp.array[wp.vec3d], directions: wp.array[wp.vec3d], nearest: wp.int32,
+    found: Found, best: wp.array[wp.float64],
+):  # fmt: skip
     """Every triangle that the rays from the ``first`` on may hit. With ``nearest`` = 1 none beyond the certain hits
     found before it; best [n] is then an upper bound of the closest t of each ray, from all of them."""
     i = first + wp.tid()
@@ -145,20 +140,10 @@ def collect_hits(
 
 @wp.kernel
 def collect_between(
-    tree: Tree,
-    first: wp.int32,
-    starts: wp.array[wp.vec3d],
-    errors: wp.array[wp.float64],
-    own: wp.array[wp.int32],
-    margin: wp.array[wp.float64],
-    lights: wp.array[wp.vec3d],
-    pad: wp.float64,
-    every: wp.int32,
-    row: wp.array[wp.int32],
-    target: wp.array[wp.int32],
-    found: Found,
-    certain: wp.array[wp.int32],
-):
+    tree: Tree, first: wp.int32, starts: wp.array[wp.vec3d], errors: wp.array[wp.float64], own: wp.array[wp.int32],
+    margin: wp.array[wp.float64], lights: wp.array[wp.vec3d], pad: wp.float64, every: wp.int32,
+    row: wp.array[wp.int32], target: wp.array[wp.int32], found: Found, certain: wp.array[wp.int32],
+):  # fmt: skip
     """Triangles but ``own`` that may meet the open segment from starts[row] to lights[target]; one certain occluder, or
     -1. Of the segments from the ``first`` on. With ``every`` = 0 a certain occluder ends the search. With ``margin`` >
     0 triangles within that distance of the segment are collected too, and some beyond it."""

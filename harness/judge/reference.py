@@ -86,35 +86,24 @@ _SCENES: WeakKeyDictionary[Referee, Any] = WeakKeyDictionary()
 
 
 def embree_reference(
-    prepared: Prepared,
-    moment: Moment,
-    effects: Effects | None = None,
-    folder: Path | str | None = None,
+    prepared: Prepared, moment: Moment, effects: Effects | None = None, folder: Path | str | None = None,
     referee: Referee | None = None,
-) -> Reference:
+) -> Reference:  # fmt: skip
     """Trace a moment with Embree. ``folder``: store the answers there as .npz, named by the hash of all inputs.
     ``referee``: the mesh's, under which Embree's scene is kept for other moments if the mesh does not move. Lights
     without shadows (by ``effects``, default the scene's) get rows of zeros."""
     shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
     facts = {
-        "reference": "Embree",
-        "embreex": importlib.metadata.version("embreex"),
-        "robust": ROBUST,
-        "offset_units": OFFSET_UNITS,
-        "shadows": shadows,
-        "processor": processor(),
-        **input_hashes(prepared, moment),
-    }
+        "reference": "Embree", "embreex": importlib.metadata.version("embreex"), "robust": ROBUST,
+        "offset_units": OFFSET_UNITS, "shadows": shadows, "processor": processor(), **input_hashes(prepared, moment),
+    }  # fmt: skip
     return _stored(folder, facts, lambda: _trace(prepared, moment, shadows, referee))
 
 
 def exact_reference(
-    prepared: Prepared,
-    moment: Moment,
-    referee: Referee,
-    effects: Effects | None = None,
+    prepared: Prepared, moment: Moment, referee: Referee, effects: Effects | None = None,
     folder: Path | str | None = None,
-) -> Reference:
+) -> Reference:  # fmt: skip
     """The referee's own answers in place of Embree's: 10 to 30 us per pixel. ``folder`` as in :func:`embree_reference`.
     For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip."""
     shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))

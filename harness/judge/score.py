@@ -93,16 +93,10 @@ def score_answers(judge: Judge, answers: dict[str, NDArray], found: list[Judgeme
     errors = counts.true_errors + sum(one.true_errors for one in bounces)
     sampled: dict[str, Any] = {"random_pixels": judge.random_pixels, "seed": judge.seed}
     score = Score(
-        primary=counts.primary,
-        shadow=counts.shadow,
-        true_errors=errors,
-        reference_errors=counts.reference_errors,
-        excused_share=share,
-        check=check_of(errors, share),
-        examples=tuple(examples[:EXAMPLES]),
-        truth={**judge.reference.provenance, **sampled},
-        bounces=tuple(bounces),
-    )
+        primary=counts.primary, shadow=counts.shadow, true_errors=errors, reference_errors=counts.reference_errors,
+        excused_share=share, check=check_of(errors, share), examples=tuple(examples[:EXAMPLES]),
+        truth={**judge.reference.provenance, **sampled}, bounces=tuple(bounces),
+    )  # fmt: skip
     places = ["", *(f"bounces/{i}/" for i in range(len(mirrored)))]
     disputes = tuple(
         replace(find_disputes(one), place=place)

@@ -68,15 +68,9 @@ def find_disputes(found: Judgement) -> Disputes:
     rays = array_hash(moment.origins(every), moment.directions(every), moment.spots)
     name = f"{judge.reference.provenance['key']} {rays} {moment.facing}"
     return Disputes(
-        "",
-        hashlib.sha256(name.encode()).hexdigest(),
-        moment.width,
-        state,
-        judged[rows].astype(np.int64),
-        judge.reference.triangle[judged][rows] >= 0,
-        kinds[rows],
-        bits[rows],
-    )
+        "", hashlib.sha256(name.encode()).hexdigest(), moment.width, state, judged[rows].astype(np.int64),
+        judge.reference.triangle[judged][rows] >= 0, kinds[rows], bits[rows],
+    )  # fmt: skip
 
 
 def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:

@@ -268,15 +268,9 @@ class Record:
 
 
 def make_record(
-    key: str,
-    point: dict[str, Any],
-    scene: dict[str, Any],
-    method: dict[str, Any],
-    environment: str,
-    events: Iterable[dict[str, Any]] = (),
-    status: str = "ok",
-    reason: str = "",
-) -> Record:
+    key: str, point: dict[str, Any], scene: dict[str, Any], method: dict[str, Any], environment: str,
+    events: Iterable[dict[str, Any]] = (), status: str = "ok", reason: str = "",
+) -> Record:  # fmt: skip
     """The record of a point from its journal. Rounds are joined in their order; no sample is dropped.
 
     ``environment``: where no round names its own; a later run may make the record of one that was stopped.

@@ -224,21 +224,13 @@ def _times(frame: Frame) -> dict[str, Any]:
     low, middle, high = np.percentile(frame.total_ms, [25, 50, 75])
     total, rounds = np.asarray(frame.total_ms), np.asarray(frame.round)
     row: dict[str, Any] = {
-        "frame": frame.frame,
-        "total_ms": float(middle),
-        "q1_ms": float(low),
-        "q3_ms": float(high),
-        "iqr_ms": float(high - low),
-        "wall_ms": float(np.median(frame.wall_ms)),
-        "submitted_ms": _median(frame.submitted_ms),
-        "samples": len(frame.total_ms),
-        "memory_bytes": frame.memory_bytes,
-        "regrown": frame.regrown,
-        "pass_count": len(frame.passes),
-        "build_count": sum(step.part in BUILD_PARTS for step in frame.passes),
-        "shadow_rays": _shadow_rays(frame),
+        "frame": frame.frame, "total_ms": float(middle), "q1_ms": float(low), "q3_ms": float(high),
+        "iqr_ms": float(high - low), "wall_ms": float(np.median(frame.wall_ms)),
+        "submitted_ms": _median(frame.submitted_ms), "samples": len(frame.total_ms),
+        "memory_bytes": frame.memory_bytes, "regrown": frame.regrown, "pass_count": len(frame.passes),
+        "build_count": sum(step.part in BUILD_PARTS for step in frame.passes), "shadow_rays": _shadow_rays(frame),
         "started": max(frame.started, default=0.0),
-    }
+    }  # fmt: skip
     row |= {f"round.{n}": float(np.median(total[rounds == n])) for n in dict.fromkeys(frame.round)}
     steps = [step for step in frame.passes if step.ms]
     medians = {step.name: float(np.median(step.ms)) for step in steps}
@@ -272,15 +264,11 @@ def _score(frame: Frame) -> dict[str, Any]:
             if name != "light":
                 row[f"shadow.{name}"] = row.get(f"shadow.{name}", 0) + value
     return {
-        **row,
-        "unscored": "",
-        "mirrored_rays": sum(bounce.rays for bounce in score.bounces),
-        "true_errors": score.true_errors,
-        "excused_share": score.excused_share,
-        "check": score.check,
+        **row, "unscored": "", "mirrored_rays": sum(bounce.rays for bounce in score.bounces),
+        "true_errors": score.true_errors, "excused_share": score.excused_share, "check": score.check,
         "pixels_scored": score.primary.pixels,
         "reference_errors": score.reference_errors.true_errors if score.reference_errors else 0,
-    }
+    }  # fmt: skip
 
 
 def _shadow_rays(frame: Frame) -> int | None:

@@ -11,13 +11,9 @@ from .folder import read_environment
 from .schema import newest_as
 
 REASONS = {
-    0x04: "power limit",
-    0x08: "hardware slowdown",
-    0x10: "synchronised with a slower GPU",
-    0x20: "temperature (software)",
-    0x40: "temperature (hardware)",
-    0x80: "power brake",
-}
+    0x04: "power limit", 0x08: "hardware slowdown", 0x10: "synchronised with a slower GPU",
+    0x20: "temperature (software)", 0x40: "temperature (hardware)", 0x80: "power brake",
+}  # fmt: skip
 """Bits of NVML's clock event reasons that slow a GPU under load. The others, idle and clocks that a user set, do not."""
 
 LOWEST = 0.97  # share of the usual clock below which a round counts as throttled where the driver reports no reasons

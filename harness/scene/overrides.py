@@ -52,12 +52,9 @@ def perforated(geometry: Geometry, every: int = 2, holes: int = 4) -> AlphaMask:
 HOLES = 4  # holes along a side of a triangle that has some
 
 MOVED: dict[str, frozenset[str]] = {
-    "nothing": frozenset(),
-    "camera": frozenset({"camera"}),
-    "light": frozenset({"light"}),
-    "part": frozenset({"points"}),
-    "all": frozenset({"points", "camera", "light"}),
-}
+    "nothing": frozenset(), "camera": frozenset({"camera"}), "light": frozenset({"light"}),
+    "part": frozenset({"points"}), "all": frozenset({"points", "camera", "light"}),
+}  # fmt: skip
 """Inputs that can have changed since the last frame; of the lights the first one. For a method that ignores parts, a part of
 the geometry is all of it."""
 

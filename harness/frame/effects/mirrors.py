@@ -117,12 +117,9 @@ def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
 
 
 def traced_bounces(
-    effects: Effects,
-    structure: tuple[str, ...],
-    trace: Callable[[int], None],
-    shadow: Callable[[int, int], None],
+    effects: Effects, structure: tuple[str, ...], trace: Callable[[int], None], shadow: Callable[[int, int], None],
     of_light: Callable[[int], tuple[str, ...]] = lambda light: (),
-) -> list[Pass]:
+) -> list[Pass]:  # fmt: skip
     """A method's own passes for mirrored rays, after those of its primary rays.
 
     structure  the resources of the method that tracing reads, and those of the harness apart from the surfaces

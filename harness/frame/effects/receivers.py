@@ -71,13 +71,9 @@ def faces_light(light: wp.int32, eye: wp.vec3f, corners: Corners, lights: wp.arr
 
 @wp.func
 def receives(
-    light: wp.int32,
-    facing: wp.bool,
-    ray: Ray,
-    corners: Corners,
-    lights: wp.array(dtype=wp.vec3f),
+    light: wp.int32, facing: wp.bool, ray: Ray, corners: Corners, lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-) -> wp.bool:
+) -> wp.bool:  # fmt: skip
     """Whether the hit of a ray on a triangle has a shadow ray to a light."""
     a = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a, to_float64(corners.c) - a)
@@ -97,15 +93,9 @@ def receives(
 
 @wp.func
 def hit_receives(
-    light: wp.int32,
-    facing: wp.bool,
-    ray: Ray,
-    hit: wp.int32,
-    mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    front_facing: wp.array2d(dtype=wp.uint8),
-) -> wp.bool:
+    light: wp.int32, facing: wp.bool, ray: Ray, hit: wp.int32, mesh: Mesh, lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64), front_facing: wp.array2d(dtype=wp.uint8),
+) -> wp.bool:  # fmt: skip
     """:func:`receives` of the hit of a ray on triangle ``hit``. ``front_facing``: of a primary ray, which triangles may
     face the light, if that is known (:class:`..frame.Frame`); else empty."""
     wanted = wp.bool(True)
@@ -130,22 +120,11 @@ def note_receiver(reached: wp.array(dtype=wp.int32)):
 
 @wp.kernel(enable_backward=False)
 def receivers_kernel(
-    first: wp.int32,
-    number: wp.int32,
-    each: wp.int32,
-    light: wp.int32,
-    facing: wp.bool,
-    camera: Camera,
-    mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    front_facing: wp.array2d(dtype=wp.uint8),
-    hits: Hits,
-    rays: Rays,
-    receivers: wp.array2d(dtype=wp.uint8),
-    reached: wp.array(dtype=wp.int32),
+    first: wp.int32, number: wp.int32, each: wp.int32, light: wp.int32, facing: wp.bool, camera: Camera, mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f), spots: wp.array2d(dtype=wp.float64), front_facing: wp.array2d(dtype=wp.uint8),
+    hits: Hits, rays: Rays, receivers: wp.array2d(dtype=wp.uint8), reached: wp.array(dtype=wp.int32),
     shadowed: wp.array2d(dtype=wp.uint8),
-):
+):  # fmt: skip
     """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits.
 
     Of ``number`` pixels from ``first`` on; a thread takes ``each``."""
@@ -169,13 +148,9 @@ def receivers_kernel(
 
 @wp.kernel(enable_backward=False)
 def facing_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
+    first: wp.int32, light: wp.int32, camera: Camera, mesh: Mesh, lights: wp.array(dtype=wp.vec3f),
     front_facing: wp.array2d(dtype=wp.uint8),
-):
+):  # fmt: skip
     """Which triangles may face a light (:func:`faces_light`); ``first``: of them, the first one here."""
     i = first + wp.tid()
     if mesh.valid[i] != wp.uint8(0):

@@ -79,15 +79,9 @@ class Looks:
 
 @wp.func
 def radiance(
-    o: wp.vec3d,
-    d: wp.vec3d,
-    t: wp.float32,
-    hit: wp.int32,
-    pixel: wp.int32,
-    mesh: Mesh,
-    looks: Looks,
+    o: wp.vec3d, d: wp.vec3d, t: wp.float32, hit: wp.int32, pixel: wp.int32, mesh: Mesh, looks: Looks,
     shadowed: wp.array2d(dtype=wp.uint8),
-) -> wp.vec3d:
+) -> wp.vec3d:  # fmt: skip
     """The radiance from the surface of triangle ``hit`` towards the origin of the ray o + t d."""
     corners = corners_of(mesh, hit)
     a = to_float64(corners.a)
@@ -115,16 +109,9 @@ def radiance(
 
 @wp.kernel(enable_backward=False)
 def color_kernel(
-    start: wp.int32,
-    bounces: wp.int32,
-    camera: Camera,
-    mesh: Mesh,
-    looks: Looks,
-    hits: Hits,
-    shadowed: wp.array2d(dtype=wp.uint8),
-    mirrored: Bounces,
-    color: wp.array(dtype=wp.vec3f),
-):
+    start: wp.int32, bounces: wp.int32, camera: Camera, mesh: Mesh, looks: Looks, hits: Hits,
+    shadowed: wp.array2d(dtype=wp.uint8), mirrored: Bounces, color: wp.array(dtype=wp.vec3f),
+):  # fmt: skip
     """The linear colour of pixel ``start`` + thread index, written at the thread index."""
     pixel = start + wp.tid()
     hit = hits.triangle[pixel]
@@ -169,14 +156,9 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
     if not effects.color:
         return []
     looks = filled(
-        Looks,
-        up=unit_up(frame.prepared.scene.camera.up),
-        count=frame.triangle_count,
-        tint=frame.tint,
-        lights=frame.lights,
-        spots=frame.spots,
-        lamps=frame.lamps,
-    )
+        Looks, up=unit_up(frame.prepared.scene.camera.up), count=frame.triangle_count, tint=frame.tint,
+        lights=frame.lights, spots=frame.spots, lamps=frame.lamps,
+    )  # fmt: skip
 
     def launch() -> None:
         kernel = specialised(color_kernel, Switches(bounced=effects.bounces > 0, orthographic=effects.orthographic))

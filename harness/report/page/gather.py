@@ -182,15 +182,10 @@ def described(source: Source, points: DataFrame) -> dict[str, Any]:
     notices += [f"Not shown: {numbered(older, 'older record')} of the same entries."] * bool(older)
     notices += document.not_measured(points)[:12]
     return {
-        "name": source.name,
-        "experiment": " and ".join(experiments),
-        "title": title,
-        "finding": finding,
-        "where": document.where(points),
-        "answers": document.errors(points),
-        "valid": [f"{busy}."] * bool(busy) + document.validity(points),
-        "notices": notices,
-    }
+        "name": source.name, "experiment": " and ".join(experiments), "title": title, "finding": finding,
+        "where": document.where(points), "answers": document.errors(points),
+        "valid": [f"{busy}."] * bool(busy) + document.validity(points), "notices": notices,
+    }  # fmt: skip
 
 
 def written(place: Path, experiments: Sequence[str]) -> tuple[str, str]:

@@ -35,15 +35,10 @@ def environment() -> dict[str, Any]:
     """The environment, with an ``id`` that is a hash of all the rest."""
     facts: dict[str, Any] = {
         "cpu": {"model": cpu_model(), "cores": os.cpu_count(), "usable_cores": processors(), "flags": cpu_flags()},
-        "memory_bytes": psutil.virtual_memory().total,
-        "os": system(),
-        "python": platform.python_version(),
-        "implementation": platform.python_implementation(),
-        "warp": wp.__version__,
-        "gpus": gpus(),
-        "packages": packages(),
-        "git": git_state(),
-    }
+        "memory_bytes": psutil.virtual_memory().total, "os": system(), "python": platform.python_version(),
+        "implementation": platform.python_implementation(), "warp": wp.__version__, "gpus": gpus(),
+        "packages": packages(), "git": git_state(),
+    }  # fmt: skip
     if facts["gpus"]:
         asked = {"toolkit": wp.get_cuda_toolkit_version, "driver": wp.get_cuda_driver_version}
         facts["cuda"] = {name: _version(read) for name, read in asked.items()}

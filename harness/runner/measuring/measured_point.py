@@ -57,15 +57,9 @@ class MeasuredPoint:
     """
 
     def __init__(
-        self,
-        make: Callable[[], Method],
-        prepared: Prepared,
-        moments: Mapping[int, Moment],
-        size: tuple[int, int],
-        spec: Mapping[str, Any],
-        changed: frozenset[str] | None,
-        answered: Callable[[Method, int, Answers], None],
-    ):
+        self, make: Callable[[], Method], prepared: Prepared, moments: Mapping[int, Moment], size: tuple[int, int],
+        spec: Mapping[str, Any], changed: frozenset[str] | None, answered: Callable[[Method, int, Answers], None],
+    ):  # fmt: skip
         """Plan, compile and run every frame until no buffer overflows. ``answered`` receives the answers of each frame.
 
         The memory of a frame is the maximum that the method has held up to and including that frame. If the samples of
@@ -172,12 +166,9 @@ class MeasuredPoint:
             for one in frames:
                 one |= {"memory_bytes": one["memory_bytes"] + extra, "memory_source": PROCESS}
         return {
-            "started": started,
-            "spent_s": sum(one.pop("spent_s") for one in frames),
-            "method": {"built": self.session.method.built()},
-            "frames": frames,
-            "peak_rss_bytes": max(before, peak),
-        }
+            "started": started, "spent_s": sum(one.pop("spent_s") for one in frames),
+            "method": {"built": self.session.method.built()}, "frames": frames, "peak_rss_bytes": max(before, peak),
+        }  # fmt: skip
 
     def _sampled(self, frame: int, sampling: Sampling) -> dict[str, Any]:
         """Samples of a frame without overflow. If a buffer had to grow, the samples are discarded and taken again."""

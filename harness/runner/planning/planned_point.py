@@ -117,21 +117,15 @@ def make_point(
     source, of_preset = scene.get("source") or {}, vars(preset)
     of_files = {"files_sha256": source.get("sha256"), "asked": source.get("asked")}
     configuration = {
-        "schema": SCHEMA,
-        "experiment": experiment,
-        "scene": scene["name"],
-        **{name: scene.get(name) for name in OF_SCENE},
-        "method": entry.method,
-        "method_sha256": method["source_sha256"],
-        **{name: method[name] for name in OF_METHOD},
-        "warp": wp.__version__,
-        **{name: of_preset[name] for name in OF_PRESET},
-        "frames": list(scene.get("frames") or ()),
-        "seed": seed,
+        "schema": SCHEMA, "experiment": experiment, "scene": scene["name"],
+        **{name: scene.get(name) for name in OF_SCENE}, "method": entry.method,
+        "method_sha256": method["source_sha256"], **{name: method[name] for name in OF_METHOD},
+        "warp": wp.__version__, **{name: of_preset[name] for name in OF_PRESET},
+        "frames": list(scene.get("frames") or ()), "seed": seed,
         **{name: scene[name] for name in OF_SOME_SCENES if scene.get(name)},
         **{name: value for name, value in of_files.items() if value},
         **{name: of_preset[name] for name in OF_SOME_PRESETS if of_preset[name]},
-    }
+    }  # fmt: skip
     words = [scene["name"], (scene.get("lighting") or {}).get("label", ""), entry.method, entry.label]
     return Point(key_of(words, preset, configuration), entry, scene, method, configuration, preset)
 
@@ -182,13 +176,9 @@ class Options:
         return make_point(self.experiment.name, self.preset, entry, scene, method, self.seed)
 
     def record(
-        self,
-        point: Point,
-        events: Iterable[dict[str, Any]] = (),
-        environment: str = "",
-        status: str = "ok",
+        self, point: Point, events: Iterable[dict[str, Any]] = (), environment: str = "", status: str = "ok",
         reason: str = "",
-    ) -> Record:
+    ) -> Record:  # fmt: skip
         """The record of a point from the events of its journal (:func:`.results.record.make_record`)."""
         asked = {**point.configuration, "preset": self.preset_name}
         return make_record(point.key, asked, point.scene, point.method, environment, events, status, reason)

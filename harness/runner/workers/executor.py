@@ -83,18 +83,9 @@ class Worker:
             return reply
 
     def load(
-        self,
-        scene: str,
-        scene_dir: str | None,
-        frames: int,
-        width: int,
-        height: int,
-        shared: str,
-        lighting: dict[str, Any],
-        make: bool,
-        view: dict[str, Any] | None = None,
-        alone: bool = True,
-    ) -> dict[str, Any]:
+        self, scene: str, scene_dir: str | None, frames: int, width: int, height: int, shared: str,
+        lighting: dict[str, Any], make: bool, view: dict[str, Any] | None = None, alone: bool = True,
+    ) -> dict[str, Any]:  # fmt: skip
         """Load the scene with a lighting and its moments; reply with its facts. ``make`` the scene, or read the one
         that another worker stored as ``shared``; either is done once for all lightings. ``alone``: forget other
         lightings and their points."""
@@ -227,13 +218,9 @@ def answer_line(worker: Worker, line: str) -> str:
 
 
 EXPECTED: dict[type[Exception], tuple[str, str]] = {
-    CapacityRejected: ("rejected", ""),
-    SkippedError: ("skipped", ""),
-    UnwritableError: (UNWRITABLE, ""),
-    UserError: ("failed", ""),
-    UnsteadyError: ("failed", ""),
-    MemoryError: ("failed", "out of memory: "),
-}
+    CapacityRejected: ("rejected", ""), SkippedError: ("skipped", ""), UnwritableError: (UNWRITABLE, ""),
+    UserError: ("failed", ""), UnsteadyError: ("failed", ""), MemoryError: ("failed", "out of memory: "),
+}  # fmt: skip
 """Errors that say what is wrong: the status of the point, and what stands before their text."""
 
 

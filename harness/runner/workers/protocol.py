@@ -24,33 +24,22 @@ def load_command(
     """The command to load the scene: ``make`` it, or read the one that another worker has made."""
     preset = options.preset
     return {
-        "do": "load",
-        "scene": scene,
-        "scene_dir": options.scene_dir,
-        "frames": preset.frames,
-        "width": preset.width,
-        "height": preset.height,
-        "shared": str(folder.shared_scene(lighting.frames).absolute()),
-        "lighting": lighting.facts(),
-        "make": make,
+        "do": "load", "scene": scene, "scene_dir": options.scene_dir, "frames": preset.frames, "width": preset.width,
+        "height": preset.height, "shared": str(folder.shared_scene(lighting.frames).absolute()),
+        "lighting": lighting.facts(), "make": make,
         **({"view": options.view.facts()} if options.view.changes else {}),
-    }
+    }  # fmt: skip
 
 
 def prepare_command(options: Options, job: Job, answers: bool = True) -> dict[str, Any]:
     """The command to prepare a point; with ``answers``, also to hand over its answers."""
     preset = options.preset
     spec = {
-        "key": job.point.key,
-        "method": job.method,
-        "settings": dict(job.point.entry.settings),
-        "device": job.point.method["device"],
-        "memory_limit": preset.memory,
-        "maps": preset.maps,
-        "costs_s": preset.costs_s,
-        "budget_s": preset.budget_s,
+        "key": job.point.key, "method": job.method, "settings": dict(job.point.entry.settings),
+        "device": job.point.method["device"], "memory_limit": preset.memory, "maps": preset.maps,
+        "costs_s": preset.costs_s, "budget_s": preset.budget_s,
         "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),
-    }
+    }  # fmt: skip
     about = {"folder": str(options.out.absolute()), "light": job.lighting.label, "answers": answers}
     return {"do": "prepare", "point": spec, **about}
 

@@ -20,15 +20,9 @@ from .threemf import read_3mf
 from .usd import read_usd
 
 READERS: dict[str, Callable[[Path, Wanted], Loaded]] = {
-    ".ply": read_ply,
-    ".obj": read_obj,
-    ".glb": read_gltf,
-    ".gltf": read_gltf,
-    ".stl": read_stl,
-    ".off": read_off,
-    ".3mf": read_3mf,
-    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
-}
+    ".ply": read_ply, ".obj": read_obj, ".glb": read_gltf, ".gltf": read_gltf, ".stl": read_stl, ".off": read_off,
+    ".3mf": read_3mf, **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
+}  # fmt: skip
 
 STILL = (".ply", ".obj", ".stl", ".off", ".3mf")  # formats whose files hold one frame
 SUFFIXES = (".npz", *READERS)  # the supported file name endings of meshes

@@ -27,13 +27,10 @@ _OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")  # a face as old programs wr
 _INDEX_LIMIT = 1 << 31
 
 _LEFT_OUT = {
-    b"l": "lines",
-    b"p": "points",
-    b"call": "files that it calls",
+    b"l": "lines", b"p": "points", b"call": "files that it calls",
     **dict.fromkeys((b"curv", b"cdc", b"cdp"), "free-form curves"),
-    **dict.fromkeys((b"surf", b"bsp", b"bzp"), "free-form surfaces"),
-    b"usemtl": "materials",
-}
+    **dict.fromkeys((b"surf", b"bsp", b"bzp"), "free-form surfaces"), b"usemtl": "materials",
+}  # fmt: skip
 """Statements that are left out with a note."""
 
 _PASSED_OVER = set(

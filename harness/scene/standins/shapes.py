@@ -36,12 +36,9 @@ def flip(mesh: Mesh) -> Mesh:
 
 
 def transform(
-    mesh: Mesh,
-    *,
-    scale: float | Sequence[float] | None = None,
-    rotate: tuple[Sequence[float], float] | None = None,
+    mesh: Mesh, *, scale: float | Sequence[float] | None = None, rotate: tuple[Sequence[float], float] | None = None,
     translate: Sequence[float] | None = None,
-) -> Mesh:
+) -> Mesh:  # fmt: skip
     """The mesh moved: ``scale``, then ``rotate``, then ``translate``. ``rotate`` is (axis, degrees), right-handed. A
     mirror image gets its faces turned: outside stays outside."""
     linear = np.eye(3)

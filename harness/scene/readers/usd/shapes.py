@@ -20,15 +20,10 @@ AROUND, POLE_TO_POLE = 32, 16  # segments of a circle, and from pole to pole; mu
 RESOLUTION = f"{AROUND} segments around, {POLE_TO_POLE} from pole to pole"
 
 SIZES = {
-    "Sphere": ("radius",),
-    "Cube": ("size",),
-    "Cone": ("radius", "height"),
-    "Cylinder": ("radius", "height"),
-    "Cylinder_1": ("radiusTop", "radiusBottom", "height"),
-    "Capsule": ("radius", "height"),
-    "Capsule_1": ("radiusTop", "radiusBottom", "height"),
-    "Plane": ("width", "length"),
-}
+    "Sphere": ("radius",), "Cube": ("size",), "Cone": ("radius", "height"), "Cylinder": ("radius", "height"),
+    "Cylinder_1": ("radiusTop", "radiusBottom", "height"), "Capsule": ("radius", "height"),
+    "Capsule_1": ("radiusTop", "radiusBottom", "height"), "Plane": ("width", "length"),
+}  # fmt: skip
 """For each type of prim that is tessellated the attributes that give its sizes."""
 
 _POLE = np.pi / 2
