@@ -65,14 +65,11 @@ def explain(
     judge = Judge.of(prepared, alone, device=place)
     of_reference = judge_rays(judge, judge.checked_reference.answers)
     facts: dict[str, Any] = {
-        "scene": scene,
-        "stand_in": prepared.scene.stand_in,
-        "pixel": [x, y],
-        "frame": frame,
+        "scene": scene, "stand_in": prepared.scene.stand_in, "pixel": [x, y], "frame": frame,
         "exact": exact_facts(of_reference),
         "answers": [{"method": "reference", "status": "ok", "reason": "", "known_inexact": None, **_row(of_reference)}],
         "bounces": [{"bounce": bounce, "answers": []} for bounce in range(1, judge.effects.bounces + 1)],
-    }
+    }  # fmt: skip
     for entry in entries:
         outcome = answer(entry.method, dict(entry.settings), prepared, moment, place)
         row = outcome.facts("method", "status", "reason", "known_inexact")

@@ -67,16 +67,12 @@ def frame_plan(
     require_frame(prepared, frame, scene)
     effects = Effects.of(described)
     return {
-        "scene": described.name,
-        "frame": frame,
-        "title": described.title,
-        "stand_in": described.stand_in,
+        "scene": described.name, "frame": frame, "title": described.title, "stand_in": described.stand_in,
         "declared": declared(described, prepared),
-        "calls_for": [*effects.names(), *(("color",) if effects.color else ())],
-        "wanted": list(wanted_of(effects)),
+        "calls_for": [*effects.names(), *(("color",) if effects.color else ())], "wanted": list(wanted_of(effects)),
         "changes": {label: sorted(changed) for label, changed in change_sets(described).items()},
         "methods": [method_plan(entry, prepared, width, height, place) for entry in entries],
-    }
+    }  # fmt: skip
 
 
 def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:

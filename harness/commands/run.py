@@ -268,12 +268,8 @@ def report_json(options: Options, records: list[Record], files: list[Path]) -> d
     said = [file for file in files if file.name == f"{options.experiment.name}.json"]
     built = {record.key: record.method.get("built") for record in records}
     return {
-        "experiment": options.experiment.name,
-        "preset": options.preset_name,
-        "device": options.device,
-        "out": str(options.out),
-        "files": [str(file) for file in files],
-        "warnings": warnings_of(records),
+        "experiment": options.experiment.name, "preset": options.preset_name, "device": options.device,
+        "out": str(options.out), "files": [str(file) for file in files], "warnings": warnings_of(records),
         **({"answer": json.loads(said[0].read_text(encoding="utf-8"))} if said else {}),
         "points": [{**row, "built": built[row["key"]]} for row in point_rows(records)],
-    }
+    }  # fmt: skip

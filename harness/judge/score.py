@@ -113,39 +113,31 @@ def _count(found: Judgement) -> RayCounts:
     unjudged, named = len(found.selection.unjudged), classes.named
     return RayCounts(
         primary=PrimaryCounts(
-            pixels=judge.pixel_count,
-            disputed=int((~found.agreement.triangle).sum()),
-            judged=len(found.selection.judged),
-            unjudged=unjudged,
-            **_tally(classes.primary, PRIMARY),
-            t_wrong=int(checked.t_wrong.sum()),
-            uv_wrong=int(checked.uv_wrong.sum()),
+            pixels=judge.pixel_count, disputed=int((~found.agreement.triangle).sum()),
+            judged=len(found.selection.judged), unjudged=unjudged, **_tally(classes.primary, PRIMARY),
+            t_wrong=int(checked.t_wrong.sum()), uv_wrong=int(checked.uv_wrong.sum()),
             t_max_relative_error=float(checked.t_error[named].max(initial=0.0)),
             uv_max_error=float(checked.uv_error[named].max(initial=0.0)),
         ),
         shadow=tuple(
             ShadowCounts(
-                light=i,
-                scored=int((classes.shadow[i] >= 0).sum()),
-                disputed=int(found.agreement.bits[i].sum()),
+                light=i, scored=int((classes.shadow[i] >= 0).sum()), disputed=int(found.agreement.bits[i].sum()),
                 **_tally(classes.shadow[i], SHADOW),
             )
             for i in lights
         ),
         true_errors=int(np.isin(classes.primary, ERRORS).sum() + np.isin(classes.shadow, ERRORS).sum()) + unjudged,
         reference_errors=_count_reference(found, lights),
-    )
+    )  # fmt: skip
 
 
 def _count_reference(found: Judgement, lights: list[int]) -> ReferenceErrors:
     """The answers of the reference at the judged pixels, counted in the same way."""
     classes, checked, judged = found.reference, found.judge.checked_reference, found.selection.judged
     primary = PrimaryClasses(
-        judged=len(judged),
-        **_tally(classes.primary[judged], PRIMARY),
-        t_wrong=int(checked.t_wrong[judged].sum()),
+        judged=len(judged), **_tally(classes.primary[judged], PRIMARY), t_wrong=int(checked.t_wrong[judged].sum()),
         uv_wrong=int(checked.uv_wrong[judged].sum()),
-    )
+    )  # fmt: skip
     bits = classes.shadow[:, judged]
     shadow = [ReferenceShadow(light=i, judged=int((bits[i] >= 0).sum()), **_tally(bits[i], SHADOW)) for i in lights]
     return ReferenceErrors(primary=primary, shadow=tuple(shadow))

@@ -66,11 +66,9 @@ def points(table: DataFrame) -> DataFrame:
         for name in ms
     }
     derived = {
-        "between_ms": between,
-        "stage_gap": (parts - ms["frame"]) / ms["frame"].where(ms["frame"] != 0),
-        "wrong_per_frame": found["true_errors"].astype("float64") / found["frames"].astype("float64"),
-        **rates,
-    }
+        "between_ms": between, "stage_gap": (parts - ms["frame"]) / ms["frame"].where(ms["frame"] != 0),
+        "wrong_per_frame": found["true_errors"].astype("float64") / found["frames"].astype("float64"), **rates,
+    }  # fmt: skip
     return pd.concat([found, pd.DataFrame(derived)], axis=1).reset_index()
 
 

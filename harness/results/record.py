@@ -289,24 +289,17 @@ def make_record(
             setattr(frame, name, Score.from_json(value) if name == "score" and value else value)
     last = rounds[-1] if rounds else {}
     return Record(
-        key=key,
-        experiment=point.get("experiment", ""),
-        status=status,
-        reason=reason,
-        point=cast(Point, point),
+        key=key, experiment=point.get("experiment", ""), status=status, reason=reason, point=cast(Point, point),
         scene=cast(SceneFacts, scene),
         method=cast(MethodFacts, {**method, **prepared.get("method", {}), **last.get("method", {})}),
-        environment=last.get("environment", environment),
-        compile_s=prepared.get("compile_s"),
-        load_s=scene.get("load_s"),
-        first_frame_s=prepared.get("first_frame_s"),
-        rounds=[_round(event) for event in rounds],
-        frames=[frames[index] for index in sorted(frames)],
+        environment=last.get("environment", environment), compile_s=prepared.get("compile_s"),
+        load_s=scene.get("load_s"), first_frame_s=prepared.get("first_frame_s"),
+        rounds=[_round(event) for event in rounds], frames=[frames[index] for index in sorted(frames)],
         frames_left_out=prepared.get("frames_left_out", []),
         peak_rss_bytes=max((one["peak_rss_bytes"] or 0 for one in rounds), default=None),
         baseline_rss_bytes=prepared.get("baseline_rss_bytes"),
         stopped_by=" and ".join(sorted({f["stopped_by"] for one in rounds for f in one["frames"]})),
-    )
+    )  # fmt: skip
 
 
 def as_read(record: Record) -> Record:

@@ -118,17 +118,13 @@ def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
     step = wanted.frames[2] if wanted.frames else 1
     digest = hashlib.sha256(hashes.encode()).hexdigest()
     return Scene(
-        path.stem,
-        " + ".join(scene.title for scene in scenes),
-        lambda: geometry,
-        *view(shape),
+        path.stem, " + ".join(scene.title for scene in scenes), lambda: geometry, *view(shape),
         stand_in="; ".join(dict.fromkeys(scene.stand_in for scene in scenes if scene.stand_in)) or None,
         closed=all(scene.closed for scene in scenes),
         source=Source("file", " + ".join(named), digest, wanted.facts(), "; ".join(left_out)),
-        cameras=_offers(parts, "cameras"),
-        lamps=_offers(parts, "lamps"),
+        cameras=_offers(parts, "cameras"), lamps=_offers(parts, "lamps"),
         rate=rates[0] / step if rates and geometry.frame_count > 1 else None,
-    )
+    )  # fmt: skip
 
 
 def joined(path: Path, parts: Sequence[Part], wanted: Wanted) -> Geometry:

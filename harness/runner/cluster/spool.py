@@ -56,12 +56,10 @@ def shard_folder(name: str) -> Path:
 def name_of(options: Options, card: str) -> str:
     """The name of a shard's folder: the same for the same points on the same card, in whichever run."""
     asked = {
-        "experiment": options.experiment.name,
-        "preset": [options.preset_name, dataclasses.asdict(options.preset)],
+        "experiment": options.experiment.name, "preset": [options.preset_name, dataclasses.asdict(options.preset)],
         "options": [options.scene_dir, options.seed, options.save_answers, options.score, options.view.facts()],
-        "device": options.device,
-        "card": card,
-    }
+        "device": options.device, "card": card,
+    }  # fmt: skip
     return digest(plain(asked))[:16]
 
 

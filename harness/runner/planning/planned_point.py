@@ -70,16 +70,12 @@ def describe_method(entry: Entry, device: str) -> dict[str, Any]:
         cls = type(method)
         own = plain(
             {
-                **facts,
-                "title": cls.title or entry.method,
-                "label": entry.label or cls.title or entry.method,
+                **facts, "title": cls.title or entry.method, "label": entry.label or cls.title or entry.method,
                 "parameters": {name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
-                "capturable": bool(method.capturable),
-                "known_inexact": getattr(method, "known_inexact", None),
-                "device": device_for(cls, device),
-                "source_sha256": source_hash(cls),
+                "capturable": bool(method.capturable), "known_inexact": getattr(method, "known_inexact", None),
+                "device": device_for(cls, device), "source_sha256": source_hash(cls),
             }
-        )
+        )  # fmt: skip
         require_storable(own)
         facts = checked(MethodFacts, own)
     except UserError:

@@ -142,15 +142,12 @@ def read_gltf(path: Path, wanted: Wanted = ALL) -> Loaded:
         mesh = checked(path, frames.points, model.faces(), (0.0, 1.0, 0.0))
         bodies = frames.bodies() if len(times) > 1 else None
         return dataclasses.replace(
-            mesh,
-            frames=(*mesh.frames, *(frames.at(time) for time in times[1:])),
+            mesh, frames=(*mesh.frames, *(frames.at(time) for time in times[1:])),
             rate=animation.rate / chosen.step if animation and len(times) > 1 else None,
-            bodies=None if bodies is None else bodies[mesh.faces[:, 0]],
-            files=tuple(file.files),
+            bodies=None if bodies is None else bodies[mesh.faces[:, 0]], files=tuple(file.files),
             notes=(*notes, *_notes(file, model, animation, len(times)), *moving(file, tree)),
-            cameras=cameras(file, tree, frames.first),
-            lights=lights(file, tree, frames.first),
-        )
+            cameras=cameras(file, tree, frames.first), lights=lights(file, tree, frames.first),
+        )  # fmt: skip
 
 
 def _notes(file: File, model: Model, animation: Animation | None, frames: int) -> list[str]:
