@@ -22,9 +22,8 @@ from ...harness.frame.session import Session
 from ...harness.hardcases import all_cases
 from ...harness.hardcases.judge import Judged, judge_method
 from ...harness.judge.context import Judge
-from ...harness.judge.counts import Score, total
 from ...harness.judge.score import score_answers
-from ...harness.judge.verdict import EXCUSED, Verdict
+from ...harness.judge.verdict import EXCUSED, Score, Verdict, total
 from ...harness.report.dataframe import DataFrame, pd
 from ...harness.runner.machine.lock import MACHINE
 from ...harness.runner.planning.experiment import Entry

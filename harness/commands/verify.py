@@ -14,10 +14,9 @@ from ..frame.devices import find_device, start_warp
 from ..frame.registry import make_method
 from ..judge.answer_files import read_facts, score_raw
 from ..judge.context import Judge
-from ..judge.counts import ReferenceErrors, Score, total
 from ..judge.score import score_answers
 from ..judge.shared_errors import share_errors
-from ..judge.verdict import EXCUSED_LIMIT, Verdict
+from ..judge.verdict import EXCUSED_LIMIT, ReferenceErrors, Score, Verdict, total
 from ..report.terminal import make_table, plain_console, print_legend, print_lines, tell
 from ..results.disputes import charge_folder, write_disputes
 from ..results.folder import require_plain

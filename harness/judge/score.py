@@ -22,7 +22,12 @@ from .bounces import bounce_answers, bounce_judge, wrong_rays
 from .classify import EXAMPLES, Judgement, classify, compare, decide, examples_of, select
 from .consistency import check_consistency
 from .context import Judge
-from .counts import (
+from .shared_errors import Disputes, find_disputes
+from .verdict import (
+    ERRORS,
+    PRIMARY,
+    RIGHT,
+    SHADOW,
     BounceCounts,
     PrimaryClasses,
     PrimaryCounts,
@@ -31,10 +36,9 @@ from .counts import (
     ReferenceShadow,
     Score,
     ShadowCounts,
+    Verdict,
     check_of,
 )
-from .shared_errors import Disputes, find_disputes
-from .verdict import ERRORS, PRIMARY, RIGHT, SHADOW, Verdict
 
 
 @dataclass(frozen=True, eq=False)

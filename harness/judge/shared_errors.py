@@ -20,8 +20,7 @@ import numpy as np
 from ..arrays import I8, I64, U8, Bools
 from ..files import array_hash
 from .classify import EXAMPLES, Judgement
-from .counts import Score, Shared, check_of
-from .verdict import ERRORS, EXCUSED, RIGHT, Verdict
+from .verdict import ERRORS, EXCUSED, RIGHT, Score, Shared, Verdict, check_of
 
 AGREES, TIES, DECIDED = 0, 1, 2
 """The state of an answer: equal to the reference's and so counted as right, equal except for a tie, or decided by the

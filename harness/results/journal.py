@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, Required, TypedDict
 
 from ..files import canonical, read_regular, require_storable
-from ..judge.counts import Count, Score
+from ..judge.verdict import Count, Score
 from ..typed_json import checked
 from .record import Costs, Ms, PassTimes
 

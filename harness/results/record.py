@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Required, TypedDict, cast
 
 from ..files import require_storable
-from ..judge.counts import Count, Score
+from ..judge.verdict import Count, Score
 from ..texts import FILE_NAME
 from ..typed_json import OMITTED, checked, to_json
 

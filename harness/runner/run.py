@@ -21,13 +21,12 @@ from ..results.folder import ResultsFolder
 from ..results.record import SCORING_FAILED, Record, as_read
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
-from .known_scenes import forget_unmade, known_scene, learn_scene, unmade_scene
 from .machine.environment import environment, keep
 from .machine.lock import MACHINE
 from .measuring.memory import NOT_STOPPED, stops_allocations
 from .planning.experiment import Entry
 from .planning.planned_point import Job, Options, dealt, describe_method, orders, seed_of
-from .planning.survey import announcement, survey
+from .planning.survey import announcement, forget_unmade, known_scene, learn_scene, survey, unmade_scene
 from .planning.time_estimate import Estimate, expected_work, guess_of_scene, points_of, steps_of
 from .progress import Silent
 from .workers import scratch

@@ -5,8 +5,8 @@ import pytest
 from helpers.answered_scene import AnsweredScene, answered_ball, plant_hole
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.judge.answer_files import save_raw, score_raw
-from shadowbench.harness.judge.counts import Score
 from shadowbench.harness.judge.score import score_answers
+from shadowbench.harness.judge.verdict import Score
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,10 @@ from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import ERROR_NAMES, Judged
 from shadowbench.harness.judge import context
 from shadowbench.harness.judge.context import Judge
-from shadowbench.harness.judge.counts import Shared
 from shadowbench.harness.judge.reference import Reference, embree_installed
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.judge.shared_errors import share_errors
+from shadowbench.harness.judge.verdict import Shared
 
 pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to share")
 

@@ -12,8 +12,8 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.commands.verify import verify
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
-from shadowbench.harness.runner.known_scenes import known_scene, learn_scene
 from shadowbench.harness.runner.planning.experiment import Entry
+from shadowbench.harness.runner.planning.survey import known_scene, learn_scene
 from shadowbench.harness.runner.workers.executor import Worker
 from shadowbench.harness.runner.workers.protocol import load_command
 from shadowbench.harness.scene.chosen_view import ChosenView

@@ -8,9 +8,9 @@ from helpers import mesh_files as files
 from helpers.tiny_runs import options
 from shadowbench.harness.commands.run import with_whole_paths
 from shadowbench.harness.results.folder import ResultsFolder
-from shadowbench.harness.runner.known_scenes import known_scene, learn_scene
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.planning.planned_point import describe_method, make_point
+from shadowbench.harness.runner.planning.survey import known_scene, learn_scene
 from shadowbench.harness.runner.workers.executor import Worker
 from shadowbench.harness.runner.workers.protocol import load_command
 from shadowbench.harness.scene import catalogue, chosen_view

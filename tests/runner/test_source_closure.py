@@ -11,7 +11,7 @@ import networkx
 import pytest
 from helpers.import_graph import PACKAGES, ROOT, imports, modules
 from shadowbench.harness.frame import registry
-from shadowbench.harness.runner import known_scenes
+from shadowbench.harness.runner.planning import survey
 from shadowbench.harness.runner.source.closure import (
     MEASURING,
     PROJECT,
@@ -235,9 +235,9 @@ def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) 
 def test_the_facts_of_a_scene_follow_from_its_maker(copied, tmp_path, monkeypatch, scene, module, made_again) -> None:
     (tmp_path / "declared.toml").write_text('mesh = "fairy"\n')
     places = {f"{PROJECT}.{package}": copied / package for package in PACKAGES}
-    monkeypatch.setattr(known_scenes, "closure_hash", lambda roots: closure_hash(roots, places))
+    monkeypatch.setattr(survey, "closure_hash", lambda roots: closure_hash(roots, places))
     name = str(tmp_path / scene) if scene.endswith("toml") else scene
     load = {"scene": name, "scene_dir": None, "frames": 1, "width": 8, "height": 8, "lighting": {}}
-    before = known_scenes._scene_id(load)
+    before = survey._scene_id(load)
     with edited(modules(copied)[module]):
-        assert (known_scenes._scene_id(load) != before) == made_again
+        assert (survey._scene_id(load) != before) == made_again

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from helpers.tiny_runs import write_scene
-from shadowbench.harness.results.pixel_maps import read_map, write_map
+from shadowbench.harness.results.disputes import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import prepare, under

@@ -22,7 +22,7 @@ from ..planning.planned_point import Options
 from ..planning.time_estimate import expected_work, points_of
 from ..progress import Silent
 from ..workers import scratch
-from . import delivery, spool
+from . import spool
 from .calibration import LIMIT
 from .ledger import Ledger, reference_of
 from .pool import Pool, SchedulerLostError
@@ -212,7 +212,7 @@ class ClusterRun:
         self.todo.remove(shard)
         sent = replace(
             shard,
-            known=delivery.known_files(self.folder, shard.options),
+            known=spool.known_files(self.folder, shard.options),
             beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
         seat.task = self._submit(measure, sent, address)
@@ -248,12 +248,12 @@ class ClusterRun:
         about = {**shard.about, "card": outcome.card, **points, "points": len(outcome.keys)}
         gap = self.ledger.gap(outcome, *filter(None, (outcome.before, outcome.after)))
         if gap > LIMIT:
-            delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
+            spool.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
             self.ledger.note("apart", **about, apart=round(gap, 4))
             self._drop(seat, _too_far(gap))
             self.todo.append(shard)
         else:
-            records = delivery.write(self.folder, outcome.files)
+            records = spool.write(self.folder, outcome.files)
             self.ledger.note("shard", **about, attempt=shard.attempt)
             self._done(shard, outcome.keys, records)
 
@@ -276,7 +276,7 @@ class ClusterRun:
         self.report.note(f"{gone}, the last of {ATTEMPTS} attempts; its points count as failed")
         device = self.options.device, self.ledger.events("card")[-1]["device_name"]
         why = f"its worker was lost {shard.attempt} times: {reason}"
-        records = delivery.failed(self.folder, shard.options, device, why)
+        records = spool.failed(self.folder, shard.options, device, why)
         self._done(shard, tuple(record.key for record in records), records)
 
     def _heard(self, event: Any) -> None:
