@@ -1,6 +1,6 @@
 """The triangles that a ray may meet: the tree over a mesh, and lists of the candidates that the float64 filter leaves.
 
-No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filters` says why); the lists are
+No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filter_kernels` says why); the lists are
 short, and their triangles are decided exactly elsewhere.
 """
 

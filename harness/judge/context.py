@@ -25,7 +25,7 @@ RANDOM_PIXELS = 200  # number of random pixels that are judged in addition to th
 class Judge:
     """The data for judging answers to one set of rays; made once and shared by all methods.
 
-    moment         the rays: primary ones, or those of a bounce (:class:`.judge.bounces.Mirrored`)
+    moment         the rays: primary ones, or those of a bounce (:class:`.judge.score.Mirrored`)
     reference      answers to these rays, to compare with
     random_pixels  number of pixels that the referee decides in addition to disputed ones; ``seed`` chooses them
     limit          largest number of disputed pixels that the referee decides

@@ -1,6 +1,6 @@
 """The exact referee: closest hits, tie sets and shadow bits for the same float32 inputs, and the class of an answer.
 
-A float64 filter with a proven error bound (:mod:`.judge.filters`) leaves a few candidate triangles per ray; integer
+A float64 filter with a proven error bound (:mod:`.judge.filter_kernels`) leaves a few candidate triangles per ray; integer
 arithmetic (:mod:`.judge.arithmetic`) decides among them. The class says whether the rounding of a float32 triangle test
 can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near an edge the ray must be.
 """

@@ -11,7 +11,7 @@ class Offer:
     files   pattern of its files there; several meshes are the frames of an animation, in the order of their numbers
     terms   whose it is, and under what terms
     sha256  of the archive; "" where it is not pinned: then what is fetched first is recorded, and must stay the same
-    make    of :mod:`.from_packages`: makes the scene's file from the files, where these are not its meshes as they are
+    make    of :mod:`.scenes`: makes the scene's file from the files, where these are not its meshes as they are
     """
 
     where: str

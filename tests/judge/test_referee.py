@@ -1,4 +1,4 @@
-"""The referee (``filters.py``, ``filter_kernels.py``) against plain rational brute force, and errors planted for it to
+"""The referee (``filter_kernels.py``) against plain rational brute force, and errors planted for it to
 find."""
 
 import numpy as np

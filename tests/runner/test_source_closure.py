@@ -224,7 +224,7 @@ def test_further_sources_count_where_a_method_names_them(tmp_path, monkeypatch) 
 @pytest.mark.parametrize(
     ("scene", "module", "made_again"),
     [
-        ("cloth", "harness.scene.standins.cloth_solver", True),
+        ("cloth", "harness.scene.standins.shapes", True),
         ("cloth", "harness.scene.standins.fairy", False),
         ("cloth", "harness.scene.prepared", True),
         ("cloth", "harness.runner.measuring.timing", False),

@@ -6,8 +6,8 @@ from helpers import mesh_files as files
 from helpers.gltf_files import square
 from helpers.mesh_files import written
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.scene.assembly import matrix_of
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.declaration import matrix_of
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers.checks import Wanted
 

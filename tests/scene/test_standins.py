@@ -16,7 +16,7 @@ from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.names import PAPER, stand_in
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Geometry
-from shadowbench.harness.scene.standins import bodies, bunny_dragon, cloth, cloth_solver, fairy, implicit, shapes
+from shadowbench.harness.scene.standins import bodies, bunny_dragon, cloth, fairy, implicit, shapes
 from shadowbench.harness.scene.standins.motion import Swing
 
 TABLE_1 = dict(zip(PAPER, (174_000, 82_000, 252_000, 284_000, 92_000, 1_087_716), strict=True))
@@ -256,7 +256,7 @@ def test_bodies_keep_their_shape(name: str) -> None:
 
 
 def test_cloth_runs_the_same_again() -> None:
-    again = cloth_solver.simulate(cloth.SETTINGS, 3, cloth.FRAME_TIME)
+    again = cloth.simulate(cloth.SETTINGS, 3, cloth.FRAME_TIME)
     assert again.tobytes() == cloth._simulated()[:3].tobytes()
 
 
@@ -290,10 +290,10 @@ def test_cloth_keeps_its_size_and_touches_itself() -> None:
 
 
 def test_cloth_batches_hold_every_constraint_once() -> None:
-    settings, n = cloth_solver.ClothSettings(cells=9), 10
+    settings, n = cloth.ClothSettings(cells=9), 10
     number = np.broadcast_to(np.arange(n * n).reshape(n, n), (3, n, n))
     seen = []
-    for first, second, rest, _ in cloth_solver._batches(settings, n):
+    for first, second, rest, _ in cloth._batches(settings, n):
         ends = np.stack([number[first][0].ravel(), number[second][0].ravel()], axis=1)
         assert len(np.unique(ends)) == ends.size, "a batch shares no vertex"
         reach = np.hypot(*np.divmod(ends[:, 1], n) - np.stack(np.divmod(ends[:, 0], n)))
@@ -304,7 +304,7 @@ def test_cloth_batches_hold_every_constraint_once() -> None:
 
 
 def test_ball_angle_is_the_integral_of_its_speed() -> None:
-    settings = cloth_solver.ClothSettings()
+    settings = cloth.ClothSettings()
     times = np.linspace(0.0, 2.0, 20001)
     speed = np.array([settings.ball_speed(t) for t in times])
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(times))])
