@@ -71,14 +71,9 @@ class Killed:
         self.random = random.Random(seed)
         self.kinds = ("parent", "worker", "grader", "guard", *(["Dask worker"] if cluster else []))
         self.mark, environment = marked_environment()
-        for name in ("tmp", "shards", "locks"):
+        for name in ("tmp", "locks"):
             (place / name).mkdir(parents=True)
-        self.environment = {
-            **environment,
-            "TMPDIR": str(place / "tmp"),
-            "SHADOWBENCH_SHARDS": str(place / "shards"),
-            "SHADOWBENCH_TURNS": str(place / "locks"),
-        }
+        self.environment = {**environment, "TMPDIR": str(place / "tmp"), "SHADOWBENCH_TURNS": str(place / "locks")}
         self.scenes = [write_scene(place / f"{name}.obj") for name in scenes]
         self.log = place / "log"
         self.taken: dict[str, list[float]] = {}
@@ -201,7 +196,7 @@ class Killed:
         # One of them has the answers of a frame that others share, and is named by its content.
         found += [f"left behind: {path}" for path in sorted(there - expected) if path.parts[0] not in ("logs",)]
         found += [f"missing: {path}" for path in sorted(expected - there) if path.parts[0] not in ("logs",)]
-        for pattern, stay in (("tmp/*", ("/",)), ("shards/*/*", ("/",)), ("locks/*", LOCKS)):
+        for pattern, stay in (("tmp/*", ("/",)), ("locks/*", LOCKS)):
             paths = [path for path in sorted(self.place.glob(pattern)) if not path.name.startswith(stay)]
             found += [f"left behind: {path.relative_to(self.place)}" for path in paths]
         return found

@@ -24,11 +24,11 @@ from helpers.tiny_runs import install_misbehaving, options, write_scene
 from helpers.waiting import PATIENCE_S, until
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.cluster import head, spool
+from shadowbench.harness.runner.cluster import head
 from shadowbench.harness.runner.cluster.calibration import Calibration
 from shadowbench.harness.runner.cluster.head import ClusterRun
 from shadowbench.harness.runner.cluster.pool import connected
-from shadowbench.harness.runner.cluster.shard import Outcome, Worker, code_hash, introduce, measure
+from shadowbench.harness.runner.cluster.shard import Outcome, Worker, code_hash, introduce
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.run import Run
@@ -41,7 +41,7 @@ Security = distributed.Security
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """The folder of a test, with a scene in it; methods of another package, and shards in a folder of their own.
+    """The folder of a test, with a scene in it; methods of another package, and temporary files of its own.
 
     The head looks for workers ten times as often as usual.
     """
@@ -50,7 +50,8 @@ def place(tmp_path, monkeypatch):
     path = install_misbehaving(tmp_path / "packages")
     monkeypatch.syspath_prepend(tmp_path / "packages")
     monkeypatch.setenv("PYTHONPATH", path)
-    monkeypatch.setenv(spool.PLACE, str(tmp_path / "shards"))
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     write_scene(tmp_path / "tetra.obj")
     return tmp_path
 
@@ -64,7 +65,7 @@ def slow(place: Path, rounds: int = 3, scenes: int = 1):
 
 def rounds_taken(place: Path) -> int:
     """Rounds in the journals of the shards under way."""
-    journals = (place / "shards").glob("*/*/journal/*.jsonl")
+    journals = (place / "tmp").glob("*/shard-*/journal/*.jsonl")
     return sum(text.count('"event":"round"') for text in (path.read_text() for path in journals))
 
 
@@ -115,7 +116,7 @@ def test_records_and_answers_are_those_of_a_run_on_one_machine(place, monkeypatc
     assert all({"before", "after", "card"} <= shard.keys() for shard in shards)
     assert [one["card"] for one in found[0].rounds] == [shards[0]["card"]] * 2
     assert found[0].environment == alone[0].environment
-    assert not list((place / "shards").glob("*/*")), "what is delivered is removed"
+    assert not list((place / "tmp").glob("*/shard-*")), "what is delivered is removed"
     assert not list((place / "out").glob("journal/*"))
 
 
@@ -144,7 +145,6 @@ def answers(address: str, security: Security) -> bool:
 def test_the_ports_of_local_workers_take_nobody_without_the_key_of_the_run(place, monkeypatch):
     """Whoever may speak to a scheduler or a worker may have it run code. What Dask leaves goes with the run."""
     scratch.folder()
-    (place / "tmp").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(place / "tmp"))
     with connected("local", "cpu") as pool:
         scheduler, (worker,) = pool.client.scheduler.address, pool.workers()
@@ -210,7 +210,8 @@ def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(
     with connected("local", "cpu") as pool:
         (record,) = ClusterRun(pool, chosen, Silent()).go()
     assert record.status == "ok"
-    assert started.run.run in {one["run"] for one in record.rounds}, "the rounds that were taken are kept"
+    assert started.run.run not in {one["run"] for one in record.rounds}, "the scene under way is measured again"
+    assert not list((place / "tmp").glob("*/shard-*")), "the next run removes what a lost one left"
 
 
 @pytest.mark.slow
@@ -276,15 +277,13 @@ class Imagined:
             return Future(None, error=ModuleNotFoundError("No module named 'shadowbench'"))
         if work is introduce:
             about = {"host": "h", "device_name": "Imaginary GPU", "warp": "1", "python": "3"}
-            return Future(Worker(card, calibration=self.given[card][0], code=self.code, held=(), **about))
-        if work is not measure:
-            return Future(None)
+            return Future(Worker(card, calibration=self.given[card][0], code=self.code, **about))
         record = record_of("trial", Entry("steady"), scene=Path(what.options.preset.scenes[0]).stem)
         files = {f"records/{record['key']}.json": json.dumps(record).encode()}
         points = self.given[card]
         before = points.pop(1) if len(points) > 2 else points[0]
         after = points.pop(1) if len(points) > 1 else points[0]
-        return Future(Outcome(card, "Imaginary GPU", "", before, after, keys=(record["key"],), files=files))
+        return Future(Outcome(card, "Imaginary GPU", before, after, keys=(record["key"],), files=files))
 
 
 def test_cards_that_are_apart_are_not_merged(place):

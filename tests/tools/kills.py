@@ -6,7 +6,7 @@
 A run of two scenes with two methods is started, and one of its processes is killed (SIGKILL) at a random moment: the run
 itself, a method's worker, a grader, the guard of one of them, the Dask worker. The same command is given again until the
 run is finished (``helpers/kills.py``). Then its records, rounds, scores and answers are compared with those of a run that
-nobody disturbed, and its files, the folders for temporary files and shards, and the processes of the machine are searched
+nobody disturbed, and its files, the folder for temporary files, and the processes of the machine are searched
 for what was left behind. Exit code 1 where something was found.
 """
 

@@ -22,7 +22,7 @@ from ..planning.planned_point import Options
 from ..planning.time_estimate import expected_work, points_of
 from ..progress import Silent
 from ..workers import scratch
-from . import spool
+from . import delivery
 from .calibration import LIMIT
 from .ledger import Ledger, reference_of
 from .pool import Pool, SchedulerLostError
@@ -33,7 +33,6 @@ LOOK_S = 1.0  # seconds between two queries for the present workers
 ATTEMPTS = 3  # how many workers may be lost with the same shard before its points count as failed
 FIRST_S = 120.0  # how long the first shards wait for cards not yet compared, such as one that another run holds
 PATIENCE_S = 60.0  # seconds to wait for a worker when none is left: a nanny starts its worker again
-CLEAN_S = 5.0  # seconds to wait at the end for a worker to remove what it has delivered
 
 GONE = "it ended, or does not answer"
 OTHER_CODE = "it has other source files of shadowbench than this machine; install the same version"
@@ -74,7 +73,6 @@ class ClusterRun:
     began: float = field(default_factory=time.monotonic)
     looked: float = -1e9
     alone: float | None = None
-    cleaning: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
@@ -102,9 +100,6 @@ class ClusterRun:
             except SchedulerLostError:
                 self.ledger.note("scheduler lost", finished=len(self.keys), shards=self.count)
                 raise self._ended("the connection to the scheduler was lost") from None
-            end = time.monotonic() + CLEAN_S
-            while time.monotonic() < end and any(one.status == "pending" for one in self.cleaning):
-                time.sleep(POLL_S)
             self.report.doing("updating scores at pixels where several methods differ")
             records = [self.folder.record(key) for number in range(self.count) for key in self.keys[number]]
             return charged_records(self.folder, [record for record in records if record is not None])
@@ -124,11 +119,11 @@ class ClusterRun:
         if time.monotonic() - self.looked > LOOK_S:
             self.looked = time.monotonic()
             self._look()
-        for address, seat in list(self.seats.items()):
+        for seat in list(self.seats.values()):
             if seat.task is not None and seat.task.status != "pending":
                 if seat.task.status in ("cancelled", "lost"):
                     raise SchedulerLostError
-                self._finished(address, seat)
+                self._finished(seat)
         asked = any(seat.task is not None and seat.shard is None for seat in self.seats.values())
         if asked and not self.keys and time.monotonic() - self.began < FIRST_S:
             return  # the first shards are handed out when all cards have been compared
@@ -164,7 +159,7 @@ class ClusterRun:
     def _admit(self, seat: Seat, worker: Worker) -> None:
         """Add a worker to the run if it runs the same code."""
         reason = "" if worker.code == code_hash() else OTHER_CODE
-        facts = {name: value for name, value in asdict(worker).items() if name not in ("code", "held")}
+        facts = {name: value for name, value in asdict(worker).items() if name != "code"}
         self.ledger.note("card", **facts, refused=reason)
         if reason:
             self._refuse(f"card {worker.card}", reason)
@@ -206,19 +201,17 @@ class ClusterRun:
         return self.pool.client.submit(work, what, pure=False, retries=0, **pinned)
 
     def _give(self, address: str, seat: Seat, worker: Worker) -> None:
-        """Hand the worker a shard: one that was begun on this card of its machine, else the largest."""
-        begun = (one for one in self.todo if spool.name_of(one.options, worker.card) in worker.held)
-        seat.shard = shard = next(begun, self.todo[0])
-        self.todo.remove(shard)
+        """Hand the worker the largest shard."""
+        seat.shard = shard = self.todo.pop(0)
         sent = replace(
             shard,
-            known=spool.known_files(self.folder, shard.options),
+            known=delivery.known_files(self.folder, shard.options),
             beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
         seat.task = self._submit(measure, sent, address)
         self.report.doing(f"{shard.about['scene']}: on card {worker.card}")
 
-    def _finished(self, address: str, seat: Seat) -> None:
+    def _finished(self, seat: Seat) -> None:
         """Take what a worker's task has given."""
         task, shard = seat.task, seat.shard
         seat.task = seat.shard = None
@@ -238,8 +231,6 @@ class ClusterRun:
             self._admit(seat, result)
         else:
             self._take(seat, shard, result)
-            forgetting = self.pool.client.submit(spool.forget, result.folder, workers=[address], pure=False, retries=0)
-            self.cleaning.append(forgetting)
 
     def _take(self, seat: Seat, shard: Shard, outcome: Outcome) -> None:
         """Store the results of a worker. Those of a card that differs too much from the others go into a folder of their
@@ -248,12 +239,12 @@ class ClusterRun:
         about = {**shard.about, "card": outcome.card, **points, "points": len(outcome.keys)}
         gap = self.ledger.gap(outcome, *filter(None, (outcome.before, outcome.after)))
         if gap > LIMIT:
-            spool.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
+            delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
             self.ledger.note("apart", **about, apart=round(gap, 4))
             self._drop(seat, _too_far(gap))
             self.todo.append(shard)
         else:
-            records = spool.write(self.folder, outcome.files)
+            records = delivery.write(self.folder, outcome.files)
             self.ledger.note("shard", **about, attempt=shard.attempt)
             self._done(shard, outcome.keys, records)
 
@@ -276,7 +267,7 @@ class ClusterRun:
         self.report.note(f"{gone}, the last of {ATTEMPTS} attempts; its points count as failed")
         device = self.options.device, self.ledger.events("card")[-1]["device_name"]
         why = f"its worker was lost {shard.attempt} times: {reason}"
-        records = spool.failed(self.folder, shard.options, device, why)
+        records = delivery.failed(self.folder, shard.options, device, why)
         self._done(shard, tuple(record.key for record in records), records)
 
     def _heard(self, event: Any) -> None:

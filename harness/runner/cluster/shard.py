@@ -8,6 +8,7 @@ ratio between methods, and that needs one card. The Dask worker has one thread, 
 import dataclasses
 import functools
 import platform
+import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,8 +22,9 @@ from ..planning.survey import survey
 from ..progress import Silent
 from ..run import Run
 from ..source.closure import project
+from ..workers import scratch
 from ..workers.handle import graders, judges_processors
-from . import spool
+from . import delivery
 from .calibration import Calibration, calibrate
 
 BOOT = Path("/proc/sys/kernel/random/boot_id")
@@ -35,7 +37,6 @@ class Worker:
     """A worker's description of itself. ``card`` and ``host`` are hashes: they identify without a name or serial number.
 
     code   hash of the source of this project; warp, python: versions
-    held   names of the shards that wait in its :mod:`.spool`
     """
 
     card: str
@@ -45,7 +46,6 @@ class Worker:
     warp: str
     python: str
     calibration: Calibration
-    held: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Shard:
     options: Options
     run: str
     attempt: int = 1
-    known: spool.Files = field(default_factory=dict)
+    known: delivery.Files = field(default_factory=dict)
     beside: int = 1
     wait: bool = True
 
@@ -72,7 +72,7 @@ class Shard:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a shard. ``folder``: its name in the :mod:`.spool` of the worker.
+    """The outcome of a shard.
 
     before, after  calibration points; none where nothing was to be measured
     keys           the keys of all its points in the declared order
@@ -80,11 +80,10 @@ class Outcome:
 
     card: str
     device_name: str
-    folder: str
     before: Calibration | None = None
     after: Calibration | None = None
     keys: tuple[str, ...] = ()
-    files: spool.Files = field(default_factory=dict)
+    files: delivery.Files = field(default_factory=dict)
 
 
 @functools.cache
@@ -121,7 +120,7 @@ def introduce(device: str) -> Worker:
     with MachineLock(of=card).exclusive():
         calibration = _calibrated(device)
     versions = wp.__version__, platform.python_version()
-    return Worker(card, host_id(), device_title(device), code_hash(), *versions, calibration, tuple(spool.held()))
+    return Worker(card, host_id(), device_title(device), code_hash(), *versions, calibration)
 
 
 def _calibrated(device: str) -> Calibration:
@@ -153,18 +152,16 @@ def measure(shard: Shard) -> Outcome:
     start_warp()
     device, MACHINE.wait = shard.options.device, shard.wait
     card = card_id(device)
-    name = spool.name_of(shard.options, card)
-    folder = spool.shard_folder(name)
-    options = dataclasses.replace(shard.options, out=folder)
     relay, lock = Relay(shard, card), MachineLock(of=card)
     lock.say = relay.note
     before = after = None
-    with lock.exclusive():
-        spool.fill(folder, shard.known)
+    with lock.exclusive(), tempfile.TemporaryDirectory(prefix="shard-", dir=scratch.folder()) as folder:
+        options = dataclasses.replace(shard.options, out=Path(folder))
+        delivery.fill(options.out, shard.known)
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
         records = Run(options, relay, name=shard.run, card=card, graders=graders(shard.beside)).go()
         if before is not None:
             after = _calibrated(device)
-    keys = tuple(record.key for record in records)
-    return Outcome(card, device_title(device), name, before, after, keys, spool.fresh(folder, shard.known))
+        files = delivery.fresh(options.out, shard.known)
+    return Outcome(card, device_title(device), before, after, tuple(record.key for record in records), files)
