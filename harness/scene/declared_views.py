@@ -4,8 +4,9 @@ lights: written out, or those of its file by their names."""
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -154,16 +155,16 @@ def named_cameras(path: Path, tables: Any, base: Scene) -> dict[str, Camera]:
 
 
 def lights_of(path: Path, tables: Any, base: Scene) -> tuple[tuple[Light, ...], dict[str, Light]]:
-    """The lights of ``[[lights]]``, and those of them that have a name."""
+    """The lights of ``[[lights]]``, and the same by name: "light", "light 2" and so on where they have none."""
     lights: list[Light] = []
-    names: dict[str, Light] = {}
+    names: list[str | None] = []
     for i, table in enumerate(listed(path, "lights", tables)):
         given = Table(path, f"lights[{i}]", table, ("name", "of", *LIGHT))
-        name = _name(given, names) if given.values.get("name") is not None else None
+        names.append(_name(given, names) if given.values.get("name") is not None else None)
         lights.append(_light(given, base))
-        if name is not None:
-            names[name] = lights[-1]
-    return tuple(lights), names
+    numbered = itertools.chain(["light"], (f"light {number}" for number in itertools.count(2)))
+    free = (name for name in numbered if name not in names and name not in base.lamps)
+    return tuple(lights), {name or next(free): light for name, light in zip(names, lights, strict=True)}
 
 
 def _light(given: Table, base: Scene) -> Light:
@@ -216,7 +217,7 @@ def _of(given: Table, title: str, kind: str, offers: Mapping[str, T]) -> T:
     return found
 
 
-def _name(given: Table, taken: Mapping[str, Any]) -> str:
+def _name(given: Table, taken: Container[str | None]) -> str:
     """A name to offer something under, which is taken out of the table."""
     name = given.values.pop("name", None)
     if not isinstance(name, str) or not name or not name.isprintable():

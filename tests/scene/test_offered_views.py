@@ -125,8 +125,24 @@ def test_a_declaration_uses_and_offers_them(path):
     assert scene.cameras["far"] == replace(ABOVE, eye=(0, 90, 0))
     assert scene.cameras["own"].eye == (5, 5, 5)
     assert set(scene.cameras) == {"door", "above", "far", "own"}
-    assert scene.lamps == {"lamp": LAMP, "sun": SUN, "candle": Light((0, 1, 0))}
+    assert scene.lamps == {"lamp": LAMP, "sun": SUN, "candle": Light((0, 1, 0)), "light": replace(SUN, shadows=False)}
     assert seen(path.parent / "a.toml", camera_of="far", light_of=["candle"]).camera.height == 4.0
+
+
+def test_lights_without_a_name_are_numbered_and_listed(path, capsys):
+    """By names that neither a light of the declaration nor one of the file has."""
+    lights = [("", 1), ("light 2", 2), ("", 3), ("light", 4)]
+    told = "".join(f"[[lights]]\nposition = [0, {y}, 0]\n" + f'name = "{name}"\n' * bool(name) for name, y in lights)
+    room = written(path.parent, "a.toml", f'mesh = "room.ply"\n{told}'.encode())
+    assert [light.position[1] for light in resolve(room).lights] == [1, 2, 3, 4]
+    heights = {name: light.position[1] for name, light in resolve(room).lamps.items()}
+    assert heights == {"lamp": 3, "sun": 1, "light 3": 1, "light 2": 2, "light 4": 3, "light": 4}
+    list_("scenes", [str(room)])
+    text = " ".join(capsys.readouterr().out.split())
+    assert (
+        "light 'light 3': at 0,1,0 light 'light 2': at 0,2,0 light 'light 4': at 0,3,0 light 'light': at 0,4,0" in text
+    )
+    assert seen(room, light_of=["light 4"]).lights == (Light((0, 3, 0)),)
 
 
 @pytest.mark.parametrize(
