@@ -21,7 +21,7 @@ from .names import BUNNY, NAMES, TITLES, scene_names, stand_in
 from .offered import FURTHER
 from .readers import usd
 from .readers.apart import load, load_sequence
-from .readers.checks import ALL, Loaded, Wanted, within_range
+from .readers.checks import ALL, Loaded, Wanted, not_finite, within_range
 from .readers.load import DECLARATION, READERS, SUFFIXES, source
 from .readers.sequences import is_pattern, matching, numbered, plain_name
 from .scene import Camera, Light, Scene
@@ -164,7 +164,7 @@ def _from_files(files: Path | list[Path], name: str, title: str, wanted: Wanted 
     within_range(loaded)
     shape = shape_of(loaded.geometry(), loaded.up)
     far = [f"{triangles(shape.far)} too far from the others for the automatic view"] if shape.far else []
-    left_out = visible("; ".join([*loaded.notes, *far]))
+    left_out = visible("; ".join([*loaded.notes, *not_finite(loaded), *far]))
     if left_out:
         note(f"{title}: {left_out}")
     known = replace(source(loaded.files, wanted), left_out=left_out)

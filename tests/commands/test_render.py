@@ -35,6 +35,15 @@ def test_a_picture_of_nothing_is_drawn_with_a_warning(call, tmp_path):
     assert "flat.obj: none of 1 triangle can ever be hit (no area, or a corner that is not" in err
 
 
+def test_a_corner_that_is_no_number_is_noted_where_a_picture_is_drawn_too(call, tmp_path):
+    for command, more in (("render", ["--out", tmp_path / "a.png"]), ("verify", [])):
+        half = tmp_path / f"{command}.obj"  # a note is printed once in a process
+        half.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 1 0\nf 1 2 3\nf 1 2 4\n")
+        code, _, err = call(command, half, *more, "--method", "uniform_grid", "--device", "cpu", "--size", "8x8")
+        note = f"{half.name}: 1 triangle with a corner that is NaN or infinite, which no ray hits"
+        assert (code, err.count(note)) == (0, 1)
+
+
 def test_render_animates_scenes_side_by_side(call, scene, tmp_path):
     """Of a still scene the light turns; the captions of stand-ins stay."""
     code, _, err = call(

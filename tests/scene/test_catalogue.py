@@ -140,6 +140,25 @@ def test_any_file_is_a_scene(tmp_path):
     assert everything_is_seen(scene)
 
 
+@pytest.mark.parametrize(
+    ("lost", "note"),
+    [
+        ([], ""),
+        ([(0, 3, np.nan)], "frame 0: 1 triangle with a corner that is NaN or infinite, which no ray hits"),
+        ([(1, 0, np.inf)], "frame 1: 2 triangles with a corner that is NaN or infinite, which no ray hits"),
+        ([(1, 4, np.nan)], ""),
+    ],
+    ids=["finite", "first frame", "second frame", "of no triangle"],
+)
+def test_corners_that_are_no_numbers_are_noted(tmp_path, lost, note):
+    frames = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (9, 9, 9)]] * 2, float)
+    for frame, corner, value in lost:
+        frames[frame, corner, 1] = value
+    path = tmp_path / "quad.npz"
+    np.savez(path, V=frames, F=[(0, 1, 2), (0, 2, 3)])
+    assert catalogue.resolve(path).source.left_out == note
+
+
 def test_one_triangle_one_point_and_nan_can_be_looked_at(tmp_path):
     points = np.vstack([files.QUAD, [[np.nan] * 3]])
     for k, polygons in enumerate(([(0, 1, 2)], [(0, 0, 0)], [(5, 5, 5)], [(0, 1, 2), (0, 1, 5)], [(0, 1, 1)])):

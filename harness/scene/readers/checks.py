@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import I32, Floats
+from ...arrays import I32, Bools, Floats
 from ...errors import UserError
 from ...files import open_regular
+from ...texts import numbered
 from ..scene import Camera, Geometry, Light, Moves, Vector
 
 MAX_LINE = 1 << 20  # longest line of a text file, bytes: no mesh has a longer one, and splitting it takes much memory
@@ -192,6 +193,16 @@ def within_range(loaded: Loaded) -> None:
         extent = np.ptp(finite, axis=0).max()
         if 0.0 < extent < SMALLEST:
             raise broken(path, f"has an extent of only {extent:.3g}, too small for float32", way_out)
+
+
+def not_finite(loaded: Loaded) -> tuple[str, ...]:
+    """A note on the first frame in which corners of triangles are NaN or infinite, with the number of these triangles."""
+    for k, points in enumerate(loaded.frames):
+        finite: Bools = np.all(np.isfinite(points), axis=1)
+        if not finite.all() and (count := int((~finite[loaded.faces]).any(axis=1).sum())):
+            where = f"frame {k}: " if len(loaded.frames) > 1 else ""
+            return (f"{where}{numbered(count, 'triangle')} with a corner that is NaN or infinite, which no ray hits",)
+    return ()
 
 
 def checked(
