@@ -4,6 +4,7 @@ Settings were chosen on scenes other than those in the tables: the balls of :mod
 that are not part of the project.
 """
 
+from ..harness.report.dataframe import DataFrame, Series
 from ..harness.runner.planning.experiment import Entry
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
@@ -51,7 +52,7 @@ STRONGEST = (OURS, HYBRID, RASTERISED, *REBUILT, *REFITTED, *GRIDS)
 
 REBUILDS = {
     OURS.label: "sorts its rays",
-    HYBRID.label: "sorts its rays, or rebuilds its tree",
+    HYBRID.label: "sorts its rays",
     RASTERISED.label: "rasterises",
     "paper-faithful": "rebuilds its grids",
     "Embree": "rebuilds its tree",
@@ -65,6 +66,12 @@ REBUILDS = {
     **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
 }
 """What a method does in each frame before it traces, by label; the last three are in earlier records only."""
+
+
+def in_each_frame(table: DataFrame) -> Series:
+    """What each point of a tidy table does: :data:`REBUILDS`, and of the hybrid whether it has built its tree there."""
+    tree = (table["label"] == HYBRID.label) & table["built"].str.contains("(?:^|, )tree ", na=False)
+    return table["label"].map(REBUILDS).mask(tree, f"{REBUILDS[HYBRID.label]}, {REBUILDS[REBUILT[0].label]}")
 
 
 def lights(*counts: int) -> tuple[Lighting, ...]:

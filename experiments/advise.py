@@ -23,11 +23,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The methods of each scene sorted by time, two sentences, what would change the answer; also as CSV and JSON."""
     frames = document.frames(folder)
     done = ranking.ranked(frames)
+    done = done.assign(in_each_frame=_rivals.in_each_frame(done))
     changes, path = what_changes(done, KEPT), folder / "advise.json"
-    write_atomic(path, {"scenes": ranking.as_json(done, _rivals.REBUILDS), "what_would_change_it": changes})
+    write_atomic(path, {"scenes": ranking.as_json(done), "what_would_change_it": changes})
     table = document.named(frames).join(done["times"].rename("times_fastest_exact"))
-    table["in_each_frame"] = table["label"].map(_rivals.REBUILDS)
-    tables = ranking.tables(done, _rivals.REBUILDS, frames)
+    table["in_each_frame"] = _rivals.in_each_frame(table)
+    tables = ranking.tables(done, frames)
     notes = [ranking.ABOUT, *changes]
     return document.write(folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), tables, [path], quiet, notes)
 

@@ -30,6 +30,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Every scene's methods sorted by time, as tables and as bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
     done = ranking.ranked(frames)
+    done = done.assign(in_each_frame=_rivals.in_each_frame(done))
     stages = _floor.stages(frames[frames["label"] == _rivals.OURS.label], _floor.ray_grids)
     stages_csv = folder / "frame_time-stages.csv"
     across = 1 if done["title"].nunique() <= 3 else 2
@@ -46,10 +47,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables = {
         f"Time of {_rivals.OURS.label} over its floor": floor,
         "Frames that are no graph: the host launches them, ms": launched(done),
-        **ranking.tables(done, _rivals.REBUILDS, frames),
+        **ranking.tables(done, frames),
     }
     table = document.named(frames).join(done[["times", "low", "high"]].set_axis(RATIO, axis=1))
-    table["in_each_frame"] = table["label"].map(_rivals.REBUILDS)
+    table["in_each_frame"] = _rivals.in_each_frame(table)
     notes = [ranking.ABOUT, *([FLOOR] if len(floor) else [])]
     return document.write(folder, EXPERIMENT, table, COLUMNS, ranking.finding(done), tables, files, quiet, notes)
 

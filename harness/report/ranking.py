@@ -71,10 +71,10 @@ def settings(table: DataFrame) -> Iterator[tuple[str, DataFrame]]:
         yield own["setting"].iloc[0], own
 
 
-def tables(table: DataFrame, rebuilt: Mapping[str, str], frames: DataFrame | None = None) -> dict[str, DataFrame]:
-    """For each scene of a ranked table a table of texts, fastest first. ``rebuilt``: by label what is built in a frame.
+def tables(table: DataFrame, frames: DataFrame | None = None) -> dict[str, DataFrame]:
+    """For each scene of a ranked table a table of texts, fastest first. Its column ``in_each_frame``: what is built there.
     ``frames``: the tidy table that was ranked, for rows of those without a time, which say why."""
-    made = {f"{setting}, fastest first": sorted_table(own, rebuilt) for setting, own in settings(table)}
+    made = {f"{setting}, fastest first": sorted_table(own) for setting, own in settings(table)}
     if frames is None:
         return made
     lost = document.lost(document.named(frames))
@@ -83,24 +83,25 @@ def tables(table: DataFrame, rebuilt: Mapping[str, str], frames: DataFrame | Non
     return {heading: pd.concat([own, rows[whose == heading]]) for heading, own in made.items()}
 
 
-def sorted_table(own: DataFrame, rebuilt: Mapping[str, str]) -> DataFrame:
+def sorted_table(own: DataFrame) -> DataFrame:
     """One row per method: time, ratio to the fastest exact method, wrong answers, memory, and what a frame rebuilds."""
     # Where only some inputs have moved, a frame may build nothing.
     idle = (own["moved"] != "") & (own["build_count"].fillna(1) == 0)
     return pd.DataFrame({
         "method": own["label"], "ms": own["ms"], "ratio": numbers.texts(own, "times"), "answers": own["error"],
         "memory, MB": (own["memory_bytes"].astype("float64") / 1e6).map("{:.1f}".format, na_action="ignore"),
-        "in each frame": own["label"].map(lambda label: rebuilt.get(label, "-")).mask(idle, "builds nothing"),
+        "in each frame": own["in_each_frame"].astype("object").fillna("-").mask(idle, "builds nothing"),
     })  # fmt: skip
 
 
-def as_json(table: DataFrame, rebuilt: Mapping[str, str]) -> list[dict[str, Any]]:
+def as_json(table: DataFrame) -> list[dict[str, Any]]:
     """What :func:`tables` and :func:`sentences` say, for programs: one entry per scene; None where a value is not known."""
     names = {"label": "method", "method": "name", "total_ms": "total_ms", "times": "ratio", "exact": "exact",
-             "true_errors": "true_errors", "unscored": "unscored", "memory_bytes": "memory_bytes"}  # fmt: skip
+             "true_errors": "true_errors", "unscored": "unscored", "memory_bytes": "memory_bytes",
+             "in_each_frame": "in_each_frame"}  # fmt: skip
     found = []
     for setting, own in settings(table):
-        rows = own[[*names]].rename(columns=names).assign(in_each_frame=own["label"].map(rebuilt)).astype("object")
+        rows = own[[*names]].rename(columns=names).astype("object")
         methods = [plain(row) for row in rows.where(rows.notna(), None).to_dict("records")]
         found.append({"scene": setting, "sentences": sentences(own), "methods": methods})
     return found

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from helpers.experiment_records import record_of, write_records
+from helpers.experiment_records import csv_of, record_of, write_records
 from shadowbench.experiments import advise
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.planning import survey
@@ -52,6 +52,23 @@ def test_the_answer_is_a_sorted_table_and_two_sentences(tmp_path, monkeypatch):
     assert [row["exact"] for row in scene["methods"]] == [False, True, True]
     assert [row["in_each_frame"] for row in scene["methods"]] == ["rebuilds its tree"] * 2 + ["sorts its rays"]
     assert "| BVH2 rebuilt, float32 | 1.01 | 0.500 | ✗ 518 wrong | 0.0 | rebuilds its tree |" in text
+
+
+def test_of_the_hybrid_it_says_whether_a_tree_was_rebuilt(tmp_path, monkeypatch):
+    """It chooses by the scene and its lights."""
+    grid = {"shadows": "grid", "structure": "rays in the grid, triangles streamed", "queues": True}
+    tree = {"shadows": "tree", "update": "rebuild", "tree": "hploc"}
+    both = "sorts its rays, rebuilds its tree"
+    monkeypatch.chdir(tmp_path)
+    for name, built, words in (("grid", grid, "sorts its rays"), ("tree", tree, both), ("mirror", tree | grid, both)):
+        record = record_of("advise", advise._rivals.HYBRID, ms=1.0)
+        record["method"]["built"] = built
+        show("advise", write_records(tmp_path / name, [record, record_of("advise", TREE, ms=2.0)]), quiet=True)
+        (scene,) = json.loads((tmp_path / name / "advise.json").read_text())["scenes"]
+        assert [row["in_each_frame"] for row in scene["methods"]] == [words, "rebuilds its tree"]
+        assert f"| {words} |" in (tmp_path / name / "advise.md").read_text()
+        (row,) = (row for row in csv_of("advise", tmp_path / name) if row["label"] == "hybrid")
+        assert row["in_each_frame"] == words
 
 
 def test_without_records_of_crossover_it_says_how_to_get_them(tmp_path, monkeypatch):

@@ -22,13 +22,18 @@ def ranked(folder, *records):
     return ranking.ranked(document.frames(write_records(folder, records)))
 
 
+def building(table, words):
+    """The table with what each method builds in a frame, by label."""
+    return table.assign(in_each_frame=table["label"].map(words))
+
+
 def said(folder, *records):
     return ranking.finding(ranked(folder, *records))
 
 
 def test_rows_are_sorted_by_time_with_errors_memory_and_what_is_rebuilt(tmp_path):
     table = ranked(tmp_path, made("slow", 4.0), made("loose", 1.0, 7), made("good", 2.0))
-    (heading, rows), *others = ranking.tables(table, {"good": "rebuilds its tree"}).items()
+    (heading, rows), *others = ranking.tables(building(table, {"good": "rebuilds its tree"})).items()
     assert not others
     assert heading == "Cloth (stand-in), fastest first"
     assert list(rows) == ["method", "ms", "ratio", "answers", "memory, MB", "in each frame"]
@@ -141,7 +146,7 @@ def test_of_one_scene_nothing_is_counted():
 def test_lights_and_scenes_are_never_ranked_together(tmp_path):
     four = Lighting("4 lights", count=4)
     table = ranked(tmp_path, made("a", 1.0), made("b", 3.0, lighting=four), made("a", 2.0, lighting=four))
-    assert {heading: list(rows["ratio"]) for heading, rows in ranking.tables(table, {}).items()} == {
+    assert {heading: list(rows["ratio"]) for heading, rows in ranking.tables(building(table, {})).items()} == {
         "Cloth (stand-in), fastest first": ["1.00"],
         "Cloth (stand-in), 4 lights, fastest first": ["1.00", "1.50"],
     }
@@ -152,7 +157,7 @@ def test_what_is_not_built_for_what_has_moved_is_said(tmp_path):
     idle = made("tree", 1.0, lighting=moved, passes=[("primary rays", "trace", 1.0)])
     busy = made("grid", 2.0, lighting=moved, passes=[("cells", "build", 1.0), ("primary rays", "trace", 1.0)])
     words = {"tree": "rebuilds its tree", "grid": "rebuilds its grid"}
-    (rows,) = ranking.tables(ranked(tmp_path, idle, busy), words).values()
+    (rows,) = ranking.tables(building(ranked(tmp_path, idle, busy), words)).values()
     assert list(rows["in each frame"]) == ["builds nothing", "rebuilds its grid"]
 
 
