@@ -51,7 +51,7 @@ PARTS = {
 CUT = 8.0  # longer bars are cut off, in shortest bars of the scene; their number stands beside them
 ABOUT = (
     f"{numbers.OK} no wrong answer; {numbers.WRONG} n: n wrong pixels and shadow bits over all frames measured; "
-    f"{numbers.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
+    f"{numbers.UNSCORED}: there was no reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
     "structures and work buffers. Where a scene moves, times are means over its frames. What each method built, and why "
     "it declares itself inexact, is in the CSV."
 )

@@ -1,1 +1,1 @@
-"""The benchmark harness: scenes, the interface of a method, timing, the exact reference, scoring, records, reports."""
+"""The benchmark harness: scenes, the interface of a method, timing, the reference, scoring, records, reports."""

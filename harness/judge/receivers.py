@@ -1,4 +1,4 @@
-"""Receivers: the hit points that have a shadow ray to a light. Every method and the exact reference use the same rule.
+"""Receivers: the hit points that have a shadow ray to a light. Every method and the reference use the same rule.
 
 There are two restrictions. A light may be a spotlight; and a scene may request shadow rays only where the visible side of
 the surface faces the light (:func:`facing`; elsewhere the surface is dark with or without a shadow).

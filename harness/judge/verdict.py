@@ -183,7 +183,7 @@ class Score(RayCounts):
     excused_share  share of the pixels with an excused answer
     check          "ok" without true errors and with at most :data:`.verdict.EXCUSED_LIMIT` excused, else "failed"
     examples       some of the errors, then of the excused answers: pixel, class, what was given, what is exact
-    truth          the origin of the exact reference, and how pixels were selected
+    truth          the origin of the reference, and how pixels were selected
     bounces        the counts of each bounce
     settled        the counts that were added because of other scores; None before the comparison
     """

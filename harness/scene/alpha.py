@@ -1,4 +1,4 @@
-"""Triangles with holes: the rule for which hits count, the same for methods and for the exact reference.
+"""Triangles with holes: the rule for which hits count, the same for methods and for the reference.
 
 A hit on a masked triangle counts only where the bitmap of the scene's :class:`.scene.scene.AlphaMask` is opaque, at the
 texture coordinates interpolated with the barycentric weights of the hit. Texel (row, column) covers

@@ -74,7 +74,7 @@ def test_the_first_estimate_of_a_run_on_a_gpu_is_within_a_factor_of_two(experime
 
 
 def test_points_that_are_there_tell_the_time_of_samples_and_nothing_else():
-    """On a GPU the exact reference takes most of the time; with a point measured, it was left out of the estimate."""
+    """On a GPU the reference takes most of the time; with a point measured, it was left out of the estimate."""
     preset = find_experiment("figure10").presets["paper"]
 
     def point(scene, status, sampling_s):

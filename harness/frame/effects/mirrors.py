@@ -1,5 +1,5 @@
 """Mirrored rays. The harness makes them from the hits of the previous bounce, in the same way for every method and for
-the exact reference.
+the reference.
 
 The float32 rays define what is mirrored. The closest hit with t > 0 counts; no triangle is excluded. The direction is
 reflected at the geometric normal in float64 and rounded once. The origin is the hit point, computed again in float64 on

@@ -15,7 +15,7 @@ from ..workers.protocol import load_command
 
 SCENES = "scenes.json"
 DELIVERED = ("records", "environments", "images", "maps", "answers", "truth")
-"""Folders of a results folder that are delivered; of ``truth``, the exact references, which are large, only the disputes."""
+"""Folders of a results folder that are delivered; of ``truth``, the references, which are large, only the disputes."""
 
 Files = dict[str, bytes]
 

@@ -205,7 +205,7 @@ class Job:
 
 def dealt(jobs: Sequence[Job], graders: int) -> list[list[Job | None]]:
     """What each scoring process scores in turn; None: nothing. The first job is scored alone, because that computes the
-    exact reference. Equal answers go to the same process, which scores them once."""
+    reference. Equal answers go to the same process, which scores them once."""
     queues: list[list[Job | None]] = [[] if not number else [None] for number in range(graders)]
     groups: dict[str, int] = {}
     for job in jobs:

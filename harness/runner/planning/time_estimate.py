@@ -19,11 +19,11 @@ UNKNOWN = 100_000  # assumed number of triangles if the name does not tell: a de
 
 OVERHEAD = 2.0  # the total time of a point over that of its samples: loading, warming up, checking the answers
 ONCE_S = 1.0  # of a point whatever its size: it is prepared, and its answers are written and read
-SCENE_S = 2.0  # of a scene with one lighting, shared by its points: it is made, and its exact reference computed
+SCENE_S = 2.0  # of a scene with one lighting, shared by its points: it is made, and its reference computed
 CPU_S = 7.5e-7  # of one frame per unit of work on two CPU cores; a median over methods
 
 REFERENCE_S = 8.0
-"""Of the exact reference per frame and 2^20 pixels on the host of a GPU. It is computed once for all methods of a scene
+"""Of the reference per frame and 2^20 pixels on the host of a GPU. It is computed once for all methods of a scene
 with one lighting, so it is most of the time of an experiment with a single method."""
 
 ANSWERS_S = 1.0  # per point, frame and 2^20 pixels of a run on a GPU: answers are copied, written, read and compared

@@ -1,4 +1,4 @@
-"""Score answers against the exact reference after timing, save them if required, and draw them. Nothing here is timed.
+"""Score answers against the reference after timing, save them if required, and draw them. Nothing here is timed.
 
 Separate processes do this for all methods, so that reference and referee of a frame are computed once and do not use the
 memory of a method's process. If the reference is not available, the frame has no score but a reason, and its answers are
@@ -91,7 +91,7 @@ class Grader:
             from ...report.picture import keep_wrong
             from ...results.disputes import write_disputes
         except ImportError as error:
-            missing = f"no exact reference: {error.name or error} is not installed"
+            missing = f"no reference: {error.name or error} is not installed"
             return {"score": None, "unscored": f"{missing}; shadowbench score adds it on a machine that has it"}
         if frame not in self._judges:
             mesh = frame if self.prepared.moves else 0
