@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from typing import Any
 
@@ -52,7 +53,7 @@ def check(
     MACHINE.share_beside(place)
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
-    warning = few_hits(sum(one.hits for one in findings), sum(one.pixels for one in findings))
+    notice = few_hits(sum(one.hits for one in findings), sum(one.pixels for one in findings))
     statuses = [*(finding.status for finding in findings), *(one.status for one in checks)]
     unchecked = _unchecked(findings)
     passed = not unchecked and not any(status in ("error", "excused") for status in statuses)
@@ -61,7 +62,7 @@ def check(
         "known_inexact": getattr(made, "known_inexact", None), "outside": outside, "passed": passed,
         "unchecked": unchecked, "true_errors": sum(finding.true_errors for finding in findings),
         "excused": sum(finding.excused for finding in findings), "rays": sum(finding.rays for finding in findings),
-        "warning": warning.rpartition(";")[0],
+        "warning": str(dataclasses.replace(notice, advice="")) if notice else "",  # the camera is the case's
     }  # fmt: skip
     report = {**facts, "cases": [one.as_json() for one in findings], "conformance": [one.as_json() for one in checks]}
     tell(report, as_json, lambda facts: _print(facts, findings, checks))

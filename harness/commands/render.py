@@ -45,8 +45,8 @@ class Renderer:
                 f"{self.method} on {self.scene}: rejected: {error}; choose a smaller --size or another --method"
             ) from error
         unseen = never_hit(len(moment.valid), int(np.count_nonzero(moment.valid)))
-        if unseen.startswith("warning"):
-            warn(f"{self.scene}: {unseen.removeprefix('warning: ').partition(':')[0]}")
+        if unseen is not None and unseen.warns:
+            warn(f"{self.scene}: {unseen.fact}")
         picture = shade(self.prepared, moment, answers, self.prepared.lights(frame))
         described = self.prepared.scene
         if described.stand_in:

@@ -256,8 +256,8 @@ def warnings_of(records: list[Record]) -> list[str]:
         frames = [frame.hits for frame in record.frames if frame.hits is not None]
         rays = len(frames) * record.point["width"] * record.point["height"]
         seen[record.scene["name"]] = max(seen.get(record.scene["name"], (0, 0)), (sum(frames), rays))
-    texts = ((name, few_hits(hits, rays)) for name, (hits, rays) in seen.items())
-    return [f"{name}: {text.removeprefix('warning: ')}" for name, text in texts if text]
+    notices = ((name, few_hits(hits, rays)) for name, (hits, rays) in seen.items())
+    return [f"{name}: {notice.text}" for name, notice in notices if notice]
 
 
 def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:

@@ -113,11 +113,12 @@ def _report(name: str, view: ChosenView, judge: Judge, rows: list[dict[str, Any]
     hits = int((judge.checked_reference.answers["triangle"] >= 0).sum())
     valid = int(moment.valid.sum())
     # Without a triangle that can be hit there is nothing else to say.
-    warnings = [never_hit(prepared.triangle_count, valid), few_hits(hits, judge.pixel_count) if valid else ""]
+    notices = [never_hit(prepared.triangle_count, valid), few_hits(hits, judge.pixel_count) if valid else None]
     return {
         "scene": name, "title": prepared.scene.title, "stand_in": prepared.scene.stand_in,
         "triangles": prepared.triangle_count, "valid_triangles": valid, "hits": hits, "view": view.text(),
-        "warning": "; ".join(filter(None, warnings)), "sha256": prepared.sha256(moment.index), "methods": rows,
+        "warning": "; ".join(str(notice) for notice in notices if notice), "sha256": prepared.sha256(moment.index),
+        "methods": rows,
     }  # fmt: skip
 
 

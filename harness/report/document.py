@@ -10,7 +10,7 @@ from ..results.means import points
 from ..results.schema import folders_with_records, place_name
 from ..results.table import TEXTS, samples, stage_ms, tidy
 from ..results.throttled import disturbances
-from ..scene.facts import never_hit
+from ..scene.facts import Notice, never_hit
 from ..texts import for_markdown, numbered
 from . import compare, numbers, style
 from . import paper_table1 as paper
@@ -258,13 +258,18 @@ def errors(table: DataFrame) -> str:
     """The correctness of the answers behind the times, as a sentence."""
     done = measured(table)
     bad = (names(done) + ": " + done["error"])[done["error"] != numbers.OK].tolist()
-    bad += [text for text in never_hit_notes(table) if "warning" in text]
+    bad += [f"{title}: {notice}." for title, notice in unseen(table) if notice.warns]
     return f"Answers: {listed(bad)}." if bad else "Every answer behind these times was found right."
 
 
 def never_hit_notes(table: DataFrame) -> list[str]:
     """One line per scene with triangles that are never hit: right answers there are misses."""
+    return [f"{title}: {notice}." for title, notice in unseen(table)]
+
+
+def unseen(table: DataFrame) -> list[tuple[str, Notice]]:
+    """The title of each scene with triangles that are never hit, and what is to be said of it."""
     known = table.dropna(subset=["triangles"]).drop_duplicates("title")
     known = known[["title", "triangles", "invalid_triangles"]].to_numpy()
     found = [(title, never_hit(int(total), int(total - invalid))) for title, total, invalid in known]
-    return [f"{title}: {text}." for title, text in found if text]
+    return [(title, notice) for title, notice in found if notice]

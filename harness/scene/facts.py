@@ -1,7 +1,7 @@
 """Facts of a scene for records: hashes and numbers."""
 
 import hashlib
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..files import array_hash, plain
@@ -71,24 +71,48 @@ def triangles(count: int) -> str:
     return numbered(count, "triangle")
 
 
-def never_hit(count: int, valid: int) -> str:
-    """A warning if triangles cannot be hit, so that misses are the right answers; else ""."""
+@dataclass(frozen=True)
+class Notice:
+    """What a reader must know of what the rays of a scene can hit, or do hit.
+
+    fact    in a clause
+    means   of a warning: what it says of a check; "" for a fact that is no warning
+    advice  what to do about it, or ""
+    """
+
+    fact: str
+    means: str = ""
+    advice: str = ""
+
+    @property
+    def warns(self) -> bool:
+        return bool(self.means)
+
+    @property
+    def text(self) -> str:
+        """On one line: "3 of 4,096 rays ...: this checked ...; choose ..."."""
+        return self.fact + f": {self.means}" * self.warns + f"; {self.advice}" * bool(self.advice)
+
+    def __str__(self) -> str:
+        return "warning: " * self.warns + self.text
+
+
+def never_hit(count: int, valid: int) -> Notice | None:
+    """If triangles cannot be hit, so that misses are the right answers: a warning where all are such."""
     if valid == count:
-        return ""
+        return None
     why = "no area, or a corner that is not a finite number"
     if valid:
-        return f"{count - valid:,} of {triangles(count)} can never be hit ({why})"
-    return f"warning: none of {triangles(count)} can ever be hit ({why}): this checked misses, and nothing else"
+        return Notice(f"{count - valid:,} of {triangles(count)} can never be hit ({why})")
+    return Notice(f"none of {triangles(count)} can ever be hit ({why})", "this checked misses, and nothing else")
 
 
-def few_hits(hits: int, rays: int) -> str:
-    """A warning if fewer than :data:`FEW` of the primary rays hit anything, so that a check says little; else ""."""
+def few_hits(hits: int, rays: int) -> Notice | None:
+    """A warning if fewer than :data:`FEW` of the primary rays hit anything, so that a check says little."""
     if hits >= FEW * rays:
-        return ""
-    return (
-        f"warning: {hits:,} of {rays:,} rays hit anything, fewer than {FEW:.0%}: this checked misses, and little else; "
-        "choose another --camera"
-    )
+        return None
+    fact = f"{hits:,} of {rays:,} rays hit anything, fewer than {FEW:.0%}"
+    return Notice(fact, "this checked misses, and little else", "choose another --camera")
 
 
 def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:

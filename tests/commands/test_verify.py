@@ -24,7 +24,7 @@ from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.chosen_view import ChosenView
-from shadowbench.harness.scene.facts import few_hits
+from shadowbench.harness.scene.facts import few_hits, never_hit
 from shadowbench.harness.scene.prepared import prepare
 
 start_warp()  # as the commands do: what it has to say must not end up in a test's output
@@ -159,8 +159,16 @@ FEW = "hit anything, fewer than 1%: this checked misses, and little else"
 
 
 def test_the_warning_begins_below_a_hundredth():
-    assert few_hits(10, 1000) == few_hits(1, 100) == few_hits(0, 0) == ""
-    assert few_hits(9, 1000) == f"warning: 9 of 1,000 rays {FEW}; choose another --camera"
+    assert few_hits(10, 1000) is few_hits(1, 100) is few_hits(0, 0) is None
+    assert str(few_hits(9, 1000)) == f"warning: 9 of 1,000 rays {FEW}; choose another --camera"
+
+
+def test_triangles_that_are_never_hit_are_a_warning_only_where_all_are():
+    assert never_hit(3, 3) is None
+    some, every = never_hit(3, 1), never_hit(3, 0)
+    assert (some.warns, every.warns) == (False, True)
+    assert str(some).startswith("2 of 3 triangles can never be hit")
+    assert str(every) == f"warning: {every.fact}: this checked misses, and nothing else"
 
 
 @pytest.mark.parametrize("away", [False, True])
