@@ -210,9 +210,13 @@ def validity(table: DataFrame) -> list[str]:
     for column, read in (("view", ""), ("left_out", ", as read")):  # by scene; what of its file was left out
         known = table[table[column] != ""].groupby("title", sort=False)[column].unique()
         lines += [f"{title}{read}: {' | '.join(found)}." for title, found in known.items()]
-    units = table["built"].astype(str).str.extract(rf"{UNITS} (\w+)", expand=False)
-    told = table.assign(units=units).dropna(subset=["units"]).drop_duplicates(["device_name", "units"])
-    lines += [f"{UNITS.capitalize()} of {row.device_name}: {row.units}." for row in told.itertuples()]
+    built = table["built"].astype(str)  # by Vulkan the adapter traces, and not the device of the arrays
+    whose = built.str.extract(rf"\badapter (.+), {UNITS} ", expand=False).fillna(table["device_name"])
+    told = table.assign(whose=whose, units=built.str.extract(rf"{UNITS} (\w+)", expand=False)).dropna(subset=["units"])
+    lines += [
+        f"{UNITS.capitalize()} of {own.whose}: {own.units}."
+        for own in told.drop_duplicates(["whose", "units"]).itertuples()
+    ]
     return list(filter(None, [*lines, *compare.apart(table), effort(table)]))
 
 

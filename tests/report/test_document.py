@@ -66,6 +66,11 @@ def test_a_table_says_whether_a_card_has_ray_tracing_units(tmp_path, capsys):
     line = f"Ray tracing units of {made[1]['method']['device_name']}: none."
     assert line in capsys.readouterr().out.replace("\n", " ")
     assert line in (tmp_path / "told/frame_time.md").read_text()
+    adapter = {"api": "Vulkan", "adapter": "llvmpipe (LLVM 15, 256 bits)"}
+    made[1]["method"]["built"] = {**adapter, "ray tracing units": "none", "slangpy": "0.43.1"}
+    write_records(tmp_path / "vulkan", made)
+    show("frame_time", tmp_path / "vulkan")
+    assert "Ray tracing units of llvmpipe (LLVM 15, 256 bits): none." in (tmp_path / "vulkan/frame_time.md").read_text()
 
 
 def test_a_finding_names_the_least_and_the_greatest_and_lists_no_range():
