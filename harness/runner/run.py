@@ -30,7 +30,7 @@ from .planning.survey import announcement, forget_unmade, known_scene, learn_sce
 from .planning.time_estimate import Estimate, expected_work, guess_of_scene, points_of, steps_of
 from .progress import Silent
 from .workers import scratch
-from .workers.handle import WorkerError, WorkerLostError, graders
+from .workers.handle import WorkerError, WorkerLostError, graders, judges_processors
 from .workers.pool import GRADER, Workers, grader_name
 from .workers.protocol import load_command, picture_of
 
@@ -53,11 +53,14 @@ class Run:
     name: str = field(default_factory=lambda: os.urandom(6).hex())
     """Tables compare only points of one run, because the points of a scene are interleaved."""
     card: str = ""  # on a cluster: the card, as records name it; the caller holds its lock
-    graders: int = field(default_factory=graders)
+    beside: int = 1  # runs of this machine, this one included, that share the processors for scoring
+    graders: int = 0  # workers that score at the same time; 0: by these processors
 
     def __post_init__(self) -> None:
+        apart = judges_processors()
+        self.graders = self.graders or graders(apart, self.beside)
         self.folder = ResultsFolder(self.options.out)
-        self.workers = Workers(self.folder, self.options)
+        self.workers = Workers(self.folder, self.options, apart)
 
     def go(self) -> list[Record]:
         """Measure every point without a record. Raises :class:`~.errors.UserError` if the folder cannot be written."""

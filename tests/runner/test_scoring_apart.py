@@ -38,7 +38,7 @@ def apart(monkeypatch) -> Iterator[int]:
 def test_graders_on_processors_of_their_own_wait_for_nobody_and_use_no_gpu(tmp_path, monkeypatch, apart) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     chosen = replace(options(tmp_path / "out", [write_scene(tmp_path / "tetra.obj")], ["warp_bvh"]), device="cuda:0")
-    crew, lock, asked = Workers(ResultsFolder(chosen.out), chosen), MachineLock(tmp_path), dict[str, object]()
+    crew, lock, asked = Workers(ResultsFolder(chosen.out), chosen, [apart]), MachineLock(tmp_path), dict[str, object]()
     try:
         with lock.exclusive():
             for name in ("grading.1", "warp_bvh"):
@@ -99,7 +99,7 @@ def test_a_grader_apart_begins_there(tmp_path, monkeypatch, apart) -> None:
 
     monkeypatch.setattr(subprocess, "Popen", watched)
     chosen = options(tmp_path / "out", [], [])
-    crew = Workers(ResultsFolder(chosen.out), chosen)
+    crew = Workers(ResultsFolder(chosen.out), chosen, [apart])
     try:
         for name in ("grading.1", "warp_bvh"):
             crew.send(crew.get(name), do="free")
@@ -111,9 +111,20 @@ def test_a_grader_apart_begins_there(tmp_path, monkeypatch, apart) -> None:
 
 def test_as_many_score_as_their_processors_allow(monkeypatch) -> None:
     monkeypatch.setattr(apart_module, "processors", lambda: 12)
-    assert [apart_module.graders(beside) for beside in (1, 2, 99)] == [6, 3, 1]
-    monkeypatch.setattr(apart_module, "judges_processors", lambda: [8, 9, 10, 11])
-    assert [apart_module.graders(beside) for beside in (1, 2, 99)] == [2, 1, 1]
+    assert [apart_module.graders((), beside) for beside in (1, 2, 99)] == [6, 3, 1]
+    assert [apart_module.graders((8, 9, 10, 11), beside) for beside in (1, 2, 99)] == [2, 1, 1]
+
+
+def test_the_processors_for_scoring_are_asked_for_once_in_a_run(tmp_path, monkeypatch) -> None:
+    """Their number gives that of the graders, which get them; runs beside this one share them."""
+    asked = []
+    monkeypatch.setattr(run_module, "judges_processors", lambda: asked.append(1) or [4, 5, 6, 7])
+    runs = [run_module.Run(options(tmp_path / "out", [], []), Silent(), beside=n) for n in (1, 2)]
+    assert ([run.graders for run in runs], len(asked)) == ([2, 1], 2)
+    run = runs[0]
+    assert (run.workers.apart, run.workers.get("grading.1").apart, run.workers.get("warp_bvh").apart) == (
+        [4, 5, 6, 7], [4, 5, 6, 7], (),
+    )  # fmt: skip
 
 
 def test_a_worker_of_a_cluster_whose_scoring_has_no_place_is_given_no_shard(monkeypatch) -> None:

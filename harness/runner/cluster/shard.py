@@ -23,7 +23,7 @@ from ..progress import Silent
 from ..run import Run
 from ..source.closure import project
 from ..workers import scratch
-from ..workers.handle import graders, judges_processors
+from ..workers.handle import judges_processors
 from . import delivery
 from .calibration import Calibration, calibrate
 
@@ -160,7 +160,7 @@ def measure(shard: Shard) -> Outcome:
         delivery.fill(options.out, shard.known)
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
-        records = Run(options, relay, name=shard.run, card=card, graders=graders(shard.beside)).go()
+        records = Run(options, relay, name=shard.run, card=card, beside=shard.beside).go()
         if before is not None:
             after = _calibrated(device)
         files = delivery.fresh(options.out, shard.known)

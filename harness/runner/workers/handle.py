@@ -64,10 +64,10 @@ def kept_to(chosen: Collection[int]) -> Iterator[None]:
         os.sched_setaffinity(0, own)
 
 
-def graders(beside: int = 1) -> int:
-    """Number of workers that score at the same time, by the processors for scoring, which runs ``beside`` each other share.
-    Each has the scene in memory."""
-    return max(1, min(8, (len(judges_processors()) or processors()) // 2 // beside))
+def graders(apart: Collection[int], beside: int = 1) -> int:
+    """Number of workers that score at the same time, on the :func:`judges_processors` or, where there are none, on all;
+    runs ``beside`` each other share them. Each has the scene in memory."""
+    return max(1, min(8, (len(apart) or processors()) // 2 // beside))
 
 
 GRACE_S = 0.5  # additional time for a reply to arrive after its time limit, or after the end of its worker, seconds

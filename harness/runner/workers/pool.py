@@ -4,13 +4,14 @@ The points of a scene are measured in turn, whatever their method and lighting, 
 Where memory gets short, the points that were not used for longest are freed, and prepared again when their turn comes.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 from ...results.folder import ResultsFolder
 from ...scene.overrides import Lighting
 from ..machine.lock import MACHINE
 from ..planning.planned_point import Job, Options
-from .handle import Remote, WorkerError, judges_processors
+from .handle import Remote, WorkerError
 from .protocol import UNWRITABLE, grade_command, load_command, prepare_command
 
 LOAD_S = 300.0  # least time limit for a worker to start and load a scene, whatever the method's limit, seconds
@@ -31,10 +32,11 @@ GRADER = grader_name(1)  # the one that also makes the scenes
 
 
 class Workers:
-    """The workers by name: a method's, or :data:`GRADER`. ``options``: of the presets under way."""
+    """The workers by name: a method's, or :data:`GRADER`. ``options``: of the presets under way; ``apart``: the processors
+    that only scoring has."""
 
-    def __init__(self, folder: ResultsFolder, options: Options):
-        self.folder, self.options, self.apart = folder, options, judges_processors()
+    def __init__(self, folder: ResultsFolder, options: Options, apart: Sequence[int] = ()):
+        self.folder, self.options, self.apart = folder, options, apart
         self._remotes: dict[str, Remote] = {}
         self._loaded: dict[tuple[str, str], int] = {}
         """The generation of the worker that has loaded a lighting, by worker and label."""
