@@ -24,7 +24,7 @@ from helpers.tiny_runs import install_misbehaving, options, write_scene
 from helpers.waiting import PATIENCE_S, until
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.cluster import head
+from shadowbench.harness.runner.cluster import head, shard
 from shadowbench.harness.runner.cluster.calibration import Calibration
 from shadowbench.harness.runner.cluster.head import ClusterRun
 from shadowbench.harness.runner.cluster.pool import connected
@@ -282,21 +282,25 @@ class Imagined:
         files = {f"records/{record['key']}.json": json.dumps(record).encode()}
         points = self.given[card]
         before = points.pop(1) if len(points) > 2 else points[0]
+        if what.refuses(before):
+            return Future(Outcome(card, "Imaginary GPU", before))
         after = points.pop(1) if len(points) > 1 else points[0]
         return Future(Outcome(card, "Imaginary GPU", before, after, keys=(record["key"],), files=files))
 
 
 def test_cards_that_are_apart_are_not_merged(place):
-    """One is too slow from the start; one gets slow and one was, and what they measured then goes beside the rest."""
+    """One is too slow from the start; one gets slow, and what it measured then goes beside the rest; one has become slow
+    before its shard, and measures nothing."""
     chosen = slow(place, scenes=4)
     pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99], "f": [1.005, 1.04, 1.0], "broken": [1.0]})
     records = ClusterRun(pool, chosen, Silent()).go()
     assert sorted(record.scene["name"] for record in records) == [f"tetra{i}" for i in range(4)]
     assert len(list((place / "out" / "records").glob("*.json"))) == 4
-    for card in "bf":
-        (beside,) = (place / "out" / f"card-{card}" / "records").glob("*.json")
-        assert (place / "out" / "records" / beside.name).exists(), "another card has measured it"
-    assert {(one["card"], round(one["apart"], 3)) for one in events(place, "apart")} == {("b", 0.03), ("f", 0.04)}
+    (beside,) = place.glob("out/card-*/records/*.json")
+    assert beside.parts[-3] == "card-b"
+    assert (place / "out" / "records" / beside.name).exists(), "another card has measured it"
+    apart = {(one["card"], round(one["apart"], 3), one["points"]) for one in events(place, "apart")}
+    assert apart == {("b", 0.03, 1), ("f", 0.04, 0)}
     assert sorted(event["card"] for event in events(place, "dropped")) == ["b", "c", "f"]
     assert {event["card"] for event in events(place, "shard")} == {"a", "d"}
     with pytest.raises(UserError, match=r"no worker is fit: card e .* differs by 5.0%"):
@@ -306,6 +310,17 @@ def test_cards_that_are_apart_are_not_merged(place):
     with pytest.raises(UserError, match="and are not merged; pack each into its own folder"):
         keep([chosen.out, elsewhere.out], place / "kept")
     assert not (place / "kept").exists()
+
+
+@pytest.mark.parametrize(("reference", "begins"), [(None, True), (0.99, True), (0.97, False)])
+def test_a_card_that_has_drifted_does_not_begin_a_shard(place, monkeypatch, reference, begins):
+    """The calibration point before the shard tells; the card that is the reference is compared with none."""
+    monkeypatch.setattr(shard, "calibrate", lambda device: Calibration(1.0, 1.0))
+    monkeypatch.setattr(shard.Relay, "doing", lambda *said: None)  # there is no worker of Dask's to tell it
+    compared = None if reference is None else Calibration(reference, 1.0)
+    outcome = shard.measure(shard.Shard(0, slow(place, rounds=1), "run", reference=compared))
+    assert (outcome.before, len(outcome.keys)) == (Calibration(1.0, 1.0), begins)
+    assert (outcome.after is not None) == any(name.startswith("records/") for name in outcome.files) == begins
 
 
 def test_a_worker_with_other_source_takes_no_part(place):

@@ -203,8 +203,10 @@ class ClusterRun:
     def _give(self, address: str, seat: Seat, worker: Worker) -> None:
         """Hand the worker the largest shard."""
         seat.shard = shard = self.todo.pop(0)
+        chosen = self.ledger.reference(worker.device_name)
         sent = replace(
             shard,
+            reference=None if chosen is None or chosen[0] == worker.card else chosen[1],
             known=delivery.known_files(self.folder, shard.options),
             beside=sum(one.worker is not None and one.worker.host == worker.host for one in self.seats.values()),
         )
@@ -234,12 +236,13 @@ class ClusterRun:
 
     def _take(self, seat: Seat, shard: Shard, outcome: Outcome) -> None:
         """Store the results of a worker. Those of a card that differs too much from the others go into a folder of their
-        own."""
+        own; a card that did so before it began has none."""
         points = {n: asdict(p) for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
         about = {**shard.about, "card": outcome.card, **points, "points": len(outcome.keys)}
         gap = self.ledger.gap(outcome, *filter(None, (outcome.before, outcome.after)))
-        if gap > LIMIT:
-            delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
+        if gap > LIMIT or not outcome.keys:
+            if outcome.files:
+                delivery.write(ResultsFolder(self.options.out / f"card-{outcome.card}"), outcome.files)
             self.ledger.note("apart", **about, apart=round(gap, 4))
             self._drop(seat, _too_far(gap))
             self.todo.append(shard)

@@ -16,6 +16,7 @@ import warp as wp
 
 from ...files import digest
 from ...frame.devices import device_title, start_warp
+from ...results.record import Record
 from ..machine.lock import MACHINE, MachineLock
 from ..planning.planned_point import Options
 from ..planning.survey import survey
@@ -25,7 +26,7 @@ from ..source.closure import project
 from ..workers import scratch
 from ..workers.handle import judges_processors
 from . import delivery
-from .calibration import Calibration, calibrate
+from .calibration import LIMIT, Calibration, calibrate
 
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -52,8 +53,9 @@ class Worker:
 class Shard:
     """The points to be measured. ``options``: of one scene; ``known``: files of the results folder that concern it.
 
-    run     the name of the run, common to all its shards; attempt: which one this is, from 1
-    beside  workers on its machine, which share the cores for scoring
+    run        the name of the run, common to all its shards; attempt: which one this is, from 1
+    beside     workers on its machine, which share the cores for scoring
+    reference  of the card that the worker's is compared with; None: there is none, or the worker's is it
     """
 
     number: int
@@ -63,11 +65,16 @@ class Shard:
     known: delivery.Files = field(default_factory=dict)
     beside: int = 1
     wait: bool = True
+    reference: Calibration | None = None
 
     @property
     def about(self) -> dict[str, str]:
         preset = self.options.preset
         return {"scene": preset.scenes[0], "size": f"{preset.width}x{preset.height}"}
+
+    def refuses(self, point: Calibration) -> bool:
+        """Whether a card with this calibration point differs too much from the reference to begin."""
+        return self.reference is not None and point.apart(self.reference) > LIMIT
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ class Outcome:
     """The outcome of a shard.
 
     before, after  calibration points; none where nothing was to be measured
-    keys           the keys of all its points in the declared order
+    keys           the keys of all its points in the declared order; none if the card is refused, before a sample is taken
     """
 
     card: str
@@ -155,13 +162,14 @@ def measure(shard: Shard) -> Outcome:
     relay, lock = Relay(shard, card), MachineLock(of=card)
     lock.say = relay.note
     before = after = None
+    records: list[Record] = []
     with lock.exclusive(), tempfile.TemporaryDirectory(prefix="shard-", dir=scratch.folder()) as folder:
         options = dataclasses.replace(shard.options, out=Path(folder))
         delivery.fill(options.out, shard.known)
         if any(point.to_do for point in survey(options)):
             before = _calibrated(device)
-        records = Run(options, relay, name=shard.run, card=card, beside=shard.beside).go()
-        if before is not None:
-            after = _calibrated(device)
+        if before is None or not shard.refuses(before):
+            records = Run(options, relay, name=shard.run, card=card, beside=shard.beside).go()
+            after = before and _calibrated(device)
         files = delivery.fresh(options.out, shard.known)
     return Outcome(card, device_title(device), before, after, tuple(record.key for record in records), files)
