@@ -72,9 +72,13 @@ def test_each_commit_has_another_turn_of_the_tests_also_in_a_clone_of_the_last_a
 def test_a_release_has_one_number():
     import shadowbench
 
-    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
-    kept = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
-    assert {cited[1], kept["version"]} == {shadowbench.__version__}
+    cited, kept, told = (
+        (ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", ".zenodo.json", "CHANGELOG.md")
+    )
+    version, released = re.search(r"^version: (\S+)\ndate-released: (\S+)$", cited, re.MULTILINE).groups()
+    newest = re.search(r"^## (\d\S+) \((\S+)\)$", told, re.MULTILINE).groups()
+    assert {version, json.loads(kept)["version"]} == {shadowbench.__version__}
+    assert newest == (version, released)
 
 
 def test_every_import_is_of_a_declared_package():

@@ -44,6 +44,7 @@ PLANTED = [
     ("docs/methods/kdtree.md", "`small` (63): triangles at which the heuristic takes over.", "63"),
     ("docs/methods/warp_bvh.md", "A frame takes `0.5` of it.", "`0.5`"),
     ("docs/accuracy.md", "Of 12,288 rays some are lost.", "12,288 rays"),
+    ("CHANGELOG.md", "## 0.2.0 (2026-11-27)\nIt takes 27 ms.", "27 ms"),
     ("docs/cluster.md", "```\nshadowbench run table1  # 28 s on two cards\n```", "28 s"),
     ("docs/paper-method.md", "| § 3, tiles | `tile` | side in pixels, **9** |", "9"),
     ("results/nvidia-h200/README.md", "Memory: 219.1 MB", "219.1 MB"),

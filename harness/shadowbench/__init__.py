@@ -4,4 +4,4 @@ The packages in it (``harness``, ``methods``, ``experiments``) lie in folders of
 which reads the version from here.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -44,8 +44,8 @@ NEXT = re.compile(r"\s*([^\s|]*)")
 
 CODE = re.compile(r"```.*?```|`[^`]*`", re.DOTALL)
 NOT_CODE = re.compile(rf"(?<![\w.])\d[\d,.]* ?{UNIT}|{SPOKEN.pattern}|^`[-+~]?[\d,]*\.\d+`$")
-ADDRESS = re.compile(r"\]\([^)]*\)|https?://\S+|\b\d+\.\d+\.\d+(?:\.\d+)?\b")
-"""Where a link leads, and the number of a version or of a host."""
+ADDRESS = re.compile(r"\]\([^)]*\)|https?://\S+|\b\d+\.\d+\.\d+(?:\.\d+)?\b|\(\d{4}-\d\d-\d\d\)")
+"""Where a link leads, the number of a version or of a host, and the day of a release."""
 
 NAMES = "[Tt]able [Ff]igures? [Ss]ections? [Cc]hapter [Aa]lgorithm GTX Embree Python Apache CUDA glTF TOG uPlot H100"
 NAMED = re.compile(rf"(?:\b(?:{NAMES.replace(' ', '|')})|§) \d[\d.]*(?:, \d[\d.]*)*(?: and \d+)?(?![\d%])")
