@@ -1,7 +1,6 @@
 """The experiments, one file for each: what to run, and how to draw it."""
 
-INTEREST = (
+INTEREST = (  # those that a reader asks for first, in this order; others follow by name
     "frame_time", "crossover", "scaling", "moving", "two_lights", "soft_shadows", "accuracy", "effects", "reflection",
     "table1", "ablation",
 )  # fmt: skip
-"""Those that a reader asks for first, in this order; others follow by name."""

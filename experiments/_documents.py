@@ -144,8 +144,7 @@ def hard_cases(results: Results, folder: str) -> list[str]:
 
 
 def effects_of(results: Results, folder: str, *scenes: str) -> list[str]:
-    """What each effect costs grids of rays, a tree and the paper's grids, and a frame by what alone moved: over the frame of
-    one light, everything rebuilt."""
+    """What each effect costs grids of rays, a tree and the paper's grids; and a frame by what alone moved."""
     table = document.measured(effects.read(results.folder / folder))
     table = document.arranged(table[table["scene"].isin(scenes)], "scene", scenes)
     table = table[(table["light_label"] != effects.BASE) & table["label"].isin([_rivals.OURS.label, EXACT, PAPER])]
@@ -193,7 +192,8 @@ def verdicts(results: Results, machine: str) -> list[str]:
 
 def soft(results: Results, folder: str) -> list[str]:
     """A soft shadow by the number of targets, on each scene: the error of its picture, what the fastest exact grid and tree
-    take, and what a filtered map takes, with its error."""
+    take, and what a filtered map takes, with its error.
+    """
     table = document.measured(soft_shadows.read(results.folder / folder))
     rows = []
     for (title, targets), own in table[table["targets"].isin(SHOWN_TARGETS)].groupby(["title", "targets"], sort=False):
@@ -218,8 +218,7 @@ def percent(share: float) -> str:
 
 
 def repeated(results: Results, folder: str, again: str) -> list[str]:
-    """How many points of two runs of one experiment :mod:`.report.two_runs` finds the same, and which methods the others are
-    of."""
+    """How many points of two runs :mod:`.report.two_runs` finds the same, and which methods the others are of."""
     first, second = (two_runs.entries(newest(results.folder / name)[0]) for name in (folder, again))
     rows = two_runs.compared(first, second).rows
     told = [f"{sum(row.verdict == two_runs.SAME for row in rows)} of {len(rows)} points are the same"]

@@ -39,12 +39,11 @@ class Machine:
 
 
 UNKNOWN = Work(float("nan"), float("nan"))
-MACHINES = {
+MACHINES = {  # devices whose rates are known, by the name that records give them
     # A copy counted both ways; 132 multiprocessors of 4 x 32 lanes at 1.98 GHz, 20 instructions a test of edge
     # planes (not measured); a hundred tiny kernels in a graph.
     "NVIDIA H200": Machine(4.3e12, 1.65e12, 0.001)
 }
-"""Devices whose rates are known, by the name that records give them."""
 
 WorkOf = Callable[[dict[str, Any], str], Work | None]  # a tidy row and a pass to its work, if known
 

@@ -45,7 +45,8 @@ Kept = list[tuple[wp.array, wp.array]]  # the arrays of a frame, and a copy of e
 
 def moment_before(prepared: Prepared, frame: int, share: float, width: int, height: int) -> Moment:
     """The moment that lies ``share`` of a step before a frame: vertices on straight lines, lights on their path and
-    turned back, the camera turned back. 0: the frame itself."""
+    turned back, the camera turned back. 0: the frame itself.
+    """
     if share == 0.0:
         return prepared.moment(frame, width, height)
     scene = prepared.scene
@@ -93,7 +94,8 @@ class Played:
 
     def timed_answers(self, before: Kept, this: Kept) -> dict[str, NDArray]:
         """The same, as frames are timed; the answers are filled with invalid values first. If a buffer of this frame, or of
-        one since the last call, had to grow, the frame is made again."""
+        one since the last call, had to grow, the frame is made again.
+        """
         for _ in range(GROWTH_LIMIT):
             with wp.ScopedDevice(self.session.device):
                 self._until(before, this)
@@ -136,7 +138,8 @@ class Played:
 
     def _until(self, before: Kept, this: Kept) -> None:
         """Everything that comes before a timed frame. What the method kept of the last sample is forgotten first: a
-        pixel without a ray in the frame before would keep the occluder that the timed frame itself has left there."""
+        pixel without a ray in the frame before would keep the occluder that the timed frame itself has left there.
+        """
         self.forget()
         for target, source in before:
             wp.copy(target, source)
@@ -149,7 +152,8 @@ class Played:
 def measure(options: Options, report: Silent, steps: Mapping[str, float], first: str) -> list[Record]:
     """The record of each entry of the preset, on each of its scenes, after each of ``steps`` {label: share of a step}.
     Points with a record are not measured again. The entry with the label ``first`` forgets before each timed frame what
-    it kept."""
+    it kept.
+    """
     preset = options.preset
     with results(options, report) as (folder, made_in):
         report.steps(len(preset.scenes) * len(steps) * len(preset.methods) * preset.rounds)

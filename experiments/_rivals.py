@@ -13,22 +13,20 @@ OURS = Entry("ray_grids", {}, "ray grids")
 HYBRID = Entry("hybrid", {}, "hybrid")  # the camera's stream of ray grids with a tree for the shadow rays
 RASTERISED = Entry("visibility_buffer", {}, "visibility buffer")  # irregular z-buffers: no structure of the triangles
 
-REBUILT = (
+REBUILT = (  # Trees built anew each frame. "plain": shadow rays as a user of Warp writes them, in float32.
     Entry("bvh2", {}, "BVH2 rebuilt"),
     Entry("bvh2", {"precision": "float32"}, "BVH2 rebuilt, float32"),
     Entry("warp_bvh", {"origin": "plain"}, "mesh rebuilt, plain"),
     Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
     Entry("kdtree", {}, "kd-tree"),
 )
-"""Trees built anew each frame. "plain": shadow rays as a user of Warp writes them, in float32."""
 
-REFITTED = (
+REFITTED = (  # trees of the first frame whose boxes are refitted: they do less work than the others
     Entry("bvh2", {"update": "refit"}, "BVH2 refitted"),
     Entry("bvh2", {"update": "refit", "precision": "float32"}, "BVH2 refitted, float32"),
     Entry("warp_bvh", {"update": "refit", "constructor": "cubql", "origin": "plain"}, "cubql refitted, plain"),
     Entry("warp_bvh", {"update": "refit", "constructor": "sah", "origin": "plain"}, "SAH refitted, plain"),
 )
-"""Trees of the first frame whose boxes are refitted: they do less work than the others."""
 
 BODIES = (Entry("two_level_bvh", {"deforming": "refuse"}, "two-level BVH"),)
 """Trees of bodies that move rigidly, kept; for scenes that do not say which triangles move together a row says so."""
@@ -50,7 +48,7 @@ FEW = (OURS, HYBRID, RASTERISED, *REBUILT[:2], REFITTED[1], GRIDS[0])
 
 STRONGEST = (OURS, HYBRID, RASTERISED, *REBUILT, *REFITTED, *GRIDS)
 
-REBUILDS = {
+REBUILDS = {  # what a method does in each frame before it traces, by label; the last three are in earlier records only
     OURS.label: "sorts its rays",
     HYBRID.label: "sorts its rays",
     RASTERISED.label: "rasterises",
@@ -65,7 +63,6 @@ REBUILDS = {
     "driver updated": "refits its tree",
     **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
 }
-"""What a method does in each frame before it traces, by label; the last three are in earlier records only."""
 
 
 def in_each_frame(table: DataFrame) -> Series:

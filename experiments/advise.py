@@ -35,7 +35,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def what_changes(done: DataFrame, root: Path) -> list[str]:
     """One sentence for each of :data:`MORE`, from the records of ``crossover`` below ``root``. Those of the device that
-    ``done`` was measured on count, else those of a device of its kind, which are named."""
+    ``done`` was measured on count, else those of a device of its kind, which are named.
+    """
     if done.empty:
         return []
     device, name = done["device"].iloc[0], done["device_name"].iloc[0]

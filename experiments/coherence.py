@@ -40,7 +40,8 @@ COLUMNS += "step ratio ratio_spread settled memory_bytes".split()
 def measured(options: Options, report: Silent) -> list[Record]:
     """The points of a run (:func:`._played.measure`). Raises UserError for other methods and for scenes that cannot be
     traced: the answers are compared with those of the same method, so that no score would tell of a scene that it
-    cannot trace."""
+    cannot trace.
+    """
     for entry in options.preset.methods:
         if entry.method != NONE.method:
             raise UserError(f"--method {entry.method}: coherence measures ray_grids alone; leave out --method")
@@ -53,7 +54,8 @@ def measured(options: Options, report: Silent) -> list[Record]:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Frame time by how much has moved, over that of :data:`NONE` after the same step, and the share of the shadowed rays
-    that their last occluder settled: a drawing, CSV, and a table of each scene."""
+    that their last occluder settled: a drawing, CSV, and a table of each scene.
+    """
     frames = document.frames(folder)
     table, found = document.named(frames), compare.ratios(frames, frames["label"] == NONE.label)
     shadowed = table["counter.shadowed rays"].where(table["counter.shadowed rays"] > 0)

@@ -17,13 +17,12 @@ METHODS = (
     *_rivals.FEW, _rivals.REFITTED[0], *_rivals.REBUILT[3:], Entry("warp_bvh", {}, "mesh rebuilt"), _rivals.DRIVER[0],
 )  # fmt: skip
 COLUMNS = [*document.COMMON, *NUMBERS, *MISSING, *LATENCIES, "watts", "in_flight_gain", "memory_bytes"]
-SHOWN = {
+SHOWN = {  # the columns of the table, and their headings
     "title": "scene", "label": "method", "ms": "ms", "error": "answers", "energy_mj": "energy, mJ", "watts": "power, W",
     "memory_mb": "memory, MB", "bytes_per_ray": "bytes a ray", "fps": "frames/s", "fps_pair": "two in flight",
     "primary_tests": "tests, primary", "shadow_tests": "tests, shadow", "sah_cost": "SAH cost",
     "expected_tests": "expected tests",
 }  # fmt: skip
-"""The columns of the table, and their headings."""
 ABOUT = (
     "Energy of a frame: what the card used above its idle power, {}, over replays of the frame; power: of the card while it "
     "replays them. Two in flight: frames of both together in a second. Memory: the most that the method held. "
@@ -37,7 +36,8 @@ LACKING = {"energy_missing": "No energy", "flight_missing": "No second frame in 
 
 def read(folder: Path) -> DataFrame:
     """The points, with power while frames are replayed, frames a second, and what a second one in flight adds. Energy
-    above that of a card that was not idle says nothing: there is none."""
+    above that of a card that was not idle says nothing: there is none.
+    """
     table = document.read(folder)
     watts = table["idle_w"] + table["energy_mj"] / table["alone_ms"].fillna(table["total_ms"])
     busy = table["idle_w"] > MOST_IDLE * watts

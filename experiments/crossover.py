@@ -24,11 +24,10 @@ from ._paper import large, small
 from ._rivals import FEW, STRONGEST, lights
 from .scaling import short
 
-AXES = {
+AXES = {  # the swept quantities, by column
     "triangles": "triangles", "pixels": "pixels", "lights": "lights", "seen": "pixels that see the ground, %",
     "moving": "triangles that move, %",
 }  # fmt: skip
-"""The swept quantities, by column."""
 MAPS = (("triangles", "pixels"), ("triangles", "seen"))
 NATURAL = -1  # in the columns `seen` and `moving`: the scene's own camera; nothing moves and there is one frame
 ROOMS = ("sibenik", "conference")
@@ -52,7 +51,8 @@ def sweeps(
     seen: tuple[int, ...], few: tuple[str, ...], moving: tuple[int, ...], rooms: tuple[str, ...] = (),
 ) -> Preset:  # fmt: skip
     """A map of triangles and pixels, one of triangles (``few``) and pixels hit, and the two other sweeps; lights in
-    rooms. All but the rooms cross at ``middle`` triangles, at the size of ``base``, with one light."""
+    rooms. All but the rooms cross at ``middle`` triangles, at the size of ``base``, with one light.
+    """
     parts = [
         *settings(base, sides, (f"balls-{n}" for n in triangles)),
         *settings(base, (base.width,), (f"balls-{middle}",), [n for n in lights if n != 1]),
@@ -66,7 +66,8 @@ def sweeps(
 def read(folder: Path) -> DataFrame:
     """The points, with what is swept as columns of its own, and the label of the fastest of each setting. ``triangles``
     is the number in the scene's name; of a room, whose title is in ``room``, that of its mesh. ``exact``: the method
-    calls itself exact and no answer was wrong."""
+    calls itself exact and no answer was wrong.
+    """
     table = document.read(folder)
     names = [balls.read_name(name) for name in table["scene"]]
     shares = {column: [getattr(name, column, None) for name in names] for column in ("seen", "moving")}
@@ -84,7 +85,8 @@ def read(folder: Path) -> DataFrame:
 
 def winners(table: DataFrame) -> DataFrame:
     """The fastest point of each setting: with ``next``, the label of the second, ``times``, how many times slower that is,
-    and ``told``, whether the gap is more than the spreads of the two."""
+    and ``told``, whether the gap is more than the spreads of the two.
+    """
     axes = [*AXES]
     ranked = document.measured(table).sort_values([*axes, "total_ms"], kind="stable")
     place = ranked.groupby(axes).cumcount()
@@ -99,7 +101,8 @@ def winners(table: DataFrame) -> DataFrame:
 
 def along(table: DataFrame, *axes: str) -> DataFrame:
     """The points that differ in nothing but ``axes``: of all such groups the one with most settings. Of several such
-    groups the one whose other values are the most common: where the sweeps cross."""
+    groups the one whose other values are the most common: where the sweeps cross.
+    """
     others = [axis for axis in AXES if axis not in axes]
     if table.empty:
         return table
@@ -153,7 +156,8 @@ def over_lights(preposition: str, groups: Iterable[tuple[Any, DataFrame]]) -> li
 
 def over(line: DataFrame, axis: str, name: str) -> str:
     """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value. A
-    winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence."""
+    winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence.
+    """
     if line[axis].nunique() < 2:
         return ""
     turns: list[tuple[float, str]] = []
@@ -235,7 +239,8 @@ def counted(axis: str, value: float) -> str:
 def map_picture(maps: list[tuple[str, str]], done: DataFrame, path: Path) -> Path:
     """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the
     next is. Left: exact methods only; right: all. A square of two colours is a tie: the gap is within the spreads of
-    the two."""
+    the two.
+    """
     from matplotlib.patches import Polygon, Rectangle
 
     # Labels of one method have one colour: the later ones are lighter.

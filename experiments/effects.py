@@ -25,7 +25,7 @@ METHODS = (
 BASE = "one light"
 SPOT, NARROW, WIDE = 20.0, 10.0, 40.0  # half-angles of spots, degrees
 
-EFFECTS = (
+EFFECTS = (  # each effect alone against one point light with shadows, then together
     Lighting("no shadows", count=1, shadows=False),
     Lighting(BASE, count=1),
     Lighting("two lights", count=2),
@@ -39,7 +39,6 @@ EFFECTS = (
     Lighting("shaded", count=1, color=True),
     Lighting("spot, facing, two", count=2, spot=SPOT, facing=True),
 )
-"""Each effect alone against one point light with shadows, then together."""
 
 PLAIN = 8  # number of them that need only lights; the others are measured last, because their reference takes longest
 

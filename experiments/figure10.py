@@ -15,7 +15,7 @@ from ..harness.runner.planning.experiment import Experiment, Preset
 from ._paper import SCENES, faithful, large, small
 
 PRIMARY, SHADOW = "#0072B2", "#D55E00"
-STAGES = {
+STAGES = {  # passes that are counted together: title; part of the frame and names, a regular expression; colour
     "grid_build": ("grid build", ("build", ""), style.lightened(PRIMARY, 0.6)),
     "primary_traversal": ("primary traversal", ("trace", ""), style.lightened(PRIMARY, 0.0)),
     "rearrangement": (
@@ -24,7 +24,6 @@ STAGES = {
     "light_grid_build": ("light grid build", ("light build", ""), style.lightened(SHADOW, 0.45)),
     "shadow_traversal": ("shadow traversal", ("shadow", "shadow rays"), style.lightened(SHADOW, 0.0)),
 }  # fmt: skip
-"""Passes that are counted together: title; part of the frame and names, a regular expression; colour."""
 PASSES = {name: passes for name, (_, passes, _) in STAGES.items()}
 
 METHODS = (faithful("paper-faithful"),)

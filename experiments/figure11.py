@@ -66,7 +66,8 @@ def aimed(table: DataFrame) -> Series:
 
 def read(folder: Path) -> DataFrame:
     """The points, nearest light first, with their panel, the traversal alone, and ``line``: r, with an inexact format.
-    Those of other methods are left out, which have no such settings."""
+    Those of other methods are left out, which have no such settings.
+    """
     table = document.with_passes(document.read(folder), folder, {"traversal": TRAVERSAL})
     table = table[table["method"] == "perspective_spherical"].copy()
     if table.empty:

@@ -32,7 +32,8 @@ COLUMNS = [*document.COMMON, "light", "spot", *SPOT, "hit_pixels", "shadow_rays"
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The scene without and with each spot, CSV, and the time that the spot saves: light grid and shadow rays over those of
-    the light that shines everywhere, which comes first."""
+    the light that shines everywhere, which comes first.
+    """
     frames = document.frames(folder)
     table = document.named(frames)
     is_spot = table.reindex(columns=["light.target"])["light.target"].notna()

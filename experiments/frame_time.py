@@ -57,7 +57,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def launched(done: DataFrame) -> DataFrame:
     """One row per point whose passes the host launches: one of several frames in a row, one alone from an idle device to an
-    idle device, and the host's time to submit it."""
+    idle device, and the host's time to submit it.
+    """
     own = done[done["submitted_ms"].notna()]
     alone, submitted = (own[name].map("{:.2f}".format) for name in ("wall_ms", "submitted_ms"))
     rows = {"scene": own["setting"], "method": own["label"], "in a row": own["ms"], "alone": alone}
@@ -75,8 +76,7 @@ def over_floor(done: DataFrame, stages: DataFrame) -> DataFrame:
 
 
 def beside(row: dict[str, Any]) -> str:
-    """The text at a bar's end: its time and how many times the fastest exact that is, with the digits that they carry, and
-    wrong answers."""
+    """The text at a bar's end: its time, how many times the fastest exact that is, and wrong answers."""
     text = f"{row['ms']} ms"
     if row["times"] == row["times"] and row["times"] != 1.0:
         text += f", {numbers.carried(row['times'], row['times_spread'])}x"

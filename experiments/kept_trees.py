@@ -45,7 +45,8 @@ ABOUT = "A kept tree is made on the host, by the surface area heuristic, before 
 
 def read(folder: Path) -> tuple[DataFrame, DataFrame]:
     """The points; and a row per frame: with the frame that its tree was made of, its ``age``, and ``ratio`` and
-    ``sah_ratio``, time and SAH cost over those of the rebuilt tree in the same frame of the same run."""
+    ``sah_ratio``, time and SAH cost over those of the rebuilt tree in the same frame of the same run.
+    """
     frames = document.frames(folder)
     table = document.named(frames)
     rows = frames.assign(title=frames["key"].map(table["title"]), light_count=frames["lights"], between_ms=0.0)

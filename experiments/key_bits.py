@@ -72,7 +72,8 @@ class Trial(PassRunner):
 def measure(options: Options, report: Silent) -> list[Record]:
     """The record of each number of key bits, at as many pairs as the preset's image has pixels (and those after it).
     Points with a record are not measured again. Raises :class:`UserError` if scenes or methods are given, or if the
-    folder cannot be written."""
+    folder cannot be written.
+    """
     if options.preset.scenes or options.preset.methods:
         raise UserError(f"{options.experiment.name} sorts random keys; it takes no --scene and no --method")
     parts = options.preset.parts()

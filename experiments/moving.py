@@ -28,11 +28,10 @@ def turn(places: int) -> tuple[Lighting, ...]:
     return (Lighting("one turn", turns=1.0, frames=places),)
 
 
-WORK = [
+WORK = [  # what explains a slow place: work counters
     "counter.shadow tests a hundred rays", "counter.light 0 tiles with rays", "counter.light 0 most rays in a tile",
     "counter.light 0 list, longest", "counter.light 0 pairs",
 ]  # fmt: skip
-"""What explains a slow place: work counters."""
 
 FRAME = ["frame", "total_ms", "iqr_ms", "true_errors", *(f"{part}_ms" for part in PART_COLUMNS.values()), *WORK]
 COLUMNS = [*document.COMMON, "frame", "turn", *WORK]

@@ -21,12 +21,11 @@ TREES = (*_rivals.REBUILT, _rivals.REFITTED[0], Entry("embree", {}, "Embree"))
 BOTH = (_rivals.HYBRID,)  # a tree for mirrored rays beside another structure for primary rays
 METHODS = (*GRIDS, *TREES, *BOTH)
 BASE = "no mirrors"
-LIGHTINGS = (
+LIGHTINGS = (  # the scene's largest triangles are mirrors (`scene.overrides.largest_triangles`)
     Lighting(BASE, count=1),
     Lighting("1 bounce", count=1, bounces=1),
     Lighting("4 bounces", count=1, bounces=4),
 )
-"""The scene's largest triangles are mirrors (:func:`.scene.overrides.largest_triangles`)."""
 
 MIRRORED = r"bounce \d+: mirrored rays"
 COLUMNS = [*document.COMMON, "mirrored_rays", "primary_ns", "mirrored_ns", "loss", "added_ms", "ratio", "memory_bytes"]

@@ -40,9 +40,24 @@ REFERENCE = 256
 EXACT = "every exact method"
 JUDGES = (Entry("bvh2"), Entry("two_level_grid"))
 """What the pictures of the exact methods and of the reference are made with, the first that has room for all targets;
-records say whether a method answers as they do."""
+records say whether a method answers as they do.
+"""
 
 Made = tuple[dict[str, NDArray], NDArray[np.uint8]]  # answers, and their picture
+
+WITH_TREE = Entry("hybrid", {"shadows": "tree"}, "hybrid with its tree")
+"""The camera's stream, and a tree for shadow rays whatever their number; "hybrid" itself takes a grid or a tree."""
+
+TREES, GRIDS = (REBUILT[0].label, WITH_TREE.label), (OURS.label,)
+FILTERED = tuple(
+    Entry("shadow_map", {"size": "2048", "filter": "soft", "spread": spread}, f"{name} filtered map")
+    for name, spread in (("narrow", "0.25"), ("wide", "1"))
+)
+METHODS = (OURS, *REBUILT[:2], HYBRID, WITH_TREE, RASTERISED, *FILTERED)
+SCENES = ("sibenik", "conference", "fairy", "buddha", "cloth")  # two rooms, two open scenes, and one that moves
+
+ERROR = ["rmse", "largest", "flip_error"]
+COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]
 
 
 def targets(*counts: int) -> tuple[Lighting, ...]:
@@ -141,21 +156,6 @@ def side_by_side(found: list[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8
     return np.vstack([np.hstack(tiles[i : i + 3]) for i in range(0, len(tiles), 3)])
 
 
-WITH_TREE = Entry("hybrid", {"shadows": "tree"}, "hybrid with its tree")
-"""The camera's stream, and a tree for shadow rays whatever their number; "hybrid" itself takes a grid or a tree."""
-
-TREES, GRIDS = (REBUILT[0].label, WITH_TREE.label), (OURS.label,)
-FILTERED = tuple(
-    Entry("shadow_map", {"size": "2048", "filter": "soft", "spread": spread}, f"{name} filtered map")
-    for name, spread in (("narrow", "0.25"), ("wide", "1"))
-)
-METHODS = (OURS, *REBUILT[:2], HYBRID, WITH_TREE, RASTERISED, *FILTERED)
-SCENES = ("sibenik", "conference", "fairy", "buddha", "cloth")  # two rooms, two open scenes, and one that moves
-
-ERROR = ["rmse", "largest", "flip_error"]
-COLUMNS = [*document.COMMON, "targets", *ERROR, "front_exact", "front"]
-
-
 def after(options: Options, report: Silent) -> None:
     """Untimed: for each scene the errors of its pictures as CSV, and pictures side by side. Not made again while there."""
     for name in options.preset.scenes:
@@ -201,7 +201,8 @@ def read(folder: Path) -> DataFrame:
 
 def overtaking(done: DataFrame) -> tuple[str, str]:
     """From how many targets on the fastest exact tree is faster than the fastest exact grid, in words, and its spread.
-    ``done``: points of one scene. Between two numbers of targets times are taken to lie on a line."""
+    ``done``: points of one scene. Between two numbers of targets times are taken to lie on a line.
+    """
     own = done[done["exact"]].sort_values("total_ms")
     tree, grid = (
         own[own["label"].isin(labels)].drop_duplicates("targets").set_index("targets").sort_index()

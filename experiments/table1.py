@@ -18,7 +18,7 @@ from .figure9 import gallery
 
 QUICK_ROWS = ("the paper's grids", "ray grids", "BVH2 rebuilt", "uniform grid", "mesh rebuilt", "Embree")
 
-METHODS = (
+METHODS = (  # The rows, in the order of the table. A line here adds a row.
     faithful("paper-faithful"),
     Entry(METHOD, {}, "the paper's grids"),
     Entry("ray_grids", {}, "ray grids"),
@@ -33,7 +33,6 @@ METHODS = (
     Entry("embree", {}, "Embree"),
     Entry("embree", {"quality": "low"}, "Embree, fast build"),
 )
-"""The rows, in the order of the table. A line here adds a row."""
 
 QUICK = tuple(e for e in METHODS if e.label in QUICK_ROWS)  # a CPU compiles and runs these in four minutes
 
@@ -93,7 +92,8 @@ def read(folder: Path) -> DataFrame:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """``table1.csv``: one row per point, then the paper's printed entries; ``table1.md``: whole frames beside what the paper
-    prints, then the parts of each; stacked bars of each scene; and the gallery of ``folder/images``."""
+    prints, then the parts of each; stacked bars of each scene; and the gallery of ``folder/images``.
+    """
     table = read(folder)
     by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
     done = document.measured(by_scene)

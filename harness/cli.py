@@ -1,10 +1,7 @@
 """The command line: ``shadowbench COMMAND``. It knows which commands there are, and imports those that are asked for.
-
 Exit codes: 0: success; 1: a check or a point failed; 2: the command line was wrong. An error is one line on standard
 error; ``--debug`` adds the traceback.
 """
-
-from __future__ import annotations
 
 import functools
 import importlib
@@ -21,14 +18,13 @@ from .runner.machine.lock import MACHINE
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
 
-COMMANDS = {
+COMMANDS = {  # the module of `commands` and the function of each command (`commands.options.command`)
     "run": "run.run_", "show": "show.show_", "list": "listing.list_", "render": "render.render",
     "advise": "advise.advise", "check": "check.check", "plan": "plan.plan", "verify": "verify.verify",
     "explain": "explain.explain", "score": "verify.score", "report": "report.report", "compare": "compare.compare",
     "view": "view.view", "scenes": "scenes.scenes", "new-method": "new_method.new_method", "cache": "cache.cache",
     "keep": "keep.keep",
 }  # fmt: skip
-"""The module of :mod:`.commands` and the function of each command (:func:`.commands.options.command`)."""
 
 EVERYWHERE = ("--debug", "--no-wait")  # options of the program itself: accepted before and after the command
 
@@ -96,7 +92,8 @@ def register(name: str) -> None:
 
 def wanted(words: list[str]) -> list[str]:
     """The commands that a command line needs: the one that it names; all, where it names none and is not answered before,
-    as for help, completion and misspelt names."""
+    as for help, completion and misspelt names.
+    """
     first = next((word for word in words if not word.startswith("-")), "")
     if first in COMMANDS:
         return [first]

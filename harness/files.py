@@ -24,7 +24,8 @@ PARTIAL = re.compile(r"\..+\.[a-z0-9_]{8}\.partial")
 @contextlib.contextmanager
 def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
     """A stream for the new content of a file, which a reader sees whole or not at all, and its folder if there is none.
-    ``durable``: on the disk before the file is put in its place, so that a crash of the machine does not lose it."""
+    ``durable``: on the disk before the file is put in its place, so that a crash of the machine does not lose it.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".partial")
@@ -46,7 +47,8 @@ def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
 
 def open_regular(path: Path, update: bool = False) -> IO[bytes]:
     """A file opened for reading, or to ``update`` it. Raises OSError for a folder, a pipe, a device or a socket.
-    Opening a pipe would wait for its writer, and a device may have no end."""
+    Opening a pipe would wait for its writer, and a device may have no end.
+    """
     _require_regular(os.stat(path), path)  # opening alone can act on a device
     handle = os.open(path, (os.O_RDWR if update else os.O_RDONLY) | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -67,7 +69,8 @@ def _require_regular(found: os.stat_result, path: Path) -> None:
 @contextlib.contextmanager
 def opened_arrays(path: Path, most: int = 16 << 30) -> Iterator[Any]:
     """The arrays that :func:`write_arrays` wrote, each read when it is asked for; nothing pickled. Raises one of
-    :data:`DAMAGED` for anything else, and for an archive that unpacks to more than ``most`` bytes."""
+    :data:`DAMAGED` for anything else, and for an archive that unpacks to more than ``most`` bytes.
+    """
     with open_regular(path) as stream:
         if not zipfile.is_zipfile(stream):
             raise ValueError("it is no .npz file")

@@ -1,5 +1,4 @@
 """Texts of files, records and methods made safe to show, in one place: in a terminal, in Markdown, in a file's name.
-
 Such a text may hold codes that move a terminal's cursor, reverse the direction of reading or end a line, halves of
 characters that no file can be written with, and HTML. What is read from a record is :func:`visible` from then on.
 """

@@ -10,10 +10,9 @@ from typing import Annotated, Any, Required, Union, get_args, get_origin, get_ty
 
 OMITTED = {"omitted": True}  # metadata of a dataclass field that is left out of the JSON while it has its default
 
-CALLED = {
+CALLED = {  # names of the types of JSON for error messages
     str: "text", int: "a whole number", float: "a number", bool: "true or false", list: "a list", dict: "an object",
 }  # fmt: skip
-"""Names of the types of JSON for error messages."""
 
 LARGEST = 2**63 - 1  # largest whole number, and least with a minus: tables hold them as int64
 

@@ -18,7 +18,8 @@ LOOKS = {
     "two_level_bvh": ("#AA4499", "d"),
 }
 """The colour and the marker of each method in every drawing. The first eight are distinct with every common colour vision
-(Okabe and Ito's colours, a wine red, a brown); a method that is not listed gets one from its name."""
+(Okabe and Ito's colours, a wine red, a brown); a method that is not listed gets one from its name.
+"""
 
 KINDS = {
     **dict.fromkeys(("ray_grids", "hybrid"), "grids of rays"),

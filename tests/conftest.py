@@ -55,7 +55,8 @@ def leave_to_other_turns(items: list[pytest.Item]) -> None:
 
 def begin_with_the_longest(items: list[pytest.Item]) -> None:
     """What takes the longest, or compiles the most, stands first in the parts of the tests with which the first two
-    processes begin; who is done takes from the end of another's part."""
+    processes begin; who is done takes from the end of another's part.
+    """
     processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     hard, emulated, others = [], [], []
     for item in items:

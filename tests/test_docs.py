@@ -107,7 +107,8 @@ def test_every_drawn_number_is_that_of_the_records(results, tmp_path):
 
 def test_what_the_first_pages_say_of_the_columns_of_their_table_is_true(results):
     """Grids of triangles, which have none, are slower than the best of each kind that has one; the tuned entry of
-    the paper's grids is the faster of the two."""
+    the paper's grids is the faster of the two.
+    """
     table = results.ranked("nvidia-h200/frame_time")
     own = table.pivot_table("total_ms", "title", "label")
     best = (

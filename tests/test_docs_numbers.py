@@ -18,7 +18,8 @@ def text_of(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_measured_number_is_drawn(name):
     """What is found here is drawn from records, told in words with its numbers in the notebook, or, where nothing measured
-    it, listed with a reason in tests/data/definitions.toml."""
+    it, listed with a reason in tests/data/definitions.toml.
+    """
     assert rule.undrawn(name, text_of(name)) == []
 
 

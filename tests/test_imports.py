@@ -1,5 +1,6 @@
 """The order of the packages: each imports only those before it, nothing imports in a circle, no harness names a method. And
-that a test of each file of kernels is found by its name."""
+that a test of each file of kernels is found by its name.
+"""
 
 import ast
 import functools

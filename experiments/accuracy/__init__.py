@@ -24,7 +24,7 @@ def _tree(label: str, **settings: str) -> Entry:
 
 
 EXACT = "exact tree: every measure"
-LADDER = (
+LADDER = (  # one parameter at a time away from the exact tree; then all of them in float32, with care and without
     _tree(EXACT),
     _tree("triangle test: Möller-Trumbore", test="moller_trumbore"),
     _tree("triangle test: M.-T., det > 1e-7", test="moller_trumbore_epsilon"),
@@ -51,7 +51,6 @@ LADDER = (
         fast_math="true",
     ),
 )  # fmt: skip
-"""One parameter at a time away from the exact tree; then all of them in float32, with care and without."""
 
 GRIDS = "as used: perspective and spherical grids"
 
@@ -92,13 +91,12 @@ MAPS = (_map(512), _map(1024), _map(2048), _map(4096))
 WAYS = tuple(_map(2048, bias) for bias in ("none", "constant", "normal")) + (_map(2048, filter="pcf"),)
 LARGE = (_map(8192), _map(8192, "normal"), _map(4096, "normal"), _map(8192, filter="pcf"))
 
-MEASURES = (
+MEASURES = (  # safety measures of the exact tree: name, the point with it, and the otherwise equal point without it
     ("float64 decides triangle tests", EXACT, "triangle test: Möller-Trumbore"),
     ("float64 hit point, its planes excluded", EXACT, "shadow origin: own triangle skipped"),
     ("padded boxes", EXACT, "tree: boxes not padded"),
     ("strict float arithmetic", EXACT, "tree: fast math"),
 )
-"""Safety measures of the exact tree: name, the point with it, and the otherwise equal point without it."""
 
 OTHER_MEASURES = (
     ("robust Embree", "Embree: robust, 1 thread", "Embree: fast, 1 thread"),
@@ -110,11 +108,10 @@ OTHER_MEASURES = (
     ("back faces kept, in the grids", GRIDS, "in the grids: back faces culled"),
 )
 
-SHOWN = (
+SHOWN = (  # points whose wrong pixels are shown, where they were run
     "shadow map: 512", "shadow map: 2048", "shadow map: 2048 none", "shadow origin: 1e-2 radii",
     "shadow origin: barycentric, as it is", "in the grids: vertex bounds",
 )  # fmt: skip
-"""Points whose wrong pixels are shown, where they were run."""
 
 GRID = (
     _tree("float64 hit point (ours)"),
@@ -133,7 +130,8 @@ VARIANTS = "V "  # prefixes of the names of cases that are scaled and moved copi
 
 LONG = ("P17", "P29", "P31", "S16", "S19c", "S31", "S35")
 """Prefixes of cases for which the judge takes a second or more per point: many rays, or many exactly through vertices.
-The quick preset leaves them out too."""
+The quick preset leaves them out too.
+"""
 
 OF_EFFECTS = ("H", "M")  # prefixes of cases with holes and mirrors: most points support opaque scenes only
 

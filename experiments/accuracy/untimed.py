@@ -58,7 +58,8 @@ def error_grid(
     device: str,
 ) -> Iterator[dict[str, Any]]:  # fmt: skip
     """One row per entry, light distance and offset (both in scene radii): counts of each class, or why there are none.
-    The light stands in its own direction from the scene's middle. ``size``: pixels along a side."""
+    The light stands in its own direction from the scene's middle. ``size``: pixels along a side.
+    """
     for offset in offsets:
         moved = offset_by(prepared, offset)
         for distance in distances:

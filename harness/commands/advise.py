@@ -15,13 +15,12 @@ if TYPE_CHECKING:
     from ..scene.chosen_view import ChosenView
 
 EXPERIMENT = "advise"
-MOVES = {
+MOVES = {  # words of `--moves`, names of `scene.overrides.MOVED` that leave something to do, and what tables say
     "camera": "the camera moves",
     "light": "a light moves",
     "part": "part of the geometry moves",
     "all": "everything moves",
 }
-"""Words of ``--moves``, names of :data:`.scene.overrides.MOVED` that leave something to do, and what tables say."""
 MOST_LIGHTS = 1024
 
 

@@ -1,7 +1,5 @@
 """``shadowbench check``: test a method for correctness before it is timed."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 from typing import Any

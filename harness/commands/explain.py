@@ -1,7 +1,5 @@
 """``shadowbench explain``: the answer of every method, of the reference and of exact arithmetic at one pixel."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -95,8 +93,7 @@ def answers_at(answers: dict[str, NDArray], index: int) -> dict[str, NDArray]:
 
 
 def exact_facts(found: Judgement) -> dict[str, Any]:
-    """The exact answer at a judged pixel: set of tied triangles, t, distance to the nearest edge in units of the error
-    bound, and each shadow bit."""
+    """The exact answer at a judged pixel: tied triangles, t, distance to an edge in bounds, each shadow bit."""
     judge, hits = found.judge, found.exact.hits
     referee, ratio = judge.referee, hits.ratio[0]
     if ratio is None:
@@ -172,7 +169,8 @@ def _print(facts: dict[str, Any]) -> None:
 
 def _print_rows(rows: list[dict[str, Any]]) -> None:
     """The answers, one row per method, then the reason of each method without an answer. Where each method has a ray
-    of its own, the row also holds the exact triangle for that ray."""
+    of its own, the row also holds the exact triangle for that ray.
+    """
     bounced = any("exact" in row for row in rows)
     table = make_table("method", "triangle", "t", "u", "v", "class", "shadows", *["exact"] * bounced)
     for row in (one for one in rows if "class" in one):

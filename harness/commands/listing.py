@@ -38,7 +38,8 @@ def list_(
     scene_dir: Path | None = None, as_json: bool = False,
 ) -> int:  # fmt: skip
     """List the methods, scenes or experiments; of a method its parameters; of an experiment its presets; of a file its
-    triangles and frames, its cameras and its lights."""
+    triangles and frames, its cameras and its lights.
+    """
     rows = rows_of(kind, name or [], lambda: view_of(rate=rate, allow_missing=allow_missing), scene_dir, not as_json)
     tell(rows, as_json, show)
     return 0

@@ -59,11 +59,10 @@ SHARED = """
 ONE_METHOD = "The method that traces it. Default: ray_grids, or where it cannot trace the scene the first that can."
 """What ``--method`` means to a command that shows a scene."""
 
-PARAMETERS = {
+PARAMETERS = {  # parameters that are not called as their options, most of which Python has a use for
     "set": "setting", "json": "as_json", "with": "extras", "open": "browser", "all": "everything",
     "every_pixel": "everything", "animate": "animation",
 }  # fmt: skip
-"""Parameters that are not called as their options, most of which Python has a use for."""
 
 ROW = re.compile(r"(?P<head>\S+)(?: (?P<value>\S+(?: \S+)*))?  +(?P<text>.+)")
 
@@ -163,8 +162,7 @@ def view_of(
 
 
 def number_or_frames(text: str | None, view: ChosenView) -> tuple[int | None, ChosenView]:
-    """The value of a ``--frames`` that takes either a number of frames, or the frames A:B:STEP of a file: the number, and
-    the view of these frames."""
+    """The value of a ``--frames`` that takes a number of frames, or A:B:STEP of a file: the number, and the view."""
     from ..scene.readers.checks import frames_of
 
     if text is None or ":" in text:

@@ -120,8 +120,7 @@ def shadow_rays(scene: Scene) -> str:
 
 
 def change_sets(scene: Scene) -> dict[str, frozenset[str]]:
-    """The kinds of frame that are listed: for each, the names of the inputs that changed since the last frame. With a light
-    all of its targets change."""
+    """The inputs that changed since the last frame, by kind of frame. With a light all of its targets change."""
     lights = {f"light {i}": frozenset(f"light/{k}" for k in own) for i, own in enumerate(numbers_of(scene.lights))}
     return {"camera": frozenset({"camera"}), **lights, "geometry": frozenset({"points"}), "nothing": frozenset()}
 

@@ -88,8 +88,7 @@ def report(
 
 
 def fill_documents(folder: Path, root: Path, as_json: bool) -> int:
-    """Draw the claims of each machine and the parts of Markdown files that are made from records anew; what changed is
-    named."""
+    """Draw the claims of each machine and the parts of Markdown files made from records anew; name what changed."""
     from ..report import claims, documents
 
     declared, results = importlib.import_module(f"{PACKAGE}._documents"), documents.Results(folder)

@@ -262,7 +262,8 @@ def warnings_of(records: list[Record]) -> list[str]:
 
 def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:
     """What ``--json`` prints: one row per point, and the files written; ``answer``: what the experiment itself says for
-    programs, where it wrote a file of its name."""
+    programs, where it wrote a file of its name.
+    """
     from ..results.means import point_rows
 
     said = [file for file in files if file.name == f"{options.experiment.name}.json"]

@@ -58,7 +58,8 @@ def scenes(action: str, names: list[str] | None = None, scene_dir: Path | None =
 
 def fetch(names: list[str], folder: Path) -> int:
     """Fetch scenes, one after another: 1 if some must be fetched by hand. Of several it goes on where one fails; raises
-    :class:`UserError` at the end."""
+    :class:`UserError` at the end.
+    """
     by_hand, failed = False, []
     for name in names:
         try:

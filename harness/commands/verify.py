@@ -1,7 +1,5 @@
 """``shadowbench verify`` and ``score``: compare every answer with Embree and the exact referee, in tables of 80 columns."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """``shadowbench view``: a page on this machine to look at a scene through a method: drag the light and the camera."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 import webbrowser

@@ -54,7 +54,8 @@ def wrapped(texel: wp.float64, size: wp.int32) -> wp.int32:
 @wp.func
 def texels_near(alpha: Alpha, i: wp.int32, v: wp.float64, w: wp.float64, doubt: wp.float64) -> wp.int32:
     """The kinds of texel near the point of triangle i with weights v and w, each known with an error of ``doubt``.
-    OPAQUE, CLEAR, or their sum; the sum wherever the error is half a texel or more."""
+    OPAQUE, CLEAR, or their sum; the sum wherever the error is half a texel or more.
+    """
     c0 = alpha.coordinates[i, 0]
     c1 = alpha.coordinates[i, 1]
     c2 = alpha.coordinates[i, 2]

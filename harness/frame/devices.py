@@ -24,7 +24,8 @@ NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 def start_warp() -> None:
     """Initialise Warp; a second call does nothing. Its output on standard error appears, except :data:`NO_DRIVER`.
-    Raises :class:`UserError` where its compiled kernels cannot be written."""
+    Raises :class:`UserError` where its compiled kernels cannot be written.
+    """
     wp.config.log_level = wp.LOG_WARNING
     sys.stderr.flush()
     kept = os.dup(2)
@@ -50,7 +51,8 @@ def start_warp() -> None:
 def _share_headers(place: Path) -> None:
     """Let all processes that compile kernels for the CPU use one precompiled copy of Warp's headers, beside the
     kernels. By itself Warp makes a copy for each process, in three seconds. A copy holds for one installation on one
-    machine; Warp replaces one that does not fit."""
+    machine; Warp replaces one that does not fit.
+    """
     from warp._src.context import runtime  # no public name says where the copy is
 
     if not hasattr(runtime, "get_clang_pch_dir"):

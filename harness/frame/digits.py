@@ -13,7 +13,8 @@ from .vectors import to_float64
 
 CANCELLED = wp.constant(wp.float64(2.0**-46))
 """Share of the sizes of its terms below which a triple product is found exactly: with twice the digits it is known to 2^-98
-of them."""
+of them.
+"""
 
 
 @wp.func_native("return fma(a, b, c);")
@@ -29,7 +30,8 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 """)
 def rounded(a: wp.float64, b: wp.float64) -> wp.float64:
     """a b, rounded. A GPU's compiler would fuse the product with a sum that takes it, and the rounding error of that sum
-    would not be the one computed here."""
+    would not be the one computed here.
+    """
 
 
 @wp.func
@@ -136,7 +138,8 @@ return {value, rest};
 """)
 def exact_product(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: wp.vec3d, affine: wp.bool) -> wp.vec2d:
     """((b - a) x (c - a)) . (x - a), or . x where it is not ``affine``: rounded, and the rest of it, rounded. Its sign is
-    right, and 0 is exact."""
+    right, and 0 is exact.
+    """
 
 
 @wp.func

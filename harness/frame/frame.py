@@ -1,7 +1,6 @@
-"""The input arrays of one frame on the device, at fixed addresses, and the answers that a method fills.
-
-Everything that may change between frames is in an array whose address never changes, because a captured graph stores
-the addresses. :meth:`Frame.load` copies the data of the next frame into these arrays.
+"""The input arrays of one frame on the device, at fixed addresses, and the answers that a method fills. Everything that
+may change between frames is in an array whose address never changes, because a captured graph stores the addresses.
+:meth:`Frame.load` copies the data of the next frame into these arrays.
 """
 
 from __future__ import annotations
@@ -159,7 +158,8 @@ class Frame:
 
     def rays(self, bounce: int) -> Any:
         """The mirrored rays of a bounce, counted from 1 (:class:`.geometry.Rays`). Those of bounce 0 are the primary rays of
-        an orthographic camera; otherwise they have no arrays."""
+        an orthographic camera; otherwise they have no arrays.
+        """
         return self._rays[bounce]
 
     def tabled(self, bounce: int) -> bool:
@@ -194,7 +194,8 @@ class Frame:
 
     def load(self, moment: Moment, flags: NDArray[np.uint8] | None = None) -> None:
         """Copy the data of the next frame to the device. This is not timed, as in the paper. Raises ValueError for
-        another image size, mesh or number of lights than this frame was made for."""
+        another image size, mesh or number of lights than this frame was made for.
+        """
         planned = (self.width, self.height, self.vertex_count, self.triangle_count, self.light_count)
         given = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
         if planned != given:

@@ -1,7 +1,6 @@
-"""Warp structs that kernels take as arguments: mesh, camera, rays and closest hits of a frame.
-
-A launch copies a struct, with the addresses of its arrays, into the kernel's arguments. The addresses are fixed for the
-lifetime of a frame, so a captured graph may store them. :class:`.frame.Frame` makes each struct once.
+"""Warp structs that kernels take as arguments: mesh, camera, rays and closest hits of a frame. A launch copies a
+struct, with the addresses of its arrays, into the kernel's arguments. The addresses are fixed for the lifetime of a
+frame, so a captured graph may store them. :class:`.frame.Frame` makes each struct once.
 """
 
 from typing import Any, TypeVar, dataclass_transform

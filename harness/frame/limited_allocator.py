@@ -1,7 +1,5 @@
-"""An allocator of Warp arrays on a GPU that refuses what exceeds a limit before it is taken.
-
-Warp has no such place for arrays on the CPU. There the memory of the process is limited
-(:mod:`.runner.measuring.memory`).
+"""An allocator of Warp arrays on a GPU that refuses what exceeds a limit before it is taken. Warp has no such place for
+arrays on the CPU. There the memory of the process is limited (:mod:`.runner.measuring.memory`).
 """
 
 import contextlib

@@ -11,7 +11,7 @@ from ..scene.names import scene_names
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
 
-HUES = np.array(
+HUES = np.array(  # Linear reflectances. Each scene or mesh has one of them; its connected pieces vary around it.
     [
         [0.74, 0.66, 0.54],  # limestone
         [0.56, 0.64, 0.70],  # slate
@@ -21,7 +21,6 @@ HUES = np.array(
         [0.66, 0.61, 0.66],  # heather
     ]
 )
-"""Linear reflectances. Each scene or mesh has one of them; its connected pieces vary around it."""
 
 
 _KNOWN: weakref.WeakKeyDictionary[Prepared, F32] = weakref.WeakKeyDictionary()
@@ -52,7 +51,8 @@ def _reflectances(prepared: Prepared) -> F32:
 def pieces(prepared: Prepared) -> I64:
     """For each triangle the lowest vertex of the connected piece that it belongs to, int64 [triangle_count]. Two
     triangles are connected if they share a vertex of the welded mesh. The lowest label spreads over connected
-    triangles, with pointer jumping, until no label changes."""
+    triangles, with pointer jumping, until no label changes.
+    """
     corners = prepared.weld[prepared.faces].astype(np.int64)
     label = np.arange(prepared.vertex_count, dtype=np.int64)
     while len(corners):
@@ -72,7 +72,8 @@ LAMP = 5  # numbers per light: red, green, blue, fall-off, and whether its shado
 
 def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> F64:
     """Colour, fall-off and shadow flag of each light, float64 [light_count, 5]. The lights are scaled so that a surface
-    that faces all of them receives 1. ``shadows``: whether the shadow bits of each light count."""
+    that faces all of them receives 1. ``shadows``: whether the shadow bits of each light count.
+    """
     strength = sum(light.intensity * max(light.color) for light in lights) or 1.0
     rows = np.zeros((len(lights), LAMP))
     for i, light in enumerate(lights):

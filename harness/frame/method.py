@@ -95,10 +95,12 @@ class BaseMethod(Method):
     """{effect: reason} for effects that it does not support; the reason is shown to the user."""
     outside: Mapping[str, str] = MappingProxyType({})
     """{hard case: reason} for the hard cases that it does not support. ``shadowbench check`` shows the reason and does
-    not run the case. With the key "shadows", wrong shadow bits do not fail the check; wrong hits still do."""
+    not run the case. With the key "shadows", wrong shadow bits do not fail the check; wrong hits still do.
+    """
     sources: ClassVar[tuple[str, ...]] = ()
     """Further files that its answers or its speed depend on, such as kernels that are not Python and data: names beside the
-    class's own file, also patterns (``kernels/*.cu``). With them changed, its records are out of date."""
+    class's own file, also patterns (``kernels/*.cu``). With them changed, its records are out of date.
+    """
 
     @classmethod
     def present_settings(cls, settings: dict[str, str]) -> dict[str, str]:

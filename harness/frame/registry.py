@@ -54,7 +54,8 @@ def _built_in() -> dict[str, str]:
 
 def about(name: str) -> str:
     """What a method is: the first sentence of the docstring of its package, or its title where there is none. Built-in
-    methods are not imported for it. Raises :class:`UserError` for an unknown name."""
+    methods are not imported for it. Raises :class:`UserError` for an unknown name.
+    """
     if name in _built_in():
         return first_sentence(ast.get_docstring(ast.parse(_built_in()[name])) or name)
     cls = method_class(name)
@@ -102,7 +103,8 @@ def method_class(name: str) -> type[Method]:
 
 def label_of(method: Mapping[str, Any]) -> str:
     """What tables call the method of a record with its settings: the present name of a former label, which is kept
-    there. A title is a name of the method without settings only."""
+    there. A title is a name of the method without settings only.
+    """
     label: str = method.get("label") or method.get("title") or method["name"]
     if label == method.get("title") and method.get("settings"):
         return label
@@ -112,7 +114,8 @@ def label_of(method: Mapping[str, Any]) -> str:
 @functools.cache
 def current_name(name: str) -> str:
     """The name of the method that declares ``name`` as a former one (``formerly``); ``name`` itself where none does.
-    Records keep the name that a method had when they were measured; on reading they get the present one."""
+    Records keep the name that a method had when they were measured; on reading they get the present one.
+    """
     if name in built_in_names():
         return name
     for other in method_names():
@@ -126,7 +129,8 @@ def current_name(name: str) -> str:
 
 def present_settings(name: str, settings: dict[str, str]) -> dict[str, str]:
     """The settings of a record as its method names them now (``present_settings`` of its class); as they are where it has
-    none, or cannot be imported here."""
+    none, or cannot be imported here.
+    """
     if not settings or name not in method_names():
         return settings
     try:

@@ -11,7 +11,8 @@ from ..texts import numbered
 
 def check_bits(effects: Effects, pixels: int, targets: int, limits: Limits) -> None:
     """Raise :class:`~..errors.CapacityRejected` where the shadow bits alone exceed the limit of memory: a byte for each
-    target and pixel, as many for receivers, and so for each bounce."""
+    target and pixel, as many for receivers, and so for each bounce.
+    """
     limited = any(effects.has_receivers(i) for i in range(len(effects.shadows)))
     needed = targets * pixels * (1 + limited) * (1 + effects.bounces)
     if needed > limits.memory:

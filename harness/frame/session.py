@@ -1,5 +1,4 @@
 """Run one method on the frames of a scene: plan its passes, load a frame, run it, and enlarge buffers that overflow.
-
 Timing, verification, rendering and tests all run methods through a session.
 """
 
@@ -175,7 +174,8 @@ class Session(PassRunner):
 
     def replay_complete(self) -> None:
         """Replay the frame into invalid answers until no buffer overflows. On a GPU the same frame may need more in one run
-        than in another, and drops what does not fit. After growth all passes run. Raises as :meth:`run_complete`."""
+        than in another, and drops what does not fit. After growth all passes run. Raises as :meth:`run_complete`.
+        """
         for _ in range(GROWTH_LIMIT):
             self.poison()
             self.replay()

@@ -34,7 +34,8 @@ LAMPS = np.array([(1.0, 2.5, 0.5), (-0.4, 0.1, 0.7)])  # lights above and beside
 
 EXCUSABLE = 0.02
 """Largest share of the rays of a case whose answers may be excused because an edge is near. Many cases aim rays at edges.
-With a triangle test that is exact, or that decides uncertain cases in float64, the share is at most 0.014."""
+With a triangle test that is exact, or that decides uncertain cases in float64, the share is at most 0.014.
+"""
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,8 @@ def hard(
 ) -> Callable[[Callable[..., Trial]], Callable[..., Trial]]:  # fmt: skip
     """Register what a builder makes as a :class:`HardCase`: one for each combination of the rows of ``tables``. The
     texts name values in braces. The builder gets those of ``given`` and of the rows that are its parameters; if it has
-    ``**place``, those of :data:`PLACE`, too."""
+    ``**place``, those of :data:`PLACE`, too.
+    """
 
     def register(build: Callable[..., Trial]) -> Callable[..., Trial]:
         taken = {*inspect.signature(build).parameters}

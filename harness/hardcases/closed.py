@@ -34,7 +34,8 @@ ODD = ((1.0, 0.4, -0.8), (-0.3, 0.9, -0.5), (0.2, -0.1, 1.0))
 @hard("P15", "rays through split edges", UNWELDED, every=2, unwelded=True, shift=0.375)
 def bumpy(every: int, unwelded: bool = False, shift: float = 0.0) -> Trial:
     """A sheet whose vertices lie at varying depths on the rays of pixels; coordinates are small dyadic numbers.
-    ``every``: 1: rays through vertices only; 2: rays through vertices, edges and diagonals."""
+    ``every``: 1: rays through vertices only; 2: rays through vertices, edges and diagonals.
+    """
     x = pixel_centres(16)[::every]
     depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
     points, faces = closed_behind(sheet(x, x, depth), (0, 0, 2))
@@ -52,7 +53,8 @@ def directions(towards: Point, half: float, side: int = 16, eye: Point = ORIGIN)
 def on_rays(towards: Point, half: float, deepest: int, side: int = SIDE) -> Mesh:
     """A closed surface with a vertex exactly on the float32 ray of every pixel, whatever its direction. A vertex is its
     pixel's direction times a power of two up to 2^deepest, so that only the arithmetic of the intersection test rounds.
-    The tip of the cone is as far behind the eye as the deepest vertex is in front of it."""
+    The tip of the cone is as far behind the eye as the deepest vertex is in front of it.
+    """
     depth = 2.0 ** np.random.default_rng(21).integers(0, deepest + 1, (side * side, 1))
     points, faces = directions(towards, half, side) * depth, lattice(np.arange(side), 0.0)[1]
     return closed_behind((points, faces), -np.asarray(towards) * 2.0 ** (deepest + 1))
@@ -74,7 +76,8 @@ def flat_sheet(every: int, unwelded: bool) -> Trial:
 def beside_the_eye(side: float, **place: Any) -> Trial:
     """A flat sheet that ends at the x of the eye: the middle column of rays lies in the upper (or lower) face of its
     bounding box. Rays and border have x = 0, so the decision is not rounded. The border belongs to the closed
-    triangles."""
+    triangles.
+    """
     x = np.sort(side * np.arange(-8, 1) / 4.0)
     mesh, light, stated = sheet(x, np.arange(-8, 9) / 4.0, 2.0), (-side, 0.0, 3.0), Counts(9 * 17, (0,))
     return view(mesh, [light], ORIGIN, (0, 0, -1), 1.0, (17, 17), watertight=True, stated=stated, **place)
@@ -91,7 +94,8 @@ def on_odd_rays() -> Trial:
 @hard("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, shadow=True)
 def patches(shadow: bool) -> Trial:
     """Sixty-four flat squares apart from each other, each with its corners on four rays of an odd direction. Every ray
-    meets the corner of one box without thickness. ``shadow``: the rays are the shadow rays instead."""
+    meets the corner of one box without thickness. ``shadow``: the rays are the shadow rays instead.
+    """
     index = np.arange(256).reshape(16, 16)
     a, b, c, d = index[::2, ::2], index[::2, 1::2], index[1::2, 1::2], index[1::2, ::2]
     faces = np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
@@ -119,7 +123,8 @@ def odd_vertices(towards: Point, half: float, deepest: int, unwelded: bool = Fal
 def odd_lights(towards: Point, half: float, deepest: int, side: int, lights: int = 2) -> Trial:
     """The same with a light at the eye, and perhaps one more behind the eye. The deeper the surface, the more grazing
     some rays meet their triangle. If a hit point is wrong along such a ray by more than its rounding, a neighbouring
-    triangle that faces the ray shadows it."""
+    triangle that faces the ray shadows it.
+    """
     mesh, stated = on_rays(towards, half, deepest, side), Counts(side * side, (0, None)[:lights])
     shining = [ORIGIN, -np.asarray(towards)][:lights]
     return view(mesh, shining, ORIGIN, towards, half, (side, side), watertight=True, stated=stated)
@@ -128,7 +133,8 @@ def odd_lights(towards: Point, half: float, deepest: int, side: int, lights: int
 @hard("S19c", "shadow rays through vertices in odd directions", NO_RULE)
 def odd_shadow_vertices() -> Trial:
     """Every shadow ray meets a vertex of :func:`on_rays`, which contains the light; the receivers are outside. Seen
-    from behind, the pixels' rays meet the plane z = -8 at exactly eight times their directions from the light."""
+    from behind, the pixels' rays meet the plane z = -8 at exactly eight times their directions from the light.
+    """
     mesh, stated = joined(on_rays((0, 0, -1), 0.7, 2), plane(2, -8, 16)), Counts(SIDE * SIDE, (SIDE * SIDE,))
     return view(mesh, [ORIGIN], (0, 0, -16), (0, 0, 1), 0.7, (SIDE, SIDE), watertight=True, stated=stated)
 
@@ -139,7 +145,8 @@ def odd_shadow_vertices() -> Trial:
 @hard("S20b", "shadow rays through split edges", UNWELDED, unwelded=True, every=2)
 def through_vertices(unwelded: bool, every: int) -> Trial:
     """Shadow rays exactly through the vertices (every = 1) or vertices, edges and diagonals (2) of a bumpy sheet. The
-    light is at the origin. A receiver at 4 (x, y, -1) is shadowed by the vertex on that ray."""
+    light is at the origin. A receiver at 4 (x, y, -1) is shadowed by the vertex on that ray.
+    """
     x = pixel_centres(16)[::every]
     bumps = 1 + np.random.default_rng(5).integers(0, 8, (len(x), len(x))) / 8
     mesh = closed_behind(sheet(x, x, bumps), (0, 0, 2))
@@ -162,7 +169,8 @@ def through_rim() -> Trial:
 def snapped_sphere(eye: tuple[float, float, float]) -> Mesh:
     """An icosphere on a grid of 2^-12 whose vertices in front of the eye lie exactly on rays of pixels. Each vertex in
     front of the eye is moved to the nearest ray of an even column and row, at a depth on the grid. Pixels meet it
-    exactly, and the pixel half way between two vertices meets their edge. Nothing is rounded."""
+    exactly, and the pixel half way between two vertices meets their edge. Nothing is rounded.
+    """
     points, faces = icosphere(3)
     arms = np.round(points * 4096) / 4096 - eye
     depth = np.round(-arms[:, 2:] * 64) / 64

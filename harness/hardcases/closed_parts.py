@@ -59,8 +59,7 @@ def crossing(nested: bool, turned: bool) -> Trial:
 
 @hard("S72{axis}", "a surface that is half inside out", ONE_SIDE, axes())
 def half_turned(**place: Any) -> Trial:
-    """One closed surface of two boxes that share an edge; the smaller one is wound inward. Seen from above and from
-    outside, its faces show their backs."""
+    """A closed surface of two boxes with a common edge; the smaller is wound inward and shows its backs."""
     solid = welded(*joined(LARGE, inward(SMALL)))
     return seen_from_above(joined(FLOOR, solid), (*LIGHTS, *BELOW), **place)
 
@@ -76,8 +75,7 @@ def covered(**place: Any) -> Trial:
 
 @hard("S73{axis}", "a closed sheet without thickness", "its far side taken for an occluder", axes())
 def folded(**place: Any) -> Trial:
-    """A closed sheet without thickness, whose two sides have other diagonals: lit from the side that the eye does not see,
-    and not shadowed."""
+    """A closed sheet without thickness, whose sides have other diagonals: lit from behind, and not shadowed."""
     sheet = plane(2, 1, 1.75)[0], np.array([(0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2)])
     return seen_from_above(joined(LOW_FLOOR, sheet), (*BELOW, *LIGHTS), **place)
 
@@ -102,8 +100,7 @@ def falling_apart(frame: int) -> Trial:
 
 @hard("S75", "surfaces that are open, or closed but for one triangle", ONE_SIDE)
 def opened() -> Trial:
-    """A box without a side, one whose side is wound the other way, and one with a fin at an edge, all with hit points
-    inside."""
+    """A box without a side, one whose side is wound the other way, one with a fin; all with hit points inside."""
     side = box((-1.75, -1.75, 0.5), (-0.75, -0.75, 2))
     without = side[0], np.delete(side[1], (6, 7), axis=0)
     points, faces = SMALL[0], SMALL[1].copy()
@@ -121,8 +118,7 @@ def edge_of_four(**place: Any) -> Trial:
 
 @hard("S77 within", "in the part of a surface that is inside out", ONE_SIDE)
 def within_turned() -> Trial:
-    """Eye and receivers in the part that is wound inward of a closed surface: its faces show their fronts, and what leaves
-    it towards the light faces away."""
+    """Eye and receivers in a part wound inward: it shows fronts; what leaves it towards the light faces away."""
     boxes = joined(box((-24, -24, 0), (-4, -4, 16)), inward(box((-4, -4, 0), (4, 4, 16))))
     return seen_from_above(joined(ball(0.75, (0.5, 0.5, 2)), welded(*boxes)), ((30.0, 1.0, 9.0), (1.0, 40.0, 30.0)))
 

@@ -1,7 +1,6 @@
 """Requirements on every method apart from right answers: sequences of frames, graph replays and allocations.
-
-``shadowbench check`` tests them after the hard cases, which test single frames (right answers, every answer written, two
-runs with the same bits).
+``shadowbench check`` tests them after the hard cases, which test single frames (right answers, every answer written,
+two runs with the same bits).
 """
 
 import re
@@ -171,7 +170,8 @@ class Tried:
 
     def replays(self) -> str:
         """A captured graph gives the bits of plain launches, also after points, camera and lights have moved. This is
-        repeated with a spotlight, whose passes the graph skips if it has no receivers."""
+        repeated with a spotlight, whose passes the graph skips if it has no receivers.
+        """
         spotted = self.spotted()
         wrong = self.replayed(moments(self.prepared))
         if wrong or not spotted:
@@ -194,7 +194,8 @@ class Tried:
     def allocations(self) -> str:
         """A frame that runs again, as it is timed, allocates no memory through Warp, on any device. On CUDA this is a
         replay of the graph: a scan or a sort that is launched eagerly allocates scratch memory each time, while a graph
-        owns the memory that it captured."""
+        owns the memory that it captured.
+        """
         session = self.session()
         if not session.method.capturable:
             raise ExemptError("not capturable")

@@ -22,7 +22,8 @@ LOST = "a tolerance from the lengths of edges, or from where the eye is, is wide
 
 def touched(seed: int, place: str) -> tuple[Mesh, F64]:
     """A triangle with corners of 24 random bits, and a point on it, exact in float32: its second corner, the middle of an
-    edge, or a point between the first corner and that middle."""
+    edge, or a point between the first corner and that middle.
+    """
     random = np.random.default_rng(seed)
     if place == "vertex":
         corners = float32_of(random.uniform(-1, 1, (3, 3)))
@@ -48,7 +49,8 @@ def dented(times: int, random: np.random.Generator) -> Mesh:
 def eye_on(seed: int, at: str, **place: Any) -> Trial:
     """An eye on a triangle, which therefore no ray hits; all rays hit a wall ahead, which is lit from the eye.
     ``scale`` is a power of two, so that the eye remains exactly on the triangle. With an ``offset`` (in scene sizes)
-    this is true only of an eye on a vertex."""
+    this is true only of an eye on a vertex.
+    """
     mesh, eye = touched(seed, at)
     towards = np.random.default_rng(seed + 1000).normal(size=3)
     axis = int(np.abs(towards).argmax())
@@ -85,8 +87,7 @@ def light_on(seed: int, at: str, **place: Any) -> Trial:
     rows("height turn", (1e-12, 0), (1e-11, 1), (1e-10, 2)),
 )  # fmt: skip
 def light_off_plane(height: float, **place: Any) -> Trial:
-    """A light above a triangle by far less than the rounding of float32: the triangle is not at the light, and shadows
-    everything below."""
+    """A light above a triangle by far less than float32's rounding: not at the light, it shadows all below."""
     mesh = joined(triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0)), plane(2, -1, 4))
     lights, stated = [(0.25, 0.125, height), (0.25, 0.125, -height)], Counts(256, (256, 0))
     return view(mesh, lights, (0, 0, -6), (0, 0, 1), 0.125, stated=stated, **place)
@@ -146,8 +147,7 @@ def wide_floor(half: float, **place: Any) -> Trial:
     "no rule for rays through vertices, or one that ends where float64 does", rows("distance", 2.0**20, 2.0**26),
 )  # fmt: skip
 def far_fan(distance: float) -> Trial:
-    """Fans of six triangles, seen from so far away that one float32 step of a direction is wider than they are; a ray is
-    aimed exactly at each."""
+    """Fans of six triangles so far away that a float32 step of a direction is wider; a ray is aimed at each."""
     random = np.random.default_rng(5)
     fans = []
     for x, y, _ in lattice((2 * np.arange(16) - 15) / 16, 0.0)[0]:

@@ -1,6 +1,5 @@
-"""P01-P03, P07, P09-P10, P17-P22, P51-P52: eyes inside, on, near to and far from surfaces, and unusual image sizes.
-
-O: orthographic cameras, whose parallel rays along an axis have components of 0 and meet integer corners exactly.
+"""P01-P03, P07, P09-P10, P17-P22, P51-P52: eyes inside, on, near to and far from surfaces, and unusual image sizes. O:
+orthographic cameras, whose parallel rays along an axis have components of 0 and meet integer corners exactly.
 """
 
 from dataclasses import replace
@@ -33,6 +32,10 @@ ABOVE = (0.3, 3.0, 0.25)
 
 ONE_CELL = "grid traversal visits only one of the neighbouring cells"
 PARTIAL = "partial tiles, thread guards"
+
+DOWN = (0.0, 0.0, -1.0)
+
+ZERO, ONE_EYE = "division by 0; rays in walls and through corners", "bounds that count on one eye"
 
 
 @hard("P01{axis}", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division", axes())
@@ -112,7 +115,8 @@ def odd_image(width: int, height: int) -> Trial:
 @hard("P17 {width}x{height}", "image of {width}x{height}", PARTIAL, rows("width height", (1023, 769), (7, 5000)))
 def large_image(width: int, height: int) -> Trial:
     """Small triangles at the corners, along the sides and in the middle of a large image, without a background. Most
-    pixels miss, which makes judging fast; pixels in partial tiles and the last pixel hit a triangle."""
+    pixels miss, which makes judging fast; pixels in partial tiles and the last pixel hit a triangle.
+    """
     reach = width / height
     steps, size = (-1, -0.5, 0, 0.5, 1), 12.0 / max(width, height) * max(1.0, reach)
     places = [(x * reach, y) for x in steps for y in steps if x or y]
@@ -202,16 +206,12 @@ def needles(seed: int) -> Trial:
     return view(triangles(*corners), [eye + random.normal(size=3)], eye, ahead, 0.57735 * 8 / 2048, (2048, 8), up=up)
 
 
-DOWN = (0.0, 0.0, -1.0)
-
-ZERO, ONE_EYE = "division by 0; rays in walls and through corners", "bounds that count on one eye"
-
-
 @hard("O01 {kind} {axis}", "down on boxes, {kind}", ZERO, axes("xyz"), rows("kind", "edges", "faces"))
 @hard("O01 {what}", "down on boxes, {what}", ZERO, EDGES_MOVED, kind="edges")
 def onto_towers(kind: str, **place: Any) -> Trial:
     """Vertical rays onto boxes with integer corners: at the even integers ("edges") through edges and corners and within
-    walls, at the odd ones ("faces") through the diagonals of their squares."""
+    walls, at the odd ones ("faces") through the diagonals of their squares.
+    """
     mesh, shift = joined(towers(), plane(2, 0, 32)), 1.0 if kind == "edges" else 0.0
     lights = [(0.5, 0.25, 16.0), Light((0.0, 0.0, 1.0), directional=True)]
     return view(mesh, lights, (shift, shift, 8.0), DOWN, height=32.0, stated=Counts(256), **place)
@@ -223,7 +223,8 @@ def onto_towers(kind: str, **place: Any) -> Trial:
 )  # fmt: skip
 def integer_ball(eye: tuple[float, ...], **place: Any) -> Trial:
     """The rays of tinybvh#168 themselves: a grid of rays along -y from the top of a mesh on a grid of integers. The
-    thread's mesh is in a file that is not available; here it is a ball of 1,280 triangles of radius 37."""
+    thread's mesh is in a file that is not available; here it is a ball of 1,280 triangles of radius 37.
+    """
     points, faces = icosphere(3)
     mesh, lights, up, stated = (np.round(points * 37.0), faces), [(100.0, 200.0, 50.0)], (0, 0, 1), Counts(2500, None)
     return view(mesh, lights, eye, (0, -1, 0), size=(50, 50), up=up, height=50.0, stated=stated, **place)

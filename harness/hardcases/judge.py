@@ -27,7 +27,8 @@ from .case import Counts, HardCase, Trial
 Answers = dict[str, NDArray]
 ERROR_NAMES = ("hole", *(kind.key for kind in ERRORS), "differs", "failed")
 """What counts as an error: a ray that leaks through a closed surface, the judge's error classes, two different answers
-that must be the same, a crash."""
+that must be the same, a crash.
+"""
 
 NOT_OK = (Verdict.TIE, *EXCUSED, *ERRORS)
 OF_BITS = tuple(kind.key for kind in WRONG_BIT)
@@ -99,7 +100,8 @@ class Judged:
 
     def count(self, answers: Answers, shadows: bool = True) -> tuple[dict[str, int], list[dict[str, Any]], int]:
         """Counts of the classes other than ok, examples, and wrong shadow bits that do not count as errors.
-        ``shadows``: whether wrong shadow bits count as errors."""
+        ``shadows``: whether wrong shadow bits count as errors.
+        """
         known = digest(answers, shadows)
         if known not in self._counts:
             self._counts[known] = self._count(answers, shadows)
@@ -142,7 +144,8 @@ class Judged:
     def _holes(self, found: Judgement, shadows: bool) -> int:
         """Misses where the exact ray hits, and lit pixels with the right triangle where the exact segment is occluded.
         A segment that begins or ends within the error bound of its occluder's plane may still be excused, because
-        float64 cannot decide whether the hit point lies in that plane. A near edge is no excuse here."""
+        float64 cannot decide whether the hit point lies in that plane. A near edge is no excuse here.
+        """
         exact, given, referee = self.exact, found.checked.answers, self.judge.referee
         same = given["triangle"] == exact["triangle"]
         holes = int(np.count_nonzero((given["triangle"] == -1) & ~same))
@@ -166,7 +169,8 @@ def counts_of(answers: Answers, lights: int) -> Counts:
 
 def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = False, twice: bool = True) -> Finding:
     """Run a method on a case: the classes of its answers, and, if ``twice``, whether another run gave the same bits.
-    ``every_bit``: wrong shadow bits count even if the method declares shadows as outside."""
+    ``every_bit``: wrong shadow bits count even if the method declares shadows as outside.
+    """
     case, trial = judged.case, judged.trial
     lights = len(trial.moment.lights)
     finding = Finding(case.name, case.title, str(counts_of(judged.exact, lights)))

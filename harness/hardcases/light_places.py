@@ -18,6 +18,14 @@ from ..scene.targets import target_places
 from .case import BESIDE, ORIGIN, Counts, Trial, axes, hard, rows, spot_light, view
 from .shapes import ball, ball_on_floor, box, fan, joined, lattice, pixel_centres, plane, quad, triangles
 
+ON_PLANE = "t = 0 taken for a hit; an origin on the wrong side"
+
+TOUCHING, UNPADDED = "triangles that touch the outermost shadow rays", "light-grid bounds without padding"
+
+SLAB = box((-1, -1, -1e-6), (1, 1, 1e-6))
+
+DOWN = (0.0, 0.0, -1.0)
+
 
 @hard(
     "S01{axis}", "wall across the azimuth's seam", "a box of azimuths wraps to the full circle or its complement", axes(),
@@ -79,19 +87,13 @@ def around_the_light(**place: Any) -> Trial:
 )  # fmt: skip
 def spot_over_seam(side: float, **place: Any) -> Trial:
     """S01 with a spotlight whose rectangle of azimuth runs from 170 to 190 degrees, across the seam. ``side`` 1: the
-    same scene rotated by exactly 180 degrees, so that the rectangle runs from -10 to 10 degrees."""
+    same scene rotated by exactly 180 degrees, so that the rectangle runs from -10 to 10 degrees.
+    """
     wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))
     points, faces = joined(wall, plane(0, -4, 8))
     mesh, light = (points * (-side, -side, 1), faces), spot_light(ORIGIN, (side, 0, 0), 10.0, 10.0, (0, 0, 1))
     eye, towards, stated = (8 * side, 0, 0), (-side, 0, 0), Counts(256, (120,))
     return view(mesh, [light], eye, towards, 0.25, up=(0, 0, 1), stated=stated, **place)
-
-
-ON_PLANE = "t = 0 taken for a hit; an origin on the wrong side"
-
-TOUCHING, UNPADDED = "triangles that touch the outermost shadow rays", "light-grid bounds without padding"
-
-SLAB = box((-1, -1, -1e-6), (1, 1, 1e-6))
 
 
 @hard("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder")
@@ -180,7 +182,8 @@ def grazing_floor() -> Trial:
 )  # fmt: skip
 def two_sheets(above: bool, steps: int) -> Trial:
     """Two planes ``steps`` float32 steps apart. From above, the upper plane is visible and lit. At one step a wrong bit
-    is excused, because rounding explains it. 64 steps are twice the bound of excused errors."""
+    is excused, because rounding explains it. 64 steps are twice the bound of excused errors.
+    """
     eye, towards = ((0, 0, 3), (0, 0, -1)) if above else ((0, 0, -1), (0, 0, 1))
     mesh = joined(plane(2, 1.0, 2), plane(2, 1.0 + steps * 2.0**-23, 2))
     stated = Counts(64, (0, 64) if above else (64, 0))
@@ -193,7 +196,8 @@ def two_sheets(above: bool, steps: int) -> Trial:
 def on_their_plane(steps: int, **place: Any) -> Trial:
     """Receivers exactly on their plane (0 steps), or rounded to above or below it (1, 3). A sheet that rises by
     ``steps`` float32 steps from end to end, under grazing lights from both sides; some rays meet its vertices. Its
-    triangles do not shadow each other."""
+    triangles do not shadow each other.
+    """
     x = pixel_centres(9, 2.0)
     mesh = lattice(x, 1.0 + np.round((x + 2) / 4 * steps) * 2.0**-23)
     lights = [(30.0, 20.0, 1.0 + 2.0**-10), (-30.0, 20.0, 1.0 - 2.0**-10), (0.3, 0.2, 4), (0.3, 0.2, -2)]
@@ -227,7 +231,8 @@ def same_place() -> Trial:
 def one_tile() -> Trial:
     """All receivers except a column of 256 lie in one tile of the light: 130,816 rays, twice the range of 16 bits. The
     eye sees a small part of a near screen, half of it behind a wall. Past the edge of the screen it sees a plane just
-    behind the light. The directions to this plane extend the rectangle of all rays over a quarter of the sphere."""
+    behind the light. The directions to this plane extend the rectangle of all rays over a quarter of the sphere.
+    """
     above = 3 / 128
     edge = 510 / 512 / 128 / 16  # between the last two columns
     screen = quad((-1, -8, 4), (edge, -8, 4), (edge, 8, 4), (-1, 8, 4))
@@ -261,9 +266,6 @@ def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
 def light_at_eye() -> Trial:
     """A light at the eye: every closest hit is also the surface closest to the light, so none is shadowed."""
     return view(ball_on_floor(), [BESIDE[0]], *BESIDE, (24, 24))
-
-
-DOWN = (0.0, 0.0, -1.0)
 
 
 def area(shape: str, size: float | tuple[float, float], samples: int = 4, at: Vector = ORIGIN) -> Light:

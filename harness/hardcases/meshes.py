@@ -18,13 +18,12 @@ def huge_triangle() -> Trial:
     return view(mesh, [(0.5, 0.25, 3), (0, 0, -0.5)], ORIGIN, (0, 0, -1), stated=Counts(256, (0, 0)))
 
 
-BROKEN: Mesh = (
+BROKEN: Mesh = (  # zero-area, NaN and infinite triangles
     np.array([
         (0, 0, -1), (0.5, 0, -1), (1, 0, -1), (np.nan, 0, -1), (np.inf, 0, -1), (0, -np.inf, 0), (3e38, 3e38, -1),
     ]),
     np.array([(0, 0, 0), (0, 1, 2), (0, 1, 3), (0, 1, 4), (5, 3, 0), (1, 1, 2), (3, 3, 3), (2, 0, 2)]),
 )  # fmt: skip
-"""Zero-area, NaN and infinite triangles."""
 
 
 @hard("P05", "broken triangles before a square", "division of 0 by 0; NaN as a tile or a bounding box", hit=256)
@@ -38,7 +37,8 @@ def broken_triangles(hit: int) -> Trial:
 def three_of_each() -> Trial:
     """Every triangle three times, in three vertex orders; shadows from and onto duplicates. By convention the lowest
     index is the answer; another one counts as a tie, not as an error. For the built-in methods, a test requires the
-    exact index."""
+    exact index.
+    """
     points, faces = ball_on_floor()
     thrice = np.concatenate([faces, faces[:, [1, 2, 0]], faces[:, [1, 0, 2]]])
     return view((points, thrice), [(1, 2.5, 0.5)], *BESIDE, (24, 24))
@@ -52,7 +52,8 @@ def three_of_each() -> Trial:
 )  # fmt: skip
 def in_other_orders(seed: int, holes: bool) -> Trial:
     """Every triangle three times with its corners in any order, whose distances then differ in their last bit; in some pixel
-    that bit decides which of two rounded distances is less. ``holes``: half of them have a mask, without a hole."""
+    that bit decides which of two rounded distances is less. ``holes``: half of them have a mask, without a hole.
+    """
     random = np.random.default_rng(seed)
     count = 10
     points, faces = triangles((random.normal(size=(count, 3, 3)) * (1.5, 1.5, 0.7) + (0, 0, -3)).astype(np.float32))

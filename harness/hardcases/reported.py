@@ -93,7 +93,8 @@ def tinybvh_168(at: float, **place: Any) -> Trial:
 def bvh_20(**place: Any) -> Trial:
     """Vertical rays onto a height field over a regular grid, through all its vertices: heights looked up by rays. The
     thread's own numbers are not available; related threads (madmann91/bvh#9, #21 and #60) describe rays with components
-    of 0 that find nothing, or visit nearly every leaf of such a mesh."""
+    of 0 that find nothing, or visit nearly every leaf of such a mesh.
+    """
     field = lattice(np.arange(-16.0, 17.0), 2 + np.random.default_rng(20).integers(0, 9, (33, 33)) / 2)
     mesh, sun, stated = joined(field, plane(2, 0, 64)), Light((0.0, 0.0, 1.0), directional=True), Counts(256, None)
     return view(mesh, [sun], (1.0, 1.0, -16.0), (0, 0, 1), up=(0, 1, 0), stated=stated, **place)

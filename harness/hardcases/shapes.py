@@ -60,7 +60,8 @@ def box(low: Any, high: Any) -> Mesh:
 def sheet(x: Any, y: Any, depth: Any) -> Mesh:
     """A welded grid of triangles in front of the origin, seen along -z. ``x`` [m], ``y`` [n]: coordinates on the image
     plane at distance 1. ``depth``: a number, or [n, m]. A vertex is depth * (x, y, -1), so it lies on the ray through
-    (x, y) at any depth."""
+    (x, y) at any depth.
+    """
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     across, along = np.meshgrid(x, y)
     depth = np.broadcast_to(np.asarray(depth, dtype=np.float64), across.shape)

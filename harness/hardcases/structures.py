@@ -24,7 +24,8 @@ FLOAT32_HALVINGS = 148  # of 1, to 2^-148: twice the smallest positive number, w
 AT_INFINITY = 10 / 192
 """Rays along the outer walls of boxes: a light at infinity is placed 2^56 radii away, so that in exact arithmetic the
 rays miss the edge by 2^-56 of the scene. Float64 cannot resolve that, and every method gives the answer for parallel
-rays, which meet the edge."""
+rays, which meet the edge.
+"""
 
 DEPTH = "a tree that cannot tell triangles apart: endless division, chains, long leaves"
 STACK = "the deepest tree: stacks that overflow"
@@ -32,6 +33,18 @@ LAST = "the last triangle of a block or a warp"
 LISTS = "long lists; a ray that tests everything"
 SIZES = rows("end turn scale", ("", 0, 1.0), (" y small", 1, 1e-9), (" z large", 2, 1e9))
 EDGES_MOVED = rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0))
+
+EDGE, THIRD = np.array([3.0, 2.0, 1.0]), np.array([-5.0, 7.0, 2.0])
+NORMAL = np.cross(EDGE, THIRD) / np.linalg.norm(np.cross(EDGE, THIRD))
+ALONG = EDGE / np.linalg.norm(EDGE)
+ASIDE = np.cross(EDGE, NORMAL) / np.linalg.norm(np.cross(EDGE, NORMAL))
+WALL = plane(0, 0, 2)
+
+POWERS = rows("power turn", (30, 0), (33, 1), (43, 2), (53, 0), (100, 1))
+"""Of two: the sizes of triangles. From 33 on a strip is wider than what is excused, from 53 on it is the whole picture."""
+
+DIGITS = "edges decided from corners far away"
+DISTANCES = rows("distance turn", (4.0, 0), (1e3, 1), (1e6, 2))
 
 
 @hard(
@@ -44,7 +57,8 @@ EDGES_MOVED = rows("what scale offset", ("small", 2.0**-30, 0.0), ("large", 2.0*
 def one_centroid(count: int, **place: Any) -> Trial:
     """Triangles of sizes from 1 to 2^-12; the mean of the vertices and the middle of the box of each lie at the origin.
     Along each axis the three coordinates are v, -v and 0 in some order, so both middles are exact in float32. With an
-    ``offset`` (in scene sizes) they are only nearly the same."""
+    ``offset`` (in scene sizes) they are only nearly the same.
+    """
     random = np.random.default_rng(count)
     size = 2.0 ** random.uniform(-12, 0, (count, 1))
     value = float32_of(random.uniform(0.25, 1, (count, 3)) * size)
@@ -105,7 +119,8 @@ def towers() -> Mesh:
 def along_an_axis(kind: str, **place: Any) -> Trial:
     """Shadow rays along an axis among boxes with integer corners, through their edges, corners and in their walls. The
     hit points are the odd integers (x, y) of the plane z = 0, seen from below, or with "edges" the even ones. The light
-    is directional, or far away on the axis above the middle for "point"."""
+    is directional, or far away on the axis above the middle for "point".
+    """
     mesh, middle = joined(towers(), plane(2, 0, 32)), 1.0 if kind == "edges" else 0.0
     light = Light((0.0, 0.0, 1.0), directional=True) if kind != "point" else Light((0.0, 0.0, 2.0**40))
     lights, stated = [light, Light((0.0, 0.0, -1.0), directional=True)], Counts(64, (None, 0))
@@ -132,8 +147,7 @@ def on_one_line(kind: str, stated: Counts | None, **place: Any) -> Trial:
     rows("order", "nw", "wnw", "iw", "wniw"),
 )  # fmt: skip
 def after_nothing(order: str) -> Trial:
-    """A valid frame after one whose coordinates are all NaN; that is the first frame of a session, or lies between two
-    valid ones."""
+    """A valid frame after one whose coordinates are all NaN, which is the first or lies between two valid ones."""
     points, faces = ball_on_floor()
     frames = {"n": np.full_like(points, np.nan), "i": np.full_like(points, np.inf), "w": points}
     return played(view((points, faces), LAMPS, *BESIDE), [frames[one] for one in order], len(order) - 1)
@@ -176,7 +190,8 @@ def full_screen(count: int, same: bool, **place: Any) -> Trial:
 )  # fmt: skip
 def one_light_cell(light: Light, **place: Any) -> Trial:
     """All of 68,644 hit points but a column lie in one cell of a grid around the light, and within 2^-10 of one point.
-    A second plane far outside, which one column of pixels sees, widens the extent of the grid."""
+    A second plane far outside, which one column of pixels sees, widens the extent of the grid.
+    """
     half = 2.0**-10
     across = triangles((-half, -half / 3, 0.25), (half, -half / 2, 0.25), (half / 3, half, 0.25))
     outside = quad((1, -2048, 1024), (4096, -2048, 1024), (4096, 2048, 1024), (1, 2048, 1024))
@@ -189,7 +204,8 @@ def one_light_cell(light: Light, **place: Any) -> Trial:
 def t_junctions(exact: bool, **place: Any) -> Trial:
     """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones. ``exact``: on
     dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise rounding moves the
-    vertices off the edges, and rays may pass between."""
+    vertices off the edges, and rays may pass between.
+    """
     fine, coarse = np.arange(-8, 9) / 8, np.array([-1.0, 0.0, 1.0])
     points, faces = joined(*(sheet(np.array([k, k + 1]) / 4, fine if k % 2 else coarse, 2.0) for k in range(-4, 4)))
     if not exact:
@@ -201,19 +217,6 @@ def t_junctions(exact: bool, **place: Any) -> Trial:
     mesh, lights = joined((points, faces), plane(2, -6, 16)), [(0, 0, 2), (0.25, -0.125, -4)]
     size, stated = ((17, 17), Counts(289)) if exact else ((48, 48), None)
     return view(mesh, lights, ORIGIN, (0, 0, -1), 1.0, size, stated=stated, **place)
-
-
-EDGE, THIRD = np.array([3.0, 2.0, 1.0]), np.array([-5.0, 7.0, 2.0])
-NORMAL = np.cross(EDGE, THIRD) / np.linalg.norm(np.cross(EDGE, THIRD))
-ALONG = EDGE / np.linalg.norm(EDGE)
-ASIDE = np.cross(EDGE, NORMAL) / np.linalg.norm(np.cross(EDGE, NORMAL))
-WALL = plane(0, 0, 2)
-
-POWERS = rows("power turn", (30, 0), (33, 1), (43, 2), (53, 0), (100, 1))
-"""Of two: the sizes of triangles. From 33 on a strip is wider than what is excused, from 53 on it is the whole picture."""
-
-DIGITS = "edges decided from corners far away"
-DISTANCES = rows("distance turn", (4.0, 0), (1e3, 1), (1e6, 2))
 
 
 def giant(power: int) -> Mesh:
@@ -273,7 +276,8 @@ def before_the_hit(distance: float, gap: float, **place: Any) -> Trial:
 def spots_at_a_contact(tilted: bool, **place: Any) -> Trial:
     """A wall stands on a floor, on which there are spots that light what is above it: every hit of the floor is on their
     border, where rounding of the hit point decides whether it has a shadow ray. A rectangle and a cone of another light
-    touch the line of the contact. A plate through the floor shadows both."""
+    touch the line of the contact. A plate through the floor shadows both.
+    """
     axes = np.array([(2, -1, 2), (2, 2, -1), (-1, 2, 2)] if tilted else np.eye(3))
 
     def placed(*p: float) -> tuple[float, float, float]:
@@ -295,8 +299,7 @@ def spots_at_a_contact(tilted: bool, **place: Any) -> Trial:
     rows("power turn", (-20, 0), (-40, 1), (-60, 2)),
 )  # fmt: skip
 def thin_axis(power: int, mesh: Mesh, **place: Any) -> Trial:
-    """A mesh with one axis multiplied by a power of two, as are the lights, the eye and what the picture shows of that axis:
-    its columns are all but one."""
+    """One axis of the mesh, the lights, the eye and the picture times a power of two: its columns are all but one."""
     factors = np.array([1.0, 1.0, 2.0**power])
     thin, lights, eye, towards = (mesh[0] * factors, mesh[1]), LAMPS * factors, (0.3, 1.7, 1.5), (-0.2, -1.3, -1.5)
     return view(thin, lights, eye * factors, towards * factors, 2.0**power, (2, 128), up=(0, 0, 1), **place)

@@ -21,7 +21,8 @@ EITHER_SIDE = "the texel of a rounded coordinate lies on either side"
 
 def chequered(mesh: Mesh, side: float, count: int, turned: int = 0) -> Callable[[Geometry], AlphaMask]:
     """A mask: the first ``count`` triangles get a chequerboard over x and y with fields of length ``side``. A corner of
-    the board is at the origin. ``turned``: the last ``turned`` of these triangles have the fields swapped."""
+    the board is at the origin. ``turned``: the last ``turned`` of these triangles have the fields swapped.
+    """
     points, faces = mesh[0], np.asarray(mesh[1])
     coordinates = np.zeros((len(faces), 3, 2), dtype=np.float32)
     coordinates[:count] = points[faces[:count]][..., :2] / (2 * side)
@@ -63,8 +64,7 @@ def in_duplicates() -> Trial:
 )
 @hard("H04", "shadow rays on the borders of texels", EITHER_SIDE, side=1 / 16, shadowed=256)
 def grate(side: float, shadowed: int, **place: Any) -> Trial:
-    """A grate between a light and receivers that are seen from behind; shadow rays meet texels in the middle or on
-    borders."""
+    """A grate between light and receivers seen from behind; shadow rays meet texels in the middle or on borders."""
     mesh, stated = joined(plane(2, 2, 1), plane(2, 4, 8)), Counts(256, (shadowed,))
     return view(mesh, [ORIGIN], (0, 0, 8), (0, 0, -1), 0.5, alpha=chequered(mesh, side, 2), stated=stated, **place)
 
@@ -95,7 +95,8 @@ def caged_light() -> Trial:
 )  # fmt: skip
 def hall(half: float, lit: int, **place: Any) -> Trial:
     """A closed box of mirrors seen from its centre; with ``half`` = 16, rays meet its edges and corners exactly. A
-    light outside lights the wall next to it through that wall's plane: 72 of 256 rays meet this wall."""
+    light outside lights the wall next to it through that wall's plane: 72 of 256 rays meet this wall.
+    """
     lights, stated = [(0.5, 0.25, 0.75), (0, 4, 0)], Counts(256, (0, 256 - lit))
     return view(box(-1, 1), lights, ORIGIN, (0, 0, -1), half, mirror=first(12), bounces=3, stated=stated, **place)
 

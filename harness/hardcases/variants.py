@@ -17,17 +17,17 @@ from .shapes import ball_on_floor, joined, lattice, pixel_centres, plane, sheet,
 
 SCALES = (1e-6, 1e-3, 2.0**-20, 1e3, 1e6)
 OFFSETS = (1.0, 1e3, 1e5)
-PLACES = rows(
+PLACES = rows(  # scales, and distances from the origin in sizes of the scene; not along an axis
     "place where breaks scale sizes", *((f"x{x:.3g}", f"scale {x:.3g}", "absolute epsilons", x, 0.0) for x in SCALES),
     *((f"+{x:g}", f"{x:g} scene sizes from the origin", "no recentring", 1.0, x) for x in OFFSETS),
     ("x1e-6 +1e5", "small and far off", "both at once", 1e-6, 1e5),
 )  # fmt: skip
-"""Scales, and distances from the origin in sizes of the scene; not along an axis."""
 
 EXTREME = (1e-36, 1e-30, 1e-24, 1e-18, 1e-12, 1e12, 1e15, 5e18, 2e19, 1e20, 1e28, 1e36)
 MIXED_SEEDS = (0, 1, 2, 3, 4, 5, 11, 13, 36, 42)
 """Six in a row, and four whose rays pass so close to the edges of triangles 1e7 long that a bound by the largest
-coordinate takes them for hits. In 0, 2 and 3 such a bound takes the eye for a point in the plane of the triangle seen."""
+coordinate takes them for hits. In 0, 2 and 3 such a bound takes the eye for a point in the plane of the triangle seen.
+"""
 
 FLUSHED = "subnormal numbers flushed to 0"
 
@@ -122,7 +122,8 @@ def among_subnormals(**place: Any) -> Trial:
 )  # fmt: skip
 def one_step_from_zero(eye: float, **place: Any) -> Trial:
     """A plane at z = 0 and, in front of it but later in the list, one at the smallest positive number of float32. From
-    an eye at twice that number they are at distances of 2 and 1 of it."""
+    an eye at twice that number they are at distances of 2 and 1 of it.
+    """
     mesh = joined(plane(2, 0, eye * 8), plane(2, 2.0**-149, eye * 8))
     lights = [(0.25 * eye, 0.5 * eye, side * eye) for side in (4, -4)]
     return view(mesh, lights, (0, 0, eye), (0, 0, -eye), stated=Counts(256, (0, 256)), **place)
@@ -154,7 +155,8 @@ def two_zeros(turn: int) -> Trial:
 )  # fmt: skip
 def behind_the_light(seed: int, **place: Any) -> Trial:
     """A triangle that reaches behind a light, whose plane passes near it, and shadows all of a floor; turned at random. At
-    scales of 2e-16 and 1e12 these have signs of products of three lengths that float32 does not hold."""
+    scales of 2e-16 and 1e12 these have signs of products of three lengths that float32 does not hold.
+    """
     random = np.random.default_rng(seed)
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     height = 2.0 ** -random.uniform(3, 14)

@@ -1,6 +1,5 @@
-"""Raw answers saved for scoring on another machine: made where a method runs, scored where Embree is installed.
-
-One .npz file per frame has the answers, the rays and lights as they were traced, and a few facts. The mesh is beside it in
+"""Raw answers saved for scoring on another machine: made where a method runs, scored where Embree is installed. One
+.npz file per frame has the answers, the rays and lights as they were traced, and a few facts. The mesh is beside it in
 a file of its own, named by its hash and shared by every method.
 """
 
@@ -109,7 +108,8 @@ def read_raw(
 def score_raw(path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None) -> Scored:
     """The score of answers saved by :func:`save_raw`. Raises :class:`UserError` for a file that does not have raw
     answers, or a mesh that is not the one traced. ``scene_dir``: where originals of the catalogue's scenes are.
-    ``folder``: stores the reference's answers."""
+    ``folder``: stores the reference's answers.
+    """
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
     effects = Effects(tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0))
     return score_answers(Judge.of(prepared, moment, effects, folder), answers)

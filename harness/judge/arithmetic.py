@@ -37,8 +37,7 @@ def edge_bound(*points: Floats) -> F64:
 
 
 def whole_rows(values: F32) -> tuple[list[int], list[list[int]]]:
-    """Of each row [n, k] of finite values the smallest s for which every value times 2^s is an integer (conservative: 24
-    bits each), and these integers."""
+    """Of each row [n, k] the smallest s (24 bits each) for which all values times 2^s are integers, and these."""
     none = 1 << 16
     exponents = np.where(values != 0, np.frexp(values)[1], none).min(axis=1, initial=none)
     scales = np.where(exponents < none, 24 - exponents, 0)
@@ -66,7 +65,8 @@ def dot(p: Whole, q: Whole) -> int:
 
 def weights(d: Whole, a: Integers, b: Integers, c: Integers) -> Integers:
     """Numbers in the ratio of the weights of a, b and c at the point where the line through the origin along ``d`` meets
-    their plane."""
+    their plane.
+    """
     return dot(d, _cross(c, b)), dot(d, _cross(a, c)), dot(d, _cross(b, a))
 
 
@@ -88,7 +88,8 @@ def crosses(d: Whole, a: Integers, b: Integers, c: Integers) -> bool:
 
 def hit(o: Whole, d: Whole, triangle: Whole) -> tuple[int, int] | None:
     """The exact t of ray o + t d with a triangle (nine integers) as (numerator, denominator) > 0, or None. ``o`` and
-    the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two."""
+    the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two.
+    """
     return on_plane(o, d, triangle) if crosses(d, *_seen_from(o, triangle)) else None
 
 

@@ -1,7 +1,6 @@
 """The triangles that a ray may meet: the tree over a mesh, and lists of the candidates that the float64 filter leaves.
-
-No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filter_kernels` says why); the lists are
-short, and their triangles are decided exactly elsewhere.
+No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filter_kernels` says why); the lists
+are short, and their triangles are decided exactly elsewhere.
 """
 
 from __future__ import annotations
@@ -58,7 +57,8 @@ def build_tree(points: F32, faces: I32, valid: NDArray, device: str, mask: Alpha
 
 def in_planes(corners: F32, points: F32) -> Bools:
     """Which triangles [n, 3, 3] have a point, [3] or one each [n, 3], exactly in their planes, bool [n]: in float64, and in
-    integers where that is uncertain."""
+    integers where that is uncertain.
+    """
     points = np.broadcast_to(points, (len(corners), 3))
     with np.errstate(invalid="ignore", over="ignore"):
         a, b, c = (corners[:, k].astype(np.float64) - points.astype(np.float64) for k in range(3))
@@ -156,8 +156,7 @@ class Candidates:
         self.farthest = float(np.abs(self._corners[valid != 0]).max(initial=0.0))
 
     def along(self, origins: F32, directions: F32, nearest: bool) -> Iterator[tuple[range, Lists]]:
-        """Batches of rows and, for each ray, the triangles that it may hit; with ``nearest``, none beyond a certain
-        hit."""
+        """Batches of rows and the triangles that each ray may hit; with ``nearest``, none beyond a certain hit."""
         for start in range(0, len(directions), BATCH):
             stop = min(start + BATCH, len(directions))
             o = wp.array(origins[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
@@ -215,8 +214,7 @@ class Candidates:
     def _collected(
         self, kernel: wp.Kernel, inputs: Sequence, rays: range, outputs: Sequence, room: int = 0
     ) -> Iterator[tuple[range, Lists, F64]]:
-        """The candidates of some rays by a collecting kernel, and where each is met at the earliest: in halves where they
-        are more than :data:`MOST`."""
+        """The candidates of rays by a kernel, and where each is met earliest; in halves if more than :data:`MOST`."""
         with wp.ScopedDevice(self.device):
             pairs, count = wp.empty(room or MOST, dtype=wp.vec2i), wp.zeros(1, dtype=wp.int64)
             least = wp.empty(len(pairs), dtype=wp.float64)

@@ -1,6 +1,6 @@
-"""The class of every pixel's answers: decided by the referee at selected pixels, by comparison with the reference elsewhere.
-
-Selected are the pixels where answers and reference differ, their neighbours, and a random sample."""
+"""The class of every pixel's answers: decided by the referee at selected pixels, by comparison with the reference
+elsewhere. Selected are the pixels where answers and reference differ, their neighbours, and a random sample.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -104,8 +104,7 @@ class Classes:
 
     @cached_property
     def shadow(self) -> I8:
-        """``bits`` where they are scored: -1 also where t, u or v are wrong. A value that is not 0 or 1 is INVALID
-        anywhere."""
+        """``bits`` where scored: -1 also where t, u or v are wrong. INVALID is what is neither 0 nor 1."""
         unscored = ~np.isin(self.primary, RIGHT) & (self.bits != Verdict.INVALID)
         return np.where(unscored, np.int8(-1), self.bits)
 

@@ -46,7 +46,8 @@ class Judge:
         device: str = "cpu", known: Referee | None = None,
     ) -> Judge:  # fmt: skip
         """The judge of a moment's primary rays. ``folder`` stores the reference's answers; ``device`` runs the
-        referee's filter; ``effects`` default to the scene's; ``known``: a referee to use again if its mesh is this one."""
+        referee's filter; ``effects`` default to the scene's; ``known``: a referee to use again if its mesh is this one.
+        """
         effects = effects or Effects.of(prepared.scene)
         mesh = moment.points, prepared.faces, moment.valid, device, prepared.alpha if effects.alpha else None
         referee = known if known is not None and known.is_of(*mesh) else Referee(*mesh)

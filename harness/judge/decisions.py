@@ -1,6 +1,5 @@
-"""Exact hits and decisions in integers: which of a few triangles a ray, or a segment to a light, intersects.
-
-Of triangles with holes, a hit counts if a texel that contains it, border included, is opaque: :mod:`.scene.alpha`'s rule
+"""Exact hits and decisions in integers: which of a few triangles a ray, or a segment to a light, intersects. Of
+triangles with holes, a hit counts if a texel that contains it, border included, is opaque: :mod:`.scene.alpha`'s rule
 without rounding.
 """
 
@@ -18,6 +17,8 @@ from ..scene.scene import AlphaMask
 from . import arithmetic as exact
 from .candidates import Lists
 from .distances import plane_numbers
+
+Ratio = tuple[int, int]
 
 
 class Holes:
@@ -93,9 +94,6 @@ class Holes:
             np.unique(np.arange(a, b + 1) % size) for a, b, size in zip(first, last, bitmap.shape[::-1], strict=True)
         ]
         return bitmap[np.ix_(chosen[1], chosen[0])]
-
-
-Ratio = tuple[int, int]
 
 
 @dataclass(eq=False)
@@ -204,7 +202,8 @@ class Decisions:
 
     def between(self, o: F32, d: F32, ratio: Ratio | None, light: F32, triangles: I32, holes: bool = True) -> list[int]:
         """The triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
-        ``holes``: whether a segment may pass through a hole; otherwise it meets the triangle there too."""
+        ``holes``: whether a segment may pass through a hole; otherwise it meets the triangle there too.
+        """
         if ratio is None or not len(triangles):
             return []
         _, ints = exact.integers(o, d, light, self.points[self.faces[triangles]])

@@ -22,10 +22,14 @@ EDGES = ((0, 1), (1, 2), (2, 0))
 
 FAR = 2.0**20
 """Distance of a corner, in units of the largest coordinate near the ray, from which on distances are rational: float64 is
-then right to 2^-6 of the bound."""
+then right to 2^-6 of the bound.
+"""
 
 Numbers = NDArray[Any]
 Reached = tuple[Numbers, Numbers]  # squares of distances [n], and the shares of the way where they are reached
+
+ROUNDING = 2.0**-49  # error in float64 of a triple product of differences of float32 numbers, in units of its terms
+SURE = 2.0**-30  # float64 suffices up to this error of t (relative), u and v: 2^-12 of what is allowed of an answer
 
 
 def plane_distance(x: F64, triangles: F64) -> F64:
@@ -94,7 +98,8 @@ def point_to_segment(x: Numbers, p: Numbers, q: Numbers) -> Reached:
 
 def segment_to_segment(p: Numbers, q: Numbers, a: Numbers, b: Numbers) -> Reached:
     """Squares of the distances of closed segments pq and ab, and the shares of pq where they are reached. The nearest
-    pair holds an end of one of them, or lies inside both."""
+    pair holds an end of one of them, or lies inside both.
+    """
     zero = np.zeros(len(p), dtype=p.dtype)
     ends = [(point_to_segment(p, a, b)[0], zero), (point_to_segment(q, a, b)[0], zero + 1)]
     d, e, r = q - p, b - a, a - p
@@ -111,8 +116,7 @@ def _to_edges(p: Numbers, q: Numbers, triangles: Numbers) -> Reached:
 
 
 def _to_plane(x: Numbers, triangles: Numbers, inside: bool) -> Numbers:
-    """Squares of the distances of points from planes; inf where there is no plane, or ``inside`` and the foot of the point
-    lies beyond an edge."""
+    """Squares of distances of points from planes; inf without a plane, or ``inside`` and the foot beyond an edge."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = np.cross(b - a, c - a)
     size = _dots(normal, normal)
@@ -129,13 +133,10 @@ def _to_triangles(p: Numbers, q: Numbers, triangles: Numbers) -> Reached:
     return _nearest([*ends, _to_edges(p, q, triangles)])
 
 
-ROUNDING = 2.0**-49  # error in float64 of a triple product of differences of float32 numbers, in units of its terms
-SURE = 2.0**-30  # float64 suffices up to this error of t (relative), u and v: 2^-12 of what is allowed of an answer
-
-
 def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
     """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles. corners [n, 3, 3], o
-    and d [n, 3], all float32 numbers; results [n], not finite where a ray is coplanar."""
+    and d [n, 3], all float32 numbers; results [n], not finite where a ray is coplanar.
+    """
     a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(e, f)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -173,8 +174,7 @@ def _exactly(corners: F64, o: F64, d: F64) -> tuple[float, float, float, float]:
 
 
 def beside_off_the_eye(o: F64, d: F64, t: float, corners: F64) -> bool:
-    """Whether the point o + t d of a triangle's plane is within the bound of the triangle, and farther from the eye. o
-    and d [3], corners [1, 3, 3]."""
+    """Whether o + t d of a triangle's plane is within its bound, and off the eye. o, d [3], corners [1, 3, 3]."""
     met = (o + t * d)[None]
     limit = edge_bound(o[None], met)[0]
     return bool(triangle_distance(met, met, corners)[0][0] <= limit < t * np.linalg.norm(d))

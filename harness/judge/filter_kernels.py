@@ -14,9 +14,12 @@ import warp as wp
 
 from ..frame.alpha import Alpha, texels_near
 
+wp.set_module_options({"enable_backward": False, "fast_math": False})
+
 ROUNDING = wp.constant(wp.float64(16.0 * 2.0**-53))
 WIDEN = wp.constant(wp.float64(2.0**-48))
 FAR = wp.constant(wp.float64(1.0e300))
+LEAF = 4
 
 
 @wp.func
@@ -130,7 +133,8 @@ def opacity(
 @wp.func
 def beside(d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, e: wp.float64, wide: wp.float64) -> wp.bool:
     """Whether the line from the origin along d certainly passes a triangle at more than ``wide``: beyond an edge of it, as
-    seen along d, where a triple product over the edge's length is the distance from the edge."""
+    seen along d, where a triple product over the edge's length is the distance from the edge.
+    """
     u = triple(d, c, b, e, e, e)
     v = triple(d, a, c, e, e, e)
     w = triple(d, b, a, e, e, e)
@@ -148,11 +152,6 @@ def beyond(volume: wp.float64, d: wp.vec3d, edge: wp.vec3d, e: wp.float64, wide:
     """Whether a triple product is certainly more than ``wide`` times d times the length of an edge as seen along d."""
     doubt = (WIDEN * wp.length(d) + wp.float64(2.0) * e) * wp.length(edge)
     return volume > wide * (wp.length(wp.cross(d, edge)) + doubt) * (wp.float64(1.0) + WIDEN)
-
-
-LEAF = 4
-
-wp.set_module_options({"enable_backward": False, "fast_math": False})
 
 
 @wp.struct
@@ -255,7 +254,8 @@ def collect_hits(
     found: Found, best: wp.array[wp.float64],
 ):  # fmt: skip
     """Every triangle that the rays from the ``first`` on may hit. With ``nearest`` = 1 none beyond the certain hits
-    found before it; best [n] is then an upper bound of the closest t of each ray, from all of them."""
+    found before it; best [n] is then an upper bound of the closest t of each ray, from all of them.
+    """
     i = first + wp.tid()
     o = origins[i]
     d = directions[i]
@@ -287,7 +287,8 @@ def collect_between(
 ):  # fmt: skip
     """Triangles but ``own`` that may meet the open segment from starts[row] to lights[target]; one certain occluder, or
     -1. Of the segments from the ``first`` on. With ``every`` = 0 a certain occluder ends the search. With ``margin`` >
-    0 triangles within that distance of the segment are collected too, and some beyond it."""
+    0 triangles within that distance of the segment are collected too, and some beyond it.
+    """
     s = first + wp.tid()
     i = row[s]
     light = lights[target[s]]

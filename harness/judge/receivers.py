@@ -48,7 +48,8 @@ def _from_ray(x: NDArray, y: NDArray, angle: float) -> F64:
 def facing(moment: Moment, corners: Floats, light: int, eye: Floats | None = None) -> Bools:
     """Which triangles [n, 3, 3] may face the light: eye and light are on the same side of the plane, or it is
     uncertain. ``eye``: the origin of the rays, by default the moment's. A sign is uncertain below :data:`DOUBT` of the
-    terms of the product: a triangle that the light sees edge-on keeps its shadow rays."""
+    terms of the product: a triangle that the light sees edge-on keeps its shadow rays.
+    """
     a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
     normal = np.cross(b - a, c - a)
     seen = (moment.eye if eye is None else eye).astype(np.float64) - a
@@ -64,7 +65,8 @@ def facing(moment: Moment, corners: Floats, light: int, eye: Floats | None = Non
 def not_receivers(prepared: Prepared, moment: Moment, triangle: Ints) -> tuple[Bools, Bools]:
     """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), and which are within
     :func:`.arithmetic.edge_bound` of a spot's border, so that they may have one or not: bool [lights, pixels] each.
-    ``triangle`` [pixels]: the triangle that each pixel hits; the points are float64, on the triangles' planes."""
+    ``triangle`` [pixels]: the triangle that each pixel hits; the points are float64, on the triangles' planes.
+    """
     outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
     border = outside.copy()
     spots = [i for i, row in enumerate(moment.spots[: len(moment.lights)]) if row[0] != NO_SPOT]

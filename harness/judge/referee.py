@@ -49,8 +49,7 @@ class Referee:
 
     @cached_property
     def duplicate_of(self) -> I32:
-        """The lowest index of a valid triangle with the same three positions, int32 [triangle_count]. A triangle with holes
-        has no duplicates."""
+        """The lowest valid triangle at the same three positions, int32 [triangle_count]; itself if it has holes."""
         single = ~self.valid | self.holes.masked(np.arange(len(self.faces)))
         return lowest_duplicates(self.points[self.faces], single)
 
@@ -85,7 +84,8 @@ class Referee:
 
     def occluders(self, hits: Hits, light: F32) -> I32:
         """One triangle that meets the open segment from each exact hit point to ``light``; -1 where none does. At a
-        miss -1. Triangles that contain the exact hit point do not meet the open segment."""
+        miss -1. Triangles that contain the exact hit point do not meet the open segment.
+        """
         return self._occluders(hits, light[None], np.ones(1, dtype=bool))[0]
 
     def _occluders(self, hits: Hits, lights: F32, wanted: Bools) -> I32:
@@ -188,8 +188,7 @@ class Referee:
         return verdicts
 
     def _passed_over(self, o: F64, d: F64, triangle: Ints, at: F64, reached: F64) -> Bools:
-        """Which hits (triangle, at) before ``reached`` cannot be missed by rounding: far from edges, eye and the given
-        triangle."""
+        """Which hits (triangle, at) before ``reached`` rounding cannot miss: far from edges, eye and given triangle."""
         distance, _, bound = self.ray_to(o, d, triangle, edges_only=True)
         _, clear = self.holes.within(triangle, self.corners(triangle), o, d, bound)
         with np.errstate(invalid="ignore"):
@@ -229,7 +228,8 @@ class Referee:
 
     def _unexcused(self, hits: Hits, row: Ints, lights: F32, k: I32) -> Bools:
         """Which triangles [n], if they meet the segments from hit points to lights [n, 3], rounding cannot miss: met beyond
-        the bound from their edges, with both ends beyond it from their planes."""
+        the bound from their edges, with both ends beyond it from their planes.
+        """
         near, far, corners = hits.points[row], lights.astype(np.float64), self.corners(k)
         away, share = edge_distance(near, far, corners)
         ends = plane_distance(near, corners), plane_distance(far, corners)
@@ -274,7 +274,8 @@ class Referee:
 
 def _rounds(candidates: Lists, verdicts: I8, undecided: Verdict) -> Iterator[tuple[NDArray[np.intp], I32]]:
     """Pairs (ray, candidate) of the rays that are still ``undecided``: first a few per ray, then more for the remaining
-    rays. Most rays are decided by one of their first candidates; a ray may have as many as there are triangles."""
+    rays. Most rays are decided by one of their first candidates; a ray may have as many as there are triangles.
+    """
     first, step = 0, 8
     rows = np.nonzero(candidates.counts)[0]
     while len(rows):
@@ -286,7 +287,8 @@ def _rounds(candidates: Lists, verdicts: I8, undecided: Verdict) -> Iterator[tup
 
 def lowest_duplicates(corners: F32, single: Bools) -> I32:
     """The lowest index of a triangle with the same three positions, int32 [n]; its own for those that are ``single``.
-    corners [n, 3, 3], single [n]"""
+    corners [n, 3, 3], single [n]
+    """
     corners = corners + np.float32(0.0)  # -0 becomes +0
     bits = corners.view(np.uint32).astype(np.uint64)
     mixed = bits[..., 0] * np.uint64(0x9E3779B97F4A7C15)

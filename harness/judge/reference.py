@@ -35,14 +35,16 @@ from .referee import Referee
 ROBUST = True
 OFFSET_UNITS = 8 * 2.0**-24
 """Distance of the origin of a shadow ray from its surface, relative to the coordinates and the triangle that it
-leaves."""
+leaves.
+"""
 
 
 EXACT = "exact referee"  # the provenance of a reference that consists of the referee's own answers
 
 DECIDED = 1 << 14
 """Largest image, in pixels, for which a reference has the referee's answers in full, with the ties of every ray: about
-0.5 KB per pixel."""
+0.5 KB per pixel.
+"""
 
 NO_FILTER = "triangles have holes, and Embree's Python binding has no filter functions to skip a hit in one"
 
@@ -91,7 +93,8 @@ def embree_reference(
 ) -> Reference:  # fmt: skip
     """Trace a moment with Embree. ``folder``: store the answers there as .npz, named by the hash of all inputs.
     ``referee``: the mesh's, under which Embree's scene is kept for other moments if the mesh does not move. Lights
-    without shadows (by ``effects``, default the scene's) get rows of zeros."""
+    without shadows (by ``effects``, default the scene's) get rows of zeros.
+    """
     shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
     facts = {
         "reference": "Embree", "embreex": importlib.metadata.version("embreex"), "robust": ROBUST,
@@ -105,7 +108,8 @@ def exact_reference(
     folder: Path | str | None = None,
 ) -> Reference:  # fmt: skip
     """The referee's own answers in place of Embree's: 10 to 30 us per pixel. ``folder`` as in :func:`embree_reference`.
-    For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip."""
+    For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip.
+    """
     shadows = shadow_flags(moment, effects or Effects.of(prepared.scene))
     facts = {"reference": EXACT, "shadows": shadows, **input_hashes(prepared, moment)}
     if referee.holes.mask is not None:
@@ -144,7 +148,8 @@ def embree_installed() -> bool:
 def make_scene(points: F32, faces: I32, valid: NDArray) -> Any | None:
     """An Embree scene of the valid triangles with unchanged ids; None if there is no valid triangle. Invalid triangles
     get a NaN vertex: Embree drops such triangles, and the others keep their ids. Raises ValueError for an index out of
-    range, with which Embree would read outside the array."""
+    range, with which Embree would read outside the array.
+    """
     # Imported here, so that answers can be saved for scoring elsewhere on a machine without Embree.
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene

@@ -129,7 +129,8 @@ def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Bools:
 def reflected(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
     """Start and direction [n, 3] of mirrored rays in float64, before rounding, as :mod:`..frame.effects.mirrors`
     computes them. Also, [n]: the edges' product over the area of each triangle, and the sine of the ray's angle to its
-    plane."""
+    plane.
+    """
     a = corners[:, 0]
     e, f = corners[:, 1] - a, corners[:, 2] - a
     n = np.cross(e, f)
@@ -157,7 +158,8 @@ def _dots(p: F64, q: F64) -> F64:
 @dataclass(frozen=True, eq=False)
 class Scored:
     """A score; the worst class of each pixel, int8 [pixels], -1 where a disputed pixel was left unjudged; and the data
-    that this score and those of other methods exchange (:mod:`.judge.shared_errors`)."""
+    that this score and those of other methods exchange (:mod:`.judge.shared_errors`).
+    """
 
     score: Score
     classes: I8
@@ -184,8 +186,7 @@ def judge_frame(judge: Judge, answers: dict[str, NDArray]) -> list[Judgement]:
 
 
 def gravest_classes(found: list[Judgement]) -> I8:
-    """One class per pixel, int8 [pixels]: that of its primary answers if they are wrong, else that of the first bounce
-    with a wrong answer."""
+    """One class per pixel, int8 [pixels]: of its primary answers if wrong, else of the first wrong bounce."""
     result = found[0].classes.gravest
     for one in found[1:]:
         right = np.isin(result, RIGHT)

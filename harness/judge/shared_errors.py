@@ -24,7 +24,8 @@ from .verdict import ERRORS, EXCUSED, RIGHT, Score, Shared, Verdict, check_of
 
 AGREES, TIES, DECIDED = 0, 1, 2
 """The state of an answer: equal to the reference's and so counted as right, equal except for a tie, or decided by the
-referee."""
+referee.
+"""
 
 
 @dataclass(eq=False)
@@ -52,8 +53,7 @@ class Disputes:
 
 
 def find_disputes(found: Judgement) -> Disputes:
-    """The disputes of a score, for the scores of other methods. ``place`` must be set if the rays are not the primary
-    ones."""
+    """The disputes of a score, for those of other methods. ``place``: needed unless the rays are primary."""
     judge, selection, reference = found.judge, found.selection, found.reference
     judged, moment = selection.judged, judge.moment
     state = np.where(found.classes.primary == Verdict.TIE, TIES, AGREES).astype(np.uint8)
@@ -90,7 +90,8 @@ def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:
 
 def share_errors(rows: Sequence[tuple[Score, Sequence[Disputes]]]) -> list[Score]:
     """Scores of any moments, each with the errors of its reference that all of them together found. If it is repeated,
-    also with more rows, it starts again from each score's own counts."""
+    also with more rows, it starts again from each score's own counts.
+    """
     pool = pooled(one for _, disputes in rows for one in disputes)
     return [charge(score, disputes, pool) for score, disputes in rows]
 

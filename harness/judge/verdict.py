@@ -1,5 +1,6 @@
 """The classes of answers, and the score of a frame: how many answers fall into each, for the primary rays, each light and
-each bounce."""
+each bounce.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +9,8 @@ from enum import IntEnum
 from typing import Annotated, Any
 
 from ..typed_json import OMITTED, checked, to_json
+
+Count = Annotated[int, 0]  # a count; when it is read it is checked not to be negative
 
 
 class Verdict(IntEnum):
@@ -56,7 +59,7 @@ WRONG_BIT = (Verdict.EDGE, Verdict.ACNE, Verdict.LEAK)  # the classes of a shado
 GRAVEST_BIT = (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE)
 """The classes of wrong shadow bits; of a pixel with several, the last one here counts."""
 
-MEANINGS = {
+MEANINGS = {  # what each class but OK means, for legends
     Verdict.TIE: "another triangle at exactly the same t",
     Verdict.NEAR_TIE: "another triangle, its t the same within float32 rounding (excused)",
     Verdict.EDGE: "wrong, but the ray passes an edge within float32 rounding (excused)",
@@ -65,12 +68,8 @@ MEANINGS = {
     Verdict.ACNE: "a lit point called shadowed",
     Verdict.LEAK: "a shadowed point called lit",
 }
-"""What each class but OK means, for legends."""
 
 EXCUSED_LIMIT = 0.001  # a score fails if a larger share of the pixels is excused
-
-
-Count = Annotated[int, 0]  # a count; when it is read it is checked not to be negative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,8 +152,7 @@ class RayCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class BounceCounts(RayCounts):
-    """The counts of one bounce of mirrored rays. ``rays_wrong``: rays that do not follow from the hit before; these are
-    true errors too."""
+    """The counts of one bounce. ``rays_wrong``: rays that do not follow from the hit before; true errors too."""
 
     bounce: Count
     rays: Count

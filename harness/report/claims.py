@@ -1,6 +1,5 @@
-"""Claims, one by one: what was measured, and whether it holds, does not hold, cannot be told, or is not measured.
-
-An experiment declares a claim as a sentence and a function of :class:`Evidence`. A ratio is taken within one run, between
+"""Claims, one by one: what was measured, and whether it holds, does not hold, cannot be told, or is not measured. An
+experiment declares a claim as a sentence and a function of :class:`Evidence`. A ratio is taken within one run, between
 points of the same scene, size, lights and frames (:func:`.report.compare.pairs`).
 """
 

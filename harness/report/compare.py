@@ -1,7 +1,6 @@
-"""Every ratio of a report: two points compared over the frames that both have, within one run.
-
-Points of different runs, scenes, lights, devices, image sizes or versions of one method are never compared: they form no
-pair here, and tables and drawings show no ratio for them (:func:`apart`).
+"""Every ratio of a report: two points compared over the frames that both have, within one run. Points of different
+runs, scenes, lights, devices, image sizes or versions of one method are never compared: they form no pair here, and
+tables and drawings show no ratio for them (:func:`apart`).
 """
 
 import math
@@ -26,8 +25,7 @@ BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", 
 
 
 def slim(frames: DataFrame, but: tuple[str, ...] = ("round.",)) -> DataFrame:
-    """A tidy table without its :data:`BULKY` columns, ``but`` those of these that some row has: hundreds of columns take
-    most of a comparison's time."""
+    """A tidy table without :data:`BULKY` columns, ``but`` those that some row has: they take most of the time."""
     return frames[[x for x in frames if not x.startswith(BULKY) or (x.startswith(but) and frames[x].notna().any())]]
 
 

@@ -18,12 +18,11 @@ from .compare import pass_spread, spread
 from .dataframe import DataFrame, Series, pd
 from .terminal import make_console, print_table
 
-COMMON = (
+COMMON = (  # columns that every CSV of an experiment begins with
     "scene scene_title stand_in triangles method label settings device device_name width height preset status reason "
     "light_label light_count light_distance build_ms trace_ms light_build_ms shadow_ms total_ms iqr_ms between_ms "
     "frames samples true_errors unscored environment key"
 ).split()
-"""Columns that every CSV of an experiment begins with."""
 FEW = 3  # number of points up to which each is named
 NO_RECORD = "no record"  # status of points that a stopped run did not reach
 

@@ -76,8 +76,7 @@ def drawn(text: str, results: Results, parts: Parts, path: Path) -> str:
 
 
 def fill(results: Results, root: Path, parts: Parts) -> list[Path]:
-    """Draw the parts of every document of a checkout anew, and the notebooks of pages that have one; the files that
-    changed."""
+    """Draw the parts of every document of a checkout anew, and notebooks of pages; the files that changed."""
     changed = []
     for path in documents(root):
         text = path.read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
 """How a measured number is written: its digits, as many as its spread carries, its marks, and its place in a finding.
-
-Terminal, Markdown, LaTeX, drawings and the page show the texts that are made here, so that a number reads the same in all.
+Terminal, Markdown, LaTeX, drawings and the page show the texts that are made here, so that a number reads the same in
+all.
 """
 
 import math
@@ -13,11 +13,10 @@ from .dataframe import DataFrame, Series
 
 NOISY = "~"  # mark before a number that is shown with fewer digits, because its spread is too large or not known
 OK, WRONG, UNSCORED = "✓", "✗", "unscored"  # marks of answers: none is wrong, some are, nobody knows
-MEANINGS = {
+MEANINGS = {  # what a mark says, by the pattern that finds it in a text
     NOISY: f"{NOISY}: shown with fewer digits, as the spread of the repeats carries no more, or a single repeat has none.",
     r"\[\d+/\d+\]": "[1/3]: the mean over 1 of 3 frames; the others were not measured.",
 }
-"""What a mark says, by the pattern that finds it in a text."""
 
 TIME, COUNT = "ms", "count"
 count = "{:,.0f}".format

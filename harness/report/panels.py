@@ -1,6 +1,5 @@
-"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column.
-
-Matplotlib's SVG is written in about half of its bytes (:func:`short`): the same elements, texts and looks.
+"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column. Matplotlib's SVG is
+written in about half of its bytes (:func:`short`): the same elements, texts and looks.
 """
 
 import io
@@ -30,6 +29,11 @@ GREY = "#555555"
 Parts = Mapping[str, tuple[str, Any]]
 """The parts of a bar: column and colour by title; a number makes it that much lighter than the method's colour."""
 FRAME: Parts = {part: (f"{column}_ms", style.PART_SHARE[part]) for part, column in PART_COLUMNS.items()}
+
+TAG = re.compile(r"<[^!?>][^>]*>")
+STYLE = re.compile(r' style="([^"]*)"')
+NUMBER = re.compile(r"-?\d+\.\d{3,}")
+RULES = "</style>"  # where further rules of style are put: matplotlib writes one element of them
 
 
 @contextmanager
@@ -177,8 +181,7 @@ def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.6, legend: int = 3,
 ) -> Path | None:  # fmt: skip
-    """Panels of :func:`stacked` bars, cut off at ``cut`` times the shortest; the axis is ``room`` times the longest with its
-    whisker."""
+    """Panels of :func:`stacked` bars, cut at ``cut`` times the shortest; the axis is ``room`` times the longest."""
     if table.empty:
         return None
     sizes = table[facet].value_counts() if facet else [len(table)]
@@ -201,7 +204,8 @@ def bars(
 def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math.inf) -> None:
     """One stacked bar per row, from the top down, as long as ``total_ms``. Whisker: its interquartile range. The parts
     of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each in their
-    sum. ``text`` at its end is red where answers are wrong, in italics where nothing was measured."""
+    sum. ``text`` at its end is red where answers are wrong, in italics where nothing was measured.
+    """
     # Stages are differences: on a busy machine one may be negative.
     widths = own[[column for column, _ in parts.values()]].clip(lower=0.0).fillna(0.0)
     widths = widths.mul(own["total_ms"].fillna(0.0) / widths.sum(axis=1).replace(0.0, 1.0), axis=0)
@@ -305,15 +309,10 @@ def images(
     return path
 
 
-TAG = re.compile(r"<[^!?>][^>]*>")
-STYLE = re.compile(r' style="([^"]*)"')
-NUMBER = re.compile(r"-?\d+\.\d{3,}")
-RULES = "</style>"  # where further rules of style are put: matplotlib writes one element of them
-
-
 def short(drawing: str) -> str:
     """The drawing with a class for each style that several elements have, coordinates to a hundredth of a point, and
-    neither indentation nor line ends within elements."""
+    neither indentation nor line ends within elements.
+    """
     styles = Counter(STYLE.findall(drawing)) if RULES in drawing else Counter()
     classes = {style: f"s{i}" for i, style in enumerate(style for style, count in styles.items() if count > 1)}
 

@@ -1,7 +1,6 @@
 """Table 1 of the paper, exactly as printed, with its hardware, sources and footnotes. Nothing is scored against it.
-
-Guntury and Narayanan 2010, "Ray Tracing Dynamic Scenes with Shadows on the GPU": milliseconds. An entry "a / b" is build /
-traversal and tracing of primary rays; the last column is all steps up to the shadow bits.
+Guntury and Narayanan 2010, "Ray Tracing Dynamic Scenes with Shadows on the GPU": milliseconds. An entry "a / b" is
+build / traversal and tracing of primary rays; the last column is all steps up to the shadow bits.
 """
 
 from collections.abc import Iterable
@@ -14,14 +13,13 @@ SIZE = (1024, 1024)
 LABEL = f"paper, {GPU}, {SIZE[0]}x{SIZE[1]}"
 
 
-COLUMNS = {
+COLUMNS = {  # where the numbers of each printed column come from
     "HBVH": "[LGS*09] Lauterbach et al. 2009, Fast BVH construction on GPUs",
     "kd-tree": "[HSZ*09] Hou et al. 2009, Memory-scalable GPU spatial hierarchy construction",
     "Grid": "[KS09] Kalojanov and Slusallek 2009, A parallel algorithm for uniform grids",
     "Our Method": "the paper, primary rays",
     "With Shadows": "the paper, all steps till shadow computation",
 }
-"""Where the numbers of each printed column come from."""
 
 
 class Row(NamedTuple):

@@ -38,10 +38,9 @@ EXPOSURE = 1.1
 WHITE = 2.2  # radiance that is shown as white; lower values are compressed as little as possible
 SHOWS = "shows"  # the name, in a PNG file, of the text that says what it was made from
 
-UNREADABLE = (
+UNREADABLE = (  # exceptions of Pillow for a file that is not a whole picture
     OSError, ValueError, SyntaxError, EOFError, struct.error, zlib.error, Image.DecompressionBombError,
 )  # fmt: skip
-"""Exceptions of Pillow for a file that is not a whole picture."""
 
 BLOCK = 1 << 16  # pixels that are shaded at a time, so that a large picture needs little memory
 THREADS = min(8, os.cpu_count() or 1)
@@ -54,6 +53,8 @@ PAPER = (250, 250, 248)
 QUALITY = 60  # quality of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels
 LONGEST_SIDE = 16383  # largest width and height of a WebP file, pixels
 MOST_PIXELS = 1 << 28  # of all frames together: they are in memory until the file is written, 3 bytes each
+
+FLIP_MISSING = "the package flip-evaluator is not installed"
 
 
 def shade(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]) -> U8:
@@ -197,7 +198,8 @@ def beside(pictures: Sequence[U8]) -> U8:
 
 def save_webp(frames: Sequence[U8], path: Path, seconds: float) -> Path:
     """Write frames, uint8 [height, width, 3] each, as a looping WebP file that lasts ``seconds``. Whole or not at all.
-    Players show a frame for whole milliseconds, at least 10."""
+    Players show a frame for whole milliseconds, at least 10.
+    """
     images = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
     length = max(10, round(1000 * seconds / len(images)))
     with replacing(path, durable=False) as stream:
@@ -206,9 +208,6 @@ def save_webp(frames: Sequence[U8], path: Path, seconds: float) -> Path:
             method=4,
         )  # fmt: skip
     return path
-
-
-FLIP_MISSING = "the package flip-evaluator is not installed"
 
 
 def reference_path(folder: Path, scene: str, frame: int) -> Path:
@@ -225,7 +224,8 @@ def keep_wrong(
     folder: Path, key: str, frame: int, judge: Judge, answers: dict[str, NDArray]
 ) -> tuple[Scored, dict[str, Any]]:
     """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none. The
-    picture of the reference is saved, and that of the answers if it differs."""
+    picture of the reference is saved, and that of the answers if it differs.
+    """
     scored = score_answers(judge, answers)
     shape = (judge.moment.height, judge.moment.width)
     write_map(wrong_path(folder, key, frame), scored.classes.reshape(shape).astype(np.int64) + OFFSET)

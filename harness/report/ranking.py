@@ -1,7 +1,5 @@
-"""The methods of each scene sorted by time, and in sentences which one is the fastest.
-
-A scene stands for one scene with one set of lights on one device. A method counts as exact where it calls itself exact and
-no answer was wrong.
+"""The methods of each scene sorted by time, and in sentences which one is the fastest. A scene stands for one scene
+with one set of lights on one device. A method counts as exact where it calls itself exact and no answer was wrong.
 """
 
 import math
@@ -28,7 +26,8 @@ def exact(table: DataFrame) -> Series:
 def best(frames: DataFrame, points: DataFrame) -> Series:
     """Which points are the fastest of their scene with every answer right, and those that tie with it; by key. Compared
     over the frames that two points have in common, on whatever device. A tie: apart by no more than the spreads. Where
-    two points of a scene may not be compared, or only one is right, none is the best."""
+    two points of a scene may not be compared, or only one is right, none is the best.
+    """
     right = document.measured(points).query("error == @numbers.OK")
     scene = right.groupby(["title", "light_label"], sort=False)
     right = right[scene["key"].transform("size") > 1]
@@ -73,7 +72,8 @@ def settings(table: DataFrame) -> Iterator[tuple[str, DataFrame]]:
 
 def tables(table: DataFrame, frames: DataFrame | None = None) -> dict[str, DataFrame]:
     """For each scene of a ranked table a table of texts, fastest first. Its column ``in_each_frame``: what is built there.
-    ``frames``: the tidy table that was ranked, for rows of those without a time, which say why."""
+    ``frames``: the tidy table that was ranked, for rows of those without a time, which say why.
+    """
     made = {f"{setting}, fastest first": sorted_table(own) for setting, own in settings(table)}
     if frames is None:
         return made
@@ -224,8 +224,7 @@ def most_first(wins: Iterable[Iterable[str]], slow: Callable[[str], float]) -> d
 
 
 def nearest(table: DataFrame, scenes: Sequence[Sequence[Mapping[str, Any]]]) -> str:
-    """The exact method that comes closest to the fastest of a scene and is of another kind, as a sentence; and the scene
-    on which no other kind comes close."""
+    """The exact method of another kind nearest to the fastest of a scene, in words; and the scene without one."""
     known = nearest_others(table, scenes)
     text = told(known.head(1), "The nearest exact one of another kind, {} on {}, takes {} times as long")
     return text and text + told(known.tail(1), "; on {1} the nearest, {0}, {2}") * (len(known) > 1) + "."

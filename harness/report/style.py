@@ -33,7 +33,8 @@ def in_order(methods: Iterable[str]) -> list[str]:
 
 def look(method: str) -> dict[str, str]:
     """The colour and the marker of a method: as the methods' package says, or for others from the checksum of the name.
-    So they are the same whatever else is measured or installed."""
+    So they are the same whatever else is measured or installed.
+    """
     place, slot = divmod(zlib.crc32(method.encode()), len(COLOURS))
     other = (COLOURS[slot], MARKERS[place % len(MARKERS)])
     colour, marker = importlib.import_module(PACKAGE).LOOKS.get(method, other)
@@ -61,7 +62,7 @@ def radii(distance: float) -> str:
     return f"{distance:.0e}".replace("e+0", "e") if distance >= 1e4 else f"{distance:g}"
 
 
-SHEET = {
+SHEET = {  # matplotlib settings for figures that are read at column width
     **dict.fromkeys(("font.size", "axes.labelsize"), 7), "axes.titlesize": 7.5,
     **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 6.5),
     **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False), "axes.axisbelow": True, "axes.linewidth": 0.6,
@@ -69,7 +70,6 @@ SHEET = {
     "text.parse_math": False,  # a name with two dollar signs is no formula
     "svg.fonttype": "none", "svg.hashsalt": "shadowbench", "font.family": "DejaVu Sans",
 }  # fmt: skip
-"""Matplotlib settings for figures that are read at column width."""
 
 
 def plain_number(value: float, _: int = 0) -> str:

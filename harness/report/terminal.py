@@ -1,7 +1,6 @@
-"""What commands print: JSON, or tables of limited width; columns that do not fit follow in further blocks below.
-
-The width is that of the terminal or of the variable COLUMNS; else 160 columns in a file or a pipe, which can be
-scrolled, and 80 for the tables of commands.
+"""What commands print: JSON, or tables of limited width; columns that do not fit follow in further blocks below. The
+width is that of the terminal or of the variable COLUMNS; else 160 columns in a file or a pipe, which can be scrolled,
+and 80 for the tables of commands.
 """
 
 from __future__ import annotations
@@ -20,9 +19,11 @@ from .numbers import WRONG
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
     from rich.text import Text
 
 PIPE_WIDTH = 160
+KEY = 16  # width that the first column of a table in blocks has where its texts are as long as that
 GAP = 2  # columns between two columns of a table
 SENTENCE = 38  # width from which a column of a table is taken to hold sentences, which may be broken between words
 MARKS = {"**": "bold green", "*": "dim"}  # emphasis of a whole cell in Markdown, and its style in a terminal
@@ -62,9 +63,8 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
     keys = list(cells)[: told[0] if told else 1]
     if sum(needed[name] for name in keys) + max(needed.values()) > console.width + GAP:
         keys = keys[:1]
-    for names in column_blocks(
-        needed, keys, console.width + GAP
-    ):  # columns of sentences share the width that the others leave
+    # Columns of sentences share the width that the others leave.
+    for names in column_blocks(needed, keys, console.width + GAP):
         fixed = {name: widths[name] if widths[name] <= SENTENCE else None for name in names}
         columns = [Column(name, width=width, overflow="fold") for name, width in fixed.items()]
         shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0))
@@ -91,12 +91,6 @@ def styled(cell: str) -> Text:
     if marked := re.fullmatch(r"(\*{1,2})(.+)\1", cell):
         return Text(marked[2], style=MARKS[marked[1]])
     return Text(cell, style="red" if WRONG in cell else "")
-
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-KEY = 16  # width that the first column of a table in blocks has where its texts are as long as that
 
 
 def tell(facts: Any, as_json: bool, show: Callable[[Any], None]) -> None:
@@ -135,9 +129,8 @@ def make_table(*names: str, numbers: tuple[str, ...] = ()) -> Table:
 
 
 def table_blocks(names: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[Table]:
-    """A table as one or several below each other, each with the first column: lines break between words only.
-
-    A column is never narrower than its longest word; columns that do not fit beside the others begin another table.
+    """A table as one or several below each other, each with the first column: lines break between words only. A column
+    is never narrower than its longest word; columns that do not fit beside the others begin another table.
     """
     from rich.table import Column, Table
 

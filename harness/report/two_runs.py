@@ -98,9 +98,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Rows of points, rows of geometric means over scenes, rounds left out as (run, point, round, reason), and entries
-    that only one run has.
-    """
+    """Rows of points and of geometric means, rounds left out (run, point, round, reason), entries of one run only."""
 
     rows: tuple[Row, ...]
     means: tuple[Row, ...]
@@ -192,7 +190,8 @@ def entries(records: Iterable[Record]) -> dict[tuple, Record]:
 def gap_between(a: F64, b: F64) -> tuple[float, float, float]:
     """How much longer ``b`` takes than ``a``, as a share, and its 95 % interval. Hodges and Lehmann's estimate on
     logarithms, which belongs to Mann and Whitney's test. The interval is from the normal approximation of its
-    statistic."""
+    statistic.
+    """
     differences = np.sort(np.subtract.outer(np.log(b), np.log(a)).ravel())
     m, n = len(a), len(b)
     reach = 1.96 * math.sqrt(m * n * (m + n + 1) / 12)
@@ -247,7 +246,8 @@ def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
 
 def _flags(pairs: Sequence[tuple[Timed, Timed]]) -> dict[str, Any]:
     """Of points of A and B: whether B has errors that A had not, more wrong answers or more excused ones than may be;
-    whether the answers of A alone were judged; whether the method's code has changed."""
+    whether the answers of A alone were judged; whether the method's code has changed.
+    """
     return {
         "errs": any((b.wrong or 0) > (a.wrong or 0) or (b.failed and not a.failed) for a, b in pairs),
         "unjudged": any(a.wrong is not None and b.wrong is None for a, b in pairs),

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 NODE_COST = 1.2
 """What a node costs a ray, in triangle tests (Aila, Karras and Laine 2013, "On Quality Metrics of Bounding Volume
-Hierarchies")."""
+Hierarchies").
+"""
 
-NUMBERS = (
+NUMBERS = (  # columns of a frame, NaN where not known
     "energy_mj idle_w alone_ms pair_ms primary_tests shadow_tests expected_tests expected_nodes sah_cost bytes_per_ray"
 ).split()
-"""Columns of a frame, NaN where not known."""
 
 LATENCIES = {"p50_ms": 50.0, "p95_ms": 95.0, "p99_ms": 99.0}  # percentile of a point's frames by column
 MISSING = {"energy_missing": "energy", "flight_missing": "in flight"}  # columns that say why, and the record's name

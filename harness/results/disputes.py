@@ -25,6 +25,9 @@ from .schema import read_record
 
 Counts = I64
 
+ARRAYS = ("state", "pixels", "hit", "primary", "shadow")
+FACTS = tuple(one.name for one in fields(Disputes) if one.name not in ARRAYS)
+
 
 def map_path(folder: Path, key: str, frame: int) -> Path:
     """Where the counts of a point's frame are stored."""
@@ -33,7 +36,8 @@ def map_path(folder: Path, key: str, frame: int) -> Path:
 
 def write_map(path: Path, counts: Ints) -> None:
     """Keep counts [height, width] as a PNG: red, green and blue are the bytes of a 24-bit number, highest first.
-    Written atomically. Raises ValueError for a count that does not fit: none is ever cut."""
+    Written atomically. Raises ValueError for a count that does not fit: none is ever cut.
+    """
     wide = np.asarray(counts, dtype=np.int64)
     if wide.size and not 0 <= int(wide.min()) <= int(wide.max()) < 1 << 24:
         raise ValueError(f"counts {int(wide.min())} to {int(wide.max())} do not fit into 24 bits")
@@ -74,10 +78,6 @@ def mark_wrong(path: Path, pixels: Ints, classes: I8) -> None:
         write_map(path, marked.reshape(known.shape) + OFFSET)
 
 
-ARRAYS = ("state", "pixels", "hit", "primary", "shadow")
-FACTS = tuple(one.name for one in fields(Disputes) if one.name not in ARRAYS)
-
-
 def disputes_path(folder: Path, key: str, frame: int) -> Path:
     """The file of the disputes of a point's frame."""
     return folder / "truth" / f"disputes-{key}-{frame}.npz"
@@ -109,7 +109,8 @@ def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disput
 
 def charge_folder(folder: Path) -> dict[str, Record]:
     """Add shared errors to the records of a folder. Returns the records that changed, by key, as they were rewritten.
-    Records are written atomically, so that a run that is stopped here updates the rest when it is resumed."""
+    Records are written atomically, so that a run that is stopped here updates the rest when it is resumed.
+    """
     files = sorted((folder / "truth").glob("disputes-*.npz"))
     known = [(path, found) for path in files if (found := read_disputes(path, state=False))]
     pool = pooled(one for _, (_, _, disputes) in known for one in disputes)

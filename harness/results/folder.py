@@ -31,7 +31,8 @@ UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.
 def require_plain(folder: Path) -> None:
     """Raise :class:`UserError` where a results folder has a link, a pipe or a device in the place of a file. It may
     come from elsewhere: a table drawn through a link would replace a file of another folder, and packing would publish
-    one. Folders may be links, such as those to a larger disk."""
+    one. Folders may be links, such as those to a larger disk.
+    """
     for place in (folder, *(folder / name for name in PARTS)):
         with contextlib.suppress(OSError), os.scandir(place) as entries:  # who reads or writes there says what is wrong
             odd = [one.path for one in entries if not (one.is_file(follow_symlinks=False) or one.is_dir())]
@@ -81,7 +82,8 @@ class ResultsFolder:
     def idle(self) -> Iterator[None]:
         """Lock an existing folder, so that no run writes to it. Raises :class:`UserError` if one does, and as
         :func:`require_plain` does. A folder without a lock file is not locked, and no lock file is created, because the
-        folder may be read-only."""
+        folder may be read-only.
+        """
         require_plain(self.path)
         with ExitStack() as held:
             try:

@@ -1,6 +1,5 @@
-"""The events of a point, from which its record is made, and the journal that keeps them, one JSON line each.
-
-The classes are the schema of what a worker replies. A reply is checked when it arrives, because a method is somebody else's
+"""The events of a point, from which its record is made, and the journal that keeps them, one JSON line each. The
+classes are the schema of what a worker replies. A reply is checked when it arrives, because a method is somebody else's
 code and gives some of its values; a journal is checked when it is opened.
 """
 
@@ -114,7 +113,8 @@ class _Event(TypedDict):
 class Journal:
     """The events of an unfinished point: one JSON object per line, written to disk before :meth:`append` returns. An
     incomplete last line, left by a crash, is removed when the journal is opened again, and so is all from the first
-    event on that does not have the type that ``schema`` gives for its name (others may have any)."""
+    event on that does not have the type that ``schema`` gives for its name (others may have any).
+    """
 
     def __init__(self, path: Path, schema: Mapping[str, type] = MappingProxyType({})):
         self.path = path

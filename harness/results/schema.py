@@ -25,10 +25,13 @@ MOST_DICTIONARY = 256 << 20  # memory for unpacking, bytes; `write_archive` need
 
 BLOCK = 1 << 20
 
+T = TypeVar("T")
+
 
 def read_records(folder: Path | str) -> list[Record]:
     """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none. A packed folder
-    has them in one file (:data:`ARCHIVE`); records measured in it later have a file each."""
+    has them in one file (:data:`ARCHIVE`); records measured in it later have a file each.
+    """
     return sorted(each_record(folder), key=lambda record: record.key)
 
 
@@ -54,8 +57,7 @@ def each_record(folder: Path | str) -> Iterator[Record]:
 
 
 def folders_with_records(folder: Path | str) -> list[Path]:
-    """The folder and the folders in it, however deep, that have records; each once, whatever links lead to it. Raises
-    :class:`UserError` where there is none."""
+    """The folder and those in it, however deep, with records, each once. Raises :class:`UserError` for none."""
     folder, seen, places = Path(folder), set[str](), list[Path]()
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; name a folder of results")
@@ -77,7 +79,8 @@ def place_name(place: Path, folder: Path) -> str:
 
 def archived(place: Path, seen: set[str]) -> Iterator[Record]:
     """The records in the archives of a folder ``records/`` whose keys are not among ``seen``, which they join. If two
-    archives have a key, the later file name counts, and in one archive the later line."""
+    archives have a key, the later file name counts, and in one archive the later line.
+    """
     for path in sorted(place.glob(ARCHIVES), reverse=True):
         own: dict[str, Record] = {}
         for record in read_archive(path):
@@ -166,9 +169,6 @@ def record_in(content: bytes, where: str, remedy: str = "remove it and run again
     return record
 
 
-T = TypeVar("T")
-
-
 def settings_text(settings: dict[str, Any] | None) -> str:
     """Settings as one phrase, "constructor sah, threads 2"; a dash where there are none."""
     if not settings:
@@ -177,8 +177,7 @@ def settings_text(settings: dict[str, Any] | None) -> str:
 
 
 def entry_of(record: Record) -> tuple[Any, ...]:
-    """The properties that two records of one table entry have in common: scene, lights, method, settings, device and
-    size."""
+    """What two records of one table entry have in common: scene, lights, method, settings, device and size."""
     scene, method, point = record.scene, record.method, record.point
     return (
         *(scene["name"], scene.get("title"), (scene.get("lighting") or {}).get("label", "")),

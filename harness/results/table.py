@@ -34,26 +34,23 @@ PART_COLUMNS = {part: part.replace(" ", "_") for part in PARTS}
 
 BACKWARDS = 0.05  # a part below minus this share of its frame shows that the times of passes contradict each other
 
-COUNTS = (
+COUNTS = (  # columns of whole numbers: `Int64`, `<NA>` where not known
     "triangles vertices invalid_triangles frame_count width height pixels lights targets rounds frames_left_out frame "
     "samples regrown memory_bytes peak_rss_bytes shadow_rays mirrored_rays pixels_scored true_errors reference_errors "
     "pass_count build_count"
 ).split()
-"""Columns of whole numbers: ``Int64``, ``<NA>`` where not known."""
 
-NUMBERS = (
+NUMBERS = (  # columns of numbers: `float64`, `NaN` where not known
     "light_distance light_turns compile_s first_frame_s total_ms q1_ms q3_ms iqr_ms wall_ms submitted_ms "
     "build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
     "excused_share flip started"
 ).split() + [*costs.NUMBERS, *costs.LATENCIES]
-"""Columns of numbers: ``float64``, ``NaN`` where not known."""
 
-TEXTS = (
+TEXTS = (  # columns of text: "" where not known, never missing
     "key folder run experiment scene scene_title stand_in scene_sha256 source source_file source_sha256 left_out "
     "method method_title label settings built known_inexact method_sha256 device device_name preset status reason "
     "view light_label moved environment unscored check flip_missing stopped_by"
 ).split() + [*costs.MISSING]
-"""Columns of text: "" where not known, never missing."""
 
 
 def tidy(folder: Path | str) -> DataFrame:

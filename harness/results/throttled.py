@@ -31,7 +31,8 @@ CROWDED = 1.25  # load of a host over its cores above which programs wait, so th
 def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | None) -> str:
     """Why a round should not count: its clocks were throttled or, on a CPU, the load of the machine exceeded its cores.
     "" if neither is known. ``cores``: the number that a run may use; None: not known. The load is the mean of the last
-    minute."""
+    minute.
+    """
     if device.startswith("cuda"):
         return (found := throttled(one, usual)) and f"clocks throttled ({found})"
     load = _number((one.get("clock") or {}).get("load"))

@@ -18,7 +18,8 @@ QUIET_S = 10.0  # without a bar, a step is printed if it is of a new kind, or af
 
 class Silent:
     """Receives progress events and prints nothing. A step is one command to one worker. ``more``: what follows and is
-    not in the estimate, such as "then untimed counts"."""
+    not in the estimate, such as "then untimed counts".
+    """
 
     more = ""
 

@@ -36,7 +36,8 @@ from .workers.protocol import load_command, picture_of
 
 GRADERS_LOST = 3
 """How many scoring processes may be killed with the answers of one point before it stays without a score. The first may have
-died unseen, before it was asked."""
+died unseen, before it was asked.
+"""
 
 OVER = 1.25  # times its budget that a point may take before its last rounds are left out: its last sample ends late
 
@@ -103,7 +104,8 @@ class Run:
 
     def _scene(self, name: str, methods: Described, guessed: float) -> list[Record]:
         """The records of a scene with every lighting; also updates the estimate of the remaining time, from the seconds that
-        were ``guessed`` of the scene."""
+        were ``guessed`` of the scene.
+        """
         lightings = self.options.preset.lightings
         self.estimate.begin(guessed, len(lightings) * len(methods))
         jobs: list[Job] = []
@@ -178,7 +180,8 @@ class Run:
 
     def _ready(self, jobs: list[Job]) -> None:
         """Prepare jobs and have their answers scored, as :func:`.dealt` says. Scoring takes long, so each scoring
-        process holds the machine lock itself and releases it between frames."""
+        process holds the machine lock itself and releases it between frames.
+        """
         unscored = [job for job in jobs if not job.journal.first("finished")]
         for job in unscored:
             MACHINE.give_way()
@@ -222,7 +225,8 @@ class Run:
     def _turn(self, job: Job) -> contextlib.AbstractContextManager[None]:
         """Around one round of a point. On a cluster several cards of a machine measure at the same time. The clock of a
         GPU times a captured graph, whatever the host does meanwhile. A method on the CPU, and one whose launches the
-        host must issue in time, needs the machine alone: all others pause between two of their rounds."""
+        host must issue in time, needs the machine alone: all others pause between two of their rounds.
+        """
         if not self.card:
             return contextlib.nullcontext()
         MACHINE.give_way()
@@ -232,7 +236,8 @@ class Run:
 
     def _redraw(self, jobs: list[Job]) -> None:
         """Draw the picture of a scene with one lighting where it is missing or damaged though all its points have
-        records. The first measured point is answered again, untimed. If it cannot be drawn, a message says so."""
+        records. The first measured point is answered again, untimed. If it cannot be drawn, a message says so.
+        """
         from ..report.picture import opened
 
         job = next((job for job in jobs if job.record is not None and job.record.status == "ok"), None)

@@ -25,7 +25,8 @@ MOST_TEXELS = 2.0**30  # coordinates times the bitmap's size stay below this, so
 def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
     """The mask with contiguous arrays of the declared types; every value that is not 0 becomes 1. Raises
     :class:`UserError` for shapes that do not fit the mesh, coordinates that are not finite or so large that texels
-    cannot be numbered, and a bitmap without texels. ``name``: of the scene, for the message."""
+    cannot be numbered, and a bitmap without texels. ``name``: of the scene, for the message.
+    """
     masked, coordinates = np.asarray(mask.triangles), np.asarray(mask.coordinates)
     opaque = np.asarray(mask.opaque)
     if masked.shape != (triangle_count,):
@@ -47,8 +48,7 @@ def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
 
 
 def alpha_of(scene: Scene, geometry: Geometry, faces: I32) -> AlphaMask | None:
-    """The checked mask of a scene's geometry, its coordinates in the order of the corners of ``faces``; None where every
-    triangle is opaque."""
+    """The checked mask of a geometry, its coordinates in the corners' order of ``faces``; None if all is opaque."""
     if scene.alpha is None:
         return None
     mask = checked(scene.alpha(geometry), len(faces), scene.name)

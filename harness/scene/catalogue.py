@@ -1,7 +1,6 @@
-"""The catalogue: the paper's six scenes and the bunny. A file can be given instead of a name.
-
-A scene of the paper is a procedural stand-in, unless the folder of original scenes has a file of its name. Any other file
-there is a scene of its name, too.
+"""The catalogue: the paper's six scenes and the bunny. A file can be given instead of a name. A scene of the paper is a
+procedural stand-in, unless the folder of original scenes has a file of its name. Any other file there is a scene of its
+name, too.
 """
 
 import importlib.util

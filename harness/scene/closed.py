@@ -18,7 +18,8 @@ from .prepared import Prepared
 
 CLOSED, TURNED, TOUCHED = 2, 4, 8
 """Bits of a triangle besides 1, which says that it may be hit: it is of a closed part; its corners are listed against the
-part's outward winding; a method met what forbids to count the part as closed, and says so."""
+part's outward winding; a method met what forbids to count the part as closed, and says so.
+"""
 
 OPEN = -1
 
@@ -71,7 +72,8 @@ class ClosedParts:
 
     def flags(self, moment: Moment, shadows: tuple[bool, ...], opened: Bools) -> U8:
         """The bits of each triangle in a frame, uint8 [triangle_count]. ``shadows``: which lights have them; ``opened``
-        [count]: parts that count as open."""
+        [count]: parts that count as open.
+        """
         flags = moment.valid.copy()
         if moment.points is not self._points:
             self._points, self._measured = moment.points, self._measure(moment.points)
@@ -99,7 +101,8 @@ def enough(flags: U8) -> bool:
 
 def closed_parts(faces: I32, holes: Bools) -> tuple[I64, int]:
     """The closed parts of ``faces`` [n, 3]: the part of each triangle that may be marked, or :data:`OPEN`, and how many
-    there are. A part with a triangle that has ``holes`` [n] is open."""
+    there are. A part with a triangle that has ``holes`` [n] is open.
+    """
     from scipy.sparse import coo_matrix  # here: a scene is listed without it
     from scipy.sparse.csgraph import connected_components
 

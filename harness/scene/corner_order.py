@@ -15,7 +15,8 @@ from ..arrays import I32
 def in_order_of_duplicates(faces: I32, weld: I32, closed: bool) -> I32:
     """``faces`` with the corners of each duplicate in the order of the first triangle with the same welded corners.
     faces [n, 3], weld [vertex_count] as :func:`.prepared.weld` gives it. In a ``closed`` scene duplicates that are
-    wound the other way are only rotated, because back faces are told by how they are wound."""
+    wound the other way are only rotated, because back faces are told by how they are wound.
+    """
     welded = weld[faces] if len(faces) else faces
     places = np.argsort(welded, axis=1, kind="stable")
     corners = np.ascontiguousarray(np.take_along_axis(welded, places, axis=1))

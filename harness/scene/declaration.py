@@ -49,6 +49,14 @@ from .views import view
 
 MATRIX = F64  # float64 [4, 4]: what column vectors are multiplied by
 
+MOST_BYTES = 1 << 20  # longest declaration, bytes
+MOST_BOUNCES = 64  # largest number of bounces: a frame has passes and buffers for each one
+MOST_HOLES = 2**20  # along a side of a triangle; with more, texel numbers would leave the range of int32
+
+TOP = (
+    "mesh", "meshes", "title", "closed", "facing", "outputs", "camera", "cameras", "lights", "orbit", "alpha", "mirror",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -118,7 +126,8 @@ def _turn(axis: int, degrees: float) -> F64:
 
 def assembled(path: Path, parts: Sequence[Part], wanted: Wanted) -> Scene:
     """The scene of several meshes, with a view chosen from its shape; of its frames those ``wanted``. Its cameras and
-    lights are those of all meshes; the second of one name is "NAME 2"."""
+    lights are those of all meshes; the second of one name is "NAME 2".
+    """
     geometry = joined(path, parts, wanted)
     scenes = [part.scene for part in parts]
     shape = shape_of(geometry, scenes[0].camera.up)
@@ -229,19 +238,8 @@ def _moved(one: Any, matrix: MATRIX) -> Any:
     return replace(one.resized(size), position=vector(place), spot=spot, towards=towards, across=across)
 
 
-MOST_BYTES = 1 << 20  # longest declaration, bytes
-MOST_BOUNCES = 64  # largest number of bounces: a frame has passes and buffers for each one
-MOST_HOLES = 2**20  # along a side of a triangle; with more, texel numbers would leave the range of int32
-
-TOP = (
-    "mesh", "meshes", "title", "closed", "facing", "outputs", "camera", "cameras", "lights", "orbit", "alpha", "mirror",
-)  # fmt: skip
-
-
 def declared_scene(path: Path, resolve: Callable[[str, Wanted], Scene], wanted: Wanted = ALL) -> Scene:
-    """The scene that a file declares. ``resolve`` finds a mesh; ``wanted``: what is asked of it. Raises :class:`UserError`
-    for any mistake in it.
-    """
+    """The scene of a file. ``resolve`` finds a mesh. Raises :class:`UserError` for any mistake in it."""
     if exists(path) and not path.is_file():
         raise UserError(f"{path}: not a file")
     try:

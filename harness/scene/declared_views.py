@@ -1,5 +1,6 @@
 """The values of a declaration, checked: each error names the file and where in it the value stands. And its cameras and
-lights: written out, or those of its file by their names."""
+lights: written out, or those of its file by their names.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +25,14 @@ TYPES = {int: "a whole number", bool: "true or false", str: "a text in quotes", 
 
 VECTORS = ("eye", "target", "up", "position", "direction", "color", "centre", "axis", "towards", "across")
 """Fields that are three numbers."""
+
+T = TypeVar("T")
+
+BRIGHTEST = 1e12  # largest intensity and colour; float32 can hold their product
+KINDS = ("perspective", "orthographic")  # kinds of camera
+CAMERA = ("of", "kind", "eye", "target", "up", "fov", "height")  # keys of a camera
+
+LIGHT = tuple(field.name for field in dataclasses.fields(Light))
 
 
 class Table:
@@ -121,15 +130,6 @@ def with_path(path: Path, where: str, rule: Callable[[], Any]) -> Any:
         return rule()
     except UserError as error:
         raise UserError(f"{path}: {where}{error}") from error
-
-
-T = TypeVar("T")
-
-BRIGHTEST = 1e12  # largest intensity and colour; float32 can hold their product
-KINDS = ("perspective", "orthographic")  # kinds of camera
-CAMERA = ("of", "kind", "eye", "target", "up", "fov", "height")  # keys of a camera
-
-LIGHT = tuple(field.name for field in dataclasses.fields(Light))
 
 
 def camera_of(given: Table, base: Scene) -> Camera:

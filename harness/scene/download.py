@@ -1,5 +1,6 @@
 """Download a file, checked against its checksum and continued where it was cut off, and unpack the meshes of an archive:
-no path leaves the folder, and the unpacked size is limited."""
+no path leaves the folder, and the unpacked size is limited.
+"""
 
 import fnmatch
 import gzip
@@ -25,6 +26,13 @@ LARGEST = 2 << 30  # bytes of a download
 ATTEMPTS = 3
 TIMEOUT_S = 30.0
 BLOCK = 1 << 18
+
+MOST_BYTES = 8 << 30
+MOST_MEMBERS = 20_000
+GZIP = b"\x1f\x8b"  # what a gzip file begins with
+BROKEN = (  # exceptions of Python for an archive that is damaged, encrypted or of an unknown kind
+    zipfile.BadZipFile, tarfile.TarError, gzip.BadGzipFile, zlib.error, EOFError, NotImplementedError, RuntimeError,
+)  # fmt: skip
 
 
 class Resumed:
@@ -143,15 +151,6 @@ def recorded(folder: Path) -> dict[str, str]:
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read; correct or remove it") from error
     return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
-
-
-MOST_BYTES = 8 << 30
-MOST_MEMBERS = 20_000
-GZIP = b"\x1f\x8b"  # what a gzip file begins with
-BROKEN = (
-    zipfile.BadZipFile, tarfile.TarError, gzip.BadGzipFile, zlib.error, EOFError, NotImplementedError, RuntimeError,
-)  # fmt: skip
-"""Exceptions of Python for an archive that is damaged, encrypted or of an unknown kind."""
 
 
 def unpack(archive: Path, pattern: str, folder: Path, most_bytes: int = MOST_BYTES) -> list[Path]:

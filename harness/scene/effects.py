@@ -89,7 +89,8 @@ class Effects:
 
     def facing_by_triangle(self, triangles: int, pixels: int) -> bool:
         """Whether it is decided once for each triangle, not for each hit, which of the primary hits face a light: rays start
-        in one point, so all hits of a triangle face it or none does."""
+        in one point, so all hits of a triangle face it or none does.
+        """
         return self.facing and not self.orthographic and 0 < triangles < pixels
 
     def receiver_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
@@ -104,7 +105,8 @@ class Effects:
 
     def switches(self, light: int | None = None, bounce: int = 0) -> Switches:
         """The switches of the kernels for primary rays, or for shadow rays to ``light``. ``bounce`` > 0: of the kernels
-        for mirrored rays, or for shadow rays from their hits."""
+        for mirrored rays, or for shadow rays from their hits.
+        """
         return Switches(
             receivers=light is not None and self.has_receivers(light),
             alpha=self.alpha,

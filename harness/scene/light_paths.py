@@ -1,6 +1,5 @@
-"""Positions of lights over an animation and in the sweeps of the experiments; the same for every method.
-
-Declared scenes and the lightings of experiments (:mod:`.scene.overrides`) both take their lights from here.
+"""Positions of lights over an animation and in the sweeps of the experiments; the same for every method. Declared
+scenes and the lightings of experiments (:mod:`.scene.overrides`) both take their lights from here.
 """
 
 import math
@@ -15,7 +14,8 @@ from .scene import Light, Spot, Vector
 @dataclass(frozen=True)
 class Orbit:
     """Every light turns about an axis through ``centre`` by ``turns`` full turns, at its own radius and height. The
-    position of a directional light is a direction, which turns about the axis only."""
+    position of a directional light is a direction, which turns about the axis only.
+    """
 
     centre: Vector
     axis: Vector = (0.0, 1.0, 0.0)
@@ -59,8 +59,7 @@ def at_distance(light: Light, middle: Vector, distance: float) -> Light:
 
 
 def as_point(light: Light, middle: Vector, radius: float) -> Light:
-    """A directional light as a point light two radii from ``middle``, on the side that it shines from; others
-    unchanged."""
+    """A directional light as a point two radii from ``middle``, where it shines from; others unchanged."""
     if not light.directional:
         return light
     way = np.asarray(light.position) / np.linalg.norm(light.position)
@@ -68,9 +67,7 @@ def as_point(light: Light, middle: Vector, radius: float) -> Light:
 
 
 def as_directional(light: Light, middle: Vector) -> Light:
-    """A directional light with the direction of the light at ``middle``, without its area; a directional one is
-    unchanged.
-    """
+    """A directional light with the direction of the light at ``middle``, without area; directional ones unchanged."""
     if light.directional:
         return light
     position = vector(np.subtract(light.position, middle))

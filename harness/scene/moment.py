@@ -76,8 +76,7 @@ class Moment:
 
 
 def proxy_positions_of(positions: F32, lights: tuple[Light, ...]) -> F32:
-    """Float32 [light_count, 3]: see :attr:`Moment.proxy_positions`. Scaled by a power of two, which keeps the direction
-    exactly."""
+    """Float32 [light_count, 3]: see :attr:`Moment.proxy_positions`. Scaled by a power of two: exact directions."""
     scale = [NEARER if light.directional else 1.0 for light in lights]
     return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
 
@@ -90,7 +89,8 @@ def max_coordinate_of(starts: F32, extent: float) -> F32:
 
 def ray_tables(camera: Camera, width: int, height: int, centre: F64) -> tuple[F32, F32, F32, F32, F32]:
     """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32. Pixel (x, y) has its centre
-    at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical."""
+    at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical.
+    """
     if width < 1 or height < 1:
         raise UserError(f"image size {width}x{height}: both must be at least 1")
     eye = np.asarray(camera.eye, dtype=np.float64)

@@ -28,7 +28,7 @@ class Paper:
     moves: bool = False
 
 
-PAPER = {
+PAPER = {  # in the order of its Table 1
     "fairy": Paper(
         "Fairy Forest", 174_114, "Utah Fairy Forest",
         "a very large ground, a few dense figures, thousands of leaves and blades; the motion is periodic",
@@ -60,7 +60,6 @@ PAPER = {
         Camera((0.75, 1.35, 4.6), (0.0, 0.96, 0.0), fov=26.5), (-2.2, 4.2, 4.0), closed=True,
     ),
 }  # fmt: skip
-"""In the order of its Table 1."""
 
 NAMES = tuple(PAPER)
 

@@ -51,7 +51,7 @@ def _city(name: str) -> Offer:
     )  # fmt: skip
 
 
-ORIGINALS = {
+ORIGINALS = {  # those that replace the catalogue's scenes
     "sibenik": _mcguire("sibenik", "M. Dabrovic: CC BY-NC"),
     "conference": _mcguire("conference", "A. Grynberg and G. Ward: credit required"),
     "buddha": _stanford(
@@ -65,9 +65,8 @@ ORIGINALS = {
     "bunny_dragon": Offer(f"{UNC}/dragbun.plys.zip", "*.ply", "see gamma.cs.unc.edu/DYNAMICB"),
     "fairy": Offer("", "", "Utah 3D Animation Repository, http://www.sci.utah.edu/~wald/animrep/"),
 }  # fmt: skip
-"""Those that replace the catalogue's scenes."""
 
-FURTHER = {
+FURTHER = {  # those that the catalogue has no stand-in for: scenes of their names once they lie in the folder of scenes
     "dragon": _stanford(
         "pub/3Dscanrep/dragon/dragon_recon.tar.gz", "*/dragon_vrip.ply",
         "74ac1d90989c9b1732edee82d57e9ce71452144cf4355f108d8c9c616d28d02f",
@@ -118,6 +117,5 @@ FURTHER = {
     "sports_car": _mcguire("sportsCar", "Yasutoshi Mori: CC BY 4.0", mesh="sportscar"),
     "vokselia_spawn": _mcguire("vokselia_spawn", "Vokselia: CC BY 3.0"),
 }  # fmt: skip
-"""Those that the catalogue has no stand-in for: scenes of their names once they lie in the folder of scenes."""
 
 OFFERS = {**ORIGINALS, **FURTHER}

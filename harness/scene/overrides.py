@@ -18,6 +18,16 @@ from .prepared import Prepared, under
 from .scene import AlphaMask, Geometry, Scene, Vector
 from .targets import SHAPE
 
+HOLES = 4  # holes along a side of a triangle that has some
+
+MOVED: dict[str, frozenset[str]] = {
+    "nothing": frozenset(), "camera": frozenset({"camera"}), "light": frozenset({"light"}),
+    "part": frozenset({"points"}), "all": frozenset({"points", "camera", "light"}),
+}  # fmt: skip
+"""Inputs that can have changed since the last frame; of the lights the first one. For a method that ignores parts, a part of
+the geometry is all of it.
+"""
+
 
 def largest_triangles(geometry: Geometry, share: float = 0.5) -> U8:
     """1 for the largest triangles of the first frame that together make ``share`` of its area, uint8 [triangles]."""
@@ -47,16 +57,6 @@ def perforated(geometry: Geometry, every: int = 2, holes: int = 4) -> AlphaMask:
     corners = np.array([[0, 0], [holes / 2, 0], [0, holes / 2]], dtype=np.float32)
     coordinates = np.broadcast_to(corners, (count, 3, 2)).copy()
     return AlphaMask(masked, coordinates, np.array([[1, 0], [0, 1]], dtype=np.uint8))
-
-
-HOLES = 4  # holes along a side of a triangle that has some
-
-MOVED: dict[str, frozenset[str]] = {
-    "nothing": frozenset(), "camera": frozenset({"camera"}), "light": frozenset({"light"}),
-    "part": frozenset({"points"}), "all": frozenset({"points", "camera", "light"}),
-}  # fmt: skip
-"""Inputs that can have changed since the last frame; of the lights the first one. For a method that ignores parts, a part of
-the geometry is all of it."""
 
 
 @dataclass(frozen=True)

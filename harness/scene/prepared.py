@@ -1,6 +1,5 @@
-"""Prepared scenes: recentred in float64, rounded to float32 once, with welded vertices and zero-area flags.
-
-Every method, Embree and the referee get the same arrays. A :class:`Moment` is one frame of a prepared scene, at one image
+"""Prepared scenes: recentred in float64, rounded to float32 once, with welded vertices and zero-area flags. Every
+method, Embree and the referee get the same arrays. A :class:`Moment` is one frame of a prepared scene, at one image
 size, with its lights.
 """
 
@@ -23,11 +22,13 @@ from .targets import targets_of
 
 INFINITELY_FAR = 2.0**56
 """Distance of a directional light in scene radii: so far that a coordinate of the scene added to it is rounded away in 53
-bits."""
+bits.
+"""
 
 SHRUNK = 2.0**-4
 """Share of the first frame's extent below which a frame has a scale of its own. Nearer than 2^28 times a mesh's size, a
-light's post is not so far away that float64 loses the mesh."""
+light's post is not so far away that float64 loses the mesh.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,8 @@ class Prepared:
     @property
     def bodies(self) -> I32 | None:
         """The body of each triangle, 0, 1, 2, ..., int32 [triangle_count]; None: the mesh deforms, or nothing says what of
-        it moves together. A mesh that does not move is one body, unless its scene names more."""
+        it moves together. A mesh that does not move is one body, unless its scene names more.
+        """
         motion = self.geometry.motion
         if motion is None or motion.bodies is None:
             return None if self.moves else np.zeros(self.triangle_count, dtype=np.int32)
@@ -91,7 +93,8 @@ class Prepared:
         self, frame: int, width: int, height: int, camera: Camera | None = None, lights: tuple[Light, ...] | None = None
     ) -> Moment:
         """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path. Of lights
-        it has the targets."""
+        it has the targets.
+        """
         from .spotlight import spot_rows
 
         points, valid = self.points(frame)
@@ -193,7 +196,8 @@ def under(prepared: Prepared, scene: Scene) -> Prepared:
 
 def rounded(geometry: Geometry, faces: I32, centre: F64) -> Callable[[int], tuple[F32, U8]]:
     """The float32 positions and validity flags of each frame, by its index. The last frame is kept, and any other whose
-    arrays something else still holds, as moments do; a mesh that does not move has one frame's."""
+    arrays something else still holds, as moments do; a mesh that does not move has one frame's.
+    """
     held: tuple[WeakValueDictionary[int, F32], WeakValueDictionary[int, U8]]
     held = WeakValueDictionary(), WeakValueDictionary()
 

@@ -1,7 +1,6 @@
-"""A scene: geometry over time, a camera, lights and effects. Immutable, and the same for every method.
-
-Lengths are metres unless the file says otherwise; coordinates are right-handed; angles in declarations are in degrees. A
-scene is float64 until :mod:`.scene.prepared` recentres and rounds it once.
+"""A scene: geometry over time, a camera, lights and effects. Immutable, and the same for every method. Lengths are
+metres unless the file says otherwise; coordinates are right-handed; angles in declarations are in degrees. A scene is
+float64 until :mod:`.scene.prepared` recentres and rounds it once.
 """
 
 from __future__ import annotations

@@ -65,7 +65,8 @@ class Shape:
 
 def shape_of(geometry: Geometry, up: Vector | None = None) -> Shape:
     """Measures a mesh, using at most 8 of its frames. What cannot be hit, and a far small part, do not count. ``up``:
-    its upward direction, where that is known."""
+    its upward direction, where that is known.
+    """
     chosen = np.unique(np.linspace(0, geometry.frame_count - 1, 8).round().astype(int))
     points, corners, far = [np.zeros((0, 3))], np.zeros((0, 3, 3)), 0
     for k in chosen:
@@ -138,7 +139,8 @@ def _covered(corners: F64, low: NDArray, high: NDArray) -> F64:
 def _upward(low: NDArray, high: NDArray) -> int:
     """Index of the upward axis where the file does not say: guessed. The one axis along which it rests on zero while
     the others straddle it; else the axis along which it is much thinner than along the others (terrain); else y, which
-    most programs use."""
+    most programs use.
+    """
     extent = np.maximum(high - low, 1e-30)
     rests = (np.abs(low) <= 0.03 * extent) & (high > 0)
     straddles = (low < -0.2 * extent) & (high > 0.2 * extent)

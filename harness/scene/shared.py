@@ -40,7 +40,8 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
 def read_stored(path: Path, scene: Scene) -> Prepared:
     """The prepared scene that :func:`store` wrote. ``scene``: the one that was prepared. It has the frames that were
     stored; its ``points`` raises :class:`UserError` for others. Positions of frames after the first are those of
-    float32."""
+    float32.
+    """
     with np.load(path) as kept:
         arrays = {name: kept[name] for name in kept.files}
     centre, first = arrays["centre"], arrays["first"]

@@ -26,6 +26,14 @@ _FACING, _SOME_FACING = 0.75, 0.25
 _FURNISHED = 0.15
 _FLOOR, _WALL = 0.5, 0.3  # least shares of the box's lower side, and of three upright ones, that triangles must cover
 
+FOV, WITHIN_FOV = 40.0, 60.0
+AZIMUTH, ELEVATION = 35.0, 20.0  # the three-quarter view, degrees: from the front turned to the right, and from above
+
+_MARGIN = 1.04
+_SIDE = 0.6
+_OPEN = 0.25  # a side of the bounding box is a wall if triangles lie on this share of it, and open below the other
+_EDGE_ON = 0.05  # share of the area that a view must see
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -147,15 +155,6 @@ def _directions() -> F64:
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z], axis=1)
 
 
-FOV, WITHIN_FOV = 40.0, 60.0
-AZIMUTH, ELEVATION = 35.0, 20.0  # the three-quarter view, degrees: from the front turned to the right, and from above
-
-_MARGIN = 1.04
-_SIDE = 0.6
-_OPEN = 0.25  # a side of the bounding box is a wall if triangles lie on this share of it, and open below the other
-_EDGE_ON = 0.05  # share of the area that a view must see
-
-
 def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
     """For any mesh: from within a closed room, into a box that is open on one side, else the whole thing from outside."""
     samples = interior(shape.corners, shape.low, shape.high, shape.sides, shape.up)
@@ -168,8 +167,7 @@ def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
 
 
 def outside(shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> tuple[Camera, tuple[Light, ...]]:
-    """The three-quarter view from outside, everything just inside a square image; the light high at its left. Where
-    that sees planes edge-on, it is turned."""
+    """The three-quarter view, all within a square image, turned if planes are seen edge-on; light high at the left."""
     turns = (azimuth, azimuth - 45.0, azimuth + 45.0, azimuth - 90.0)
     azimuth = next((turn for turn in turns if shape.facing(_direction(shape, turn, elevation)) > _EDGE_ON), azimuth)
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
@@ -229,7 +227,8 @@ def _into_box(shape: Shape, axis: int, end: int) -> tuple[Camera, tuple[Light, .
 
 def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Camera, tuple[Light, ...]]:
     """From within a building along its longest level axis; one light high in the middle. ``along``: the eye's place as
-    a share of that axis. ``height``: its share of the upward axis."""
+    a share of that axis. ``height``: its share of the upward axis.
+    """
     extent = shape.high - shape.low
     axis = max({0, 1, 2} - {shape.up}, key=lambda i: extent[i])
     eye, target, light = (shape.low + 0.5 * extent for _ in range(3))

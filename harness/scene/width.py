@@ -31,7 +31,8 @@ FAR_LIGHT = 2.0**50  # of the mesh's size: a light so far has only a direction, 
 
 IN_PLANE = 32 * 2.0**-53
 """What float64 may not know of a point's side of a plane, in units of edge times edge times the way to the farthest corner:
-twice the bounds of the exact methods' tests."""
+twice the bounds of the exact methods' tests.
+"""
 
 SUSPECT = np.float32(2.0**-19)
 """The same of float32, in units of the coordinates of the point and of the triangle: others are certainly off the plane."""
@@ -40,7 +41,8 @@ CHUNK = 1 << 13  # triangles whose numbers fit a processor's cache
 
 MANY = 1000
 """Triangles whose planes are compared with a point in rational numbers. A frame with more is taken for a wide one, which is
-never wrong."""
+never wrong.
+"""
 
 
 class Sizes:
@@ -134,7 +136,8 @@ def _dot(p: NDArray[Any], q: NDArray[Any]) -> NDArray[Any]:
 
 def _plane(a: F64, b: F64, c: F64) -> tuple[F64, F64]:
     """Normals [3, n] of triangles, not of unit length, and the product of the largest coordinates of two edges, which no
-    coordinate of them exceeds twice."""
+    coordinate of them exceeds twice.
+    """
     e, f = b - a, c - a
     normal = np.stack([e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]])
     return normal, np.abs(e).max(axis=0) * np.abs(f).max(axis=0)

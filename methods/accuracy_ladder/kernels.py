@@ -22,7 +22,8 @@ from .tests import TESTS
 @wp.struct
 class Rung:
     """:class:`..common.box_tree.Boxes`, the scheme of shadow rays' origins and whether the test is sheared
-    (:func:`.origins.start_of`), and the scene's box."""
+    (:func:`.origins.start_of`), and the scene's box.
+    """
 
     tree: wp.uint64
     records: CornerRecords
@@ -84,7 +85,8 @@ def any_hit_in_float64(records: CornerRecords, alpha: Alpha, i: wp.int32, segmen
 @wp.func
 def write_found(hits: Hits, hit_points: wp.array(dtype=wp.vec3d), pixel: wp.int32, ray: Ray, found: Found, mesh: Mesh):
     """Write a hit with the distance and the weights that its test gave. Its hit point does not depend on them, so that each
-    parameter changes one thing."""
+    parameter changes one thing.
+    """
     if found.triangle < 0:
         write_miss(hits, pixel)
         return

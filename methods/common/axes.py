@@ -21,7 +21,8 @@ def longest_axis(v: Any) -> wp.int32:
 @wp.func
 def brought_nearer(place: wp.vec3f, most: wp.float32) -> wp.vec3f:
     """A light's place, or if a coordinate of it is beyond ``most``, a point between it and the origin: the place times a
-    power of a quarter, so that no direction is rounded. Nothing brings an infinite place nearer."""
+    power of a quarter, so that no direction is rounded. Nothing brings an infinite place nearer.
+    """
     near = place
     while largest(near) > most and largest(near) < wp.INF:
         near = 0.25 * near

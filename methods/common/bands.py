@@ -81,7 +81,8 @@ class Parts(Generic[Part]):
 
     def run(self, launch: Callable[..., None], *arguments: Hashable) -> None:
         """``launch(part, *arguments)`` of every part, at the same time; at first one after another, since kernels may have
-        to be compiled."""
+        to be compiled.
+        """
         # The function, not the method: the object whose method it is has these parts, and the two would keep one another,
         # with all arrays of the object, until garbage is collected.
         known = (getattr(launch, "__func__", launch), *arguments)

@@ -133,7 +133,8 @@ def boxes_kernel(
 
 def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: Any, units: float) -> None:
     """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` and the frame's ``box``, as
-    :func:`launch_bounds` does."""
+    :func:`launch_bounds` does.
+    """
     launch_bounds(frame, box)
     inputs = [units, frame.mesh, box, frame.max_coordinate]
     outputs = [lowers, uppers, records]

@@ -20,7 +20,8 @@ from .corner_records import CornerRecords, valid_in
 
 QUERY_BLOCK = 128
 """Threads of a block of a kernel that traverses. With 80 to 96 registers a thread, blocks of 256 fill a multiprocessor to a
-half or less: 5 to 10 % more time on an H200."""
+half or less: 5 to 10 % more time on an H200.
+"""
 
 
 @wp.struct

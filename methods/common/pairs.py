@@ -13,7 +13,8 @@ PAIR_BYTES = 16
 SPARE = 2
 """On a GPU a frame does not need as much of some lists each time: a pair is queued or not by what other threads have found.
 Where lights and shares run at the same time, up to 1.5 times the undecided pairs of a launch pass by pass were seen, and a
-replayed frame cannot ask for more room."""
+replayed frame cannot ask for more room.
+"""
 
 
 def zeroed(kind: Any, size: int = 0, /, **others: Any) -> Any:

@@ -85,12 +85,14 @@ class CopiedMemory(Memory):
 
     def triangles(self, count: int, vertices: int) -> int:
         """How many triangles a build takes from a buffer of ``count``: by Vulkan slang-rhi builds as many as the vertices
-        would make, if these are more."""
+        would make, if these are more.
+        """
         return max(count, -(-vertices // 3))
 
     def fill(self, buffer: Any, array: wp.array) -> None:
         """Copy an array to a buffer; what is left of it is filled with the first element: of indices, points that no ray
-        hits."""
+        hits.
+        """
         given = array.numpy().ravel()
         whole = np.full(buffer.size // given.itemsize, given[0], dtype=given.dtype)
         whole[: len(given)] = given

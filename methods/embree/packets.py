@@ -136,7 +136,8 @@ def closest_of_block(block: wp.int32, query: Query, bounced: wp.bool, camera: Ca
 @wp.struct
 class ShadowRays:
     """Shadow rays of one light, arrays [pixels]: of hits ``triangle`` that receive it, if it is ``limited`` to some, from
-    ``starts`` to the share ``end`` of the way to it."""
+    ``starts`` to the share ``end`` of the way to it.
+    """
 
     limited: wp.bool
     end: wp.float32

@@ -18,7 +18,8 @@ from .triangle import NOT_ZERO, hit_weights, largest, to_float64, total
 @value_struct
 class CertainHit:
     """t in lengths of the direction; the weights of vertices 1 and 2; whether the ray is too flat on the triangle for
-    :func:`.hit_point.along`, as :func:`.hit_point.is_vague` tells."""
+    :func:`.hit_point.along`, as :func:`.hit_point.is_vague` tells.
+    """
 
     t: wp.float64
     uv: wp.vec2f
@@ -28,7 +29,8 @@ class CertainHit:
 @wp.func
 def is_far(origin: wp.vec3f, extent: wp.float32) -> wp.bool:
     """Whether an origin is so far that all hit points are vague (:func:`.hit_point.is_vague`), in a scene whose
-    coordinates are at most ``extent``: more than NEAR times that from a corner."""
+    coordinates are at most ``extent``: more than NEAR times that from a corner.
+    """
     return not largest(origin) <= (NEAR - 1.0) * extent
 
 

@@ -24,23 +24,27 @@ U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
 LEAST_STEP = wp.constant(64.0)
 """A sixteenth of the largest error that the step onto the plane may have, in units of U64 of the hit point's own size.
-Beyond it :func:`flat_hit_point` is used."""
+Beyond it :func:`flat_hit_point` is used.
+"""
 
 HIT_UNITS = wp.constant(wp.float64(1040.0))
 """Bound on the error of a hit point, in units of U64 of its own largest coordinate: the step, nine for the point off its
-ray that is moved onto the plane at a sine of an eighth or more, one for rounding, and a margin."""
+ray that is moved onto the plane at a sine of an eighth or more, one for rounding, and a margin.
+"""
 
 WIDE_UNITS = wp.constant(wp.float64(4.0))
 """The same of :func:`flat_hit_point` in twice the digits: one unit for rounding, and a margin."""
 
 ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
 """The same in units of the origin's coordinates: :func:`flat_hit_point` rounds a step of 2^-23 of the distance from
-there."""
+there.
+"""
 
 STEEP = wp.constant(2.0**-12)
 NEAR = wp.constant(512.0)
 """Of a hit point that is rounded without a step onto its plane (:func:`is_vague`): the least slope, as a share of the
-product that bounds it, and the largest distance of the origin, in units of the triangle's largest coordinate."""
+product that bounds it, and the largest distance of the origin, in units of the triangle's largest coordinate.
+"""
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Mask of the sign, the exponent and 23 bits of the fraction of a float64: its product with a float32 is exact."""
@@ -66,7 +70,8 @@ def hit_error(h: wp.vec3d, origin_size: wp.float64) -> wp.float64:
 @wp.func
 def wide_hit_error(n: wp.vec3d, h: wp.vec3d, origin_size: wp.float64) -> wp.float64:
     """Bound on what the error of h does to n . h, where every hit point is that of :func:`flat_hit_point`: each coordinate
-    is rounded once, by itself. So it holds for axes of unlike scale too."""
+    is rounded once, by itself. So it holds for axes of unlike scale too.
+    """
     own = wp.abs(n[0] * h[0]) + wp.abs(n[1] * h[1]) + wp.abs(n[2] * h[2])
     return U64 * (WIDE_UNITS * own + ORIGIN_UNITS * total(n) * origin_size)
 
@@ -94,7 +99,8 @@ def along(ray: Ray, t: wp.float64) -> wp.vec3d:
 @wp.func
 def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     """Whether the hit point takes :func:`flat_hit_point`: the ray is nearly in the triangle's plane, or the normal is too
-    uncertain for the way to a corner (a large triangle, or a sliver)."""
+    uncertain for the way to a corner (a large triangle, or a sliver).
+    """
     if wp.static(effects.wide):
         return True
     a64 = to_float64(corners.a)
@@ -151,7 +157,8 @@ def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
 @wp.func
 def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """:func:`hit_point` where the ray is flat: before the end, only terms are rounded that are far too small to
-    matter."""
+    matter.
+    """
     if wp.static(effects.wide):
         return wide_hit_point(ray, corners)
     o64 = to_float64(ray.origin)
@@ -175,7 +182,8 @@ def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
 @wp.func
 def hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """o + t d in float64, moved back onto the triangle's plane: the origin of shadow rays, by one function for all
-    methods."""
+    methods.
+    """
     if is_flat(ray, t, corners):
         return flat_hit_point(ray, t, corners)
     return steep_hit_point(ray, t, corners)

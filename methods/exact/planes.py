@@ -63,7 +63,8 @@ def farthest_corner(o: wp.vec3f, corners: Corners) -> wp.float32:
 class Facing:
     """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
     planes through its edges and turns them inside. Zeros if float64 must decide. never: the plane contains the light, so
-    that the triangle occludes no ray (:func:`.segment.occludes`)."""
+    that the triangle occludes no ray (:func:`.segment.occludes`).
+    """
 
     normal: wp.vec3f
     toward: wp.float32

@@ -29,7 +29,8 @@ SLACK = wp.constant(1.0 + 2.0**-20)
 @value_struct
 class RayPart:
     """The part 0 <= t <= end of the ray start + t direction that a structure is walked along; ``own``: the triangle that is
-    left out, -1: none."""
+    left out, -1: none.
+    """
 
     start: wp.vec3d
     direction: wp.vec3d

@@ -69,7 +69,8 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 @wp.func
 def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
     """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ab x ac) . (a - light); 0 if the plane
-    contains it within rounding, so that the triangle occludes no ray."""
+    contains it within rounding, so that the triangle occludes no ray.
+    """
     a = to_float64(corners.a)
     ab = to_float64(corners.b) - a
     ac = to_float64(corners.c) - a

@@ -32,7 +32,8 @@ FLOOR32 = wp.constant(1.0e-35)
 OVERFLOW = wp.constant(1.0e37)
 UNDERFLOW = wp.constant(1.0e-37)
 """Added to the product of two lengths of which an error of a normal is a share: where products are subnormal its components
-lose up to 2^-149, a quarter of u32 of this."""
+lose up to 2^-149, a quarter of u32 of this.
+"""
 
 NO_HIT = wp.constant(wp.float64(-1.0))
 
@@ -42,7 +43,8 @@ CLEARLY_BEHIND = wp.constant(wp.float64(1.0 + 2.0**-27))
 
 NOT_ZERO = wp.constant(wp.float64(1.0e-300))
 """Added to the sum of the edge functions of a triangle that is hit. The sum is 0 only if each of them is. Otherwise it is at
-least 2^-447, of which every product of three float32 numbers is a multiple, and this does not change it."""
+least 2^-447, of which every product of three float32 numbers is a multiple, and this does not change it.
+"""
 
 CLOSED = wp.constant(wp.float64(2.0**-30))
 """Share of the sum of its edge functions that a ray or segment may pass outside a triangle and still meet it, at most.
@@ -61,7 +63,8 @@ NORMAL_UNITS = wp.constant(wp.float64(9.0 * 2.0**-53))
 """Bound on the error of (e x f) . w, where e, f and w are differences of two float32 numbers: times the sum over the
 components of (|e_j f_k| + |e_k f_j|) |w_i|. Differences and products cost 3 u64 each, the difference of two products one
 more, its product with w_i two, and the sum of three two: 8 u64. The ninth covers the rounding of the bound itself. Sizes of
-components, not of vectors: a triangle 1e8 long and 1 wide has products of 1e8, not of 1e16."""
+components, not of vectors: a triangle 1e8 long and 1 wide has products of 1e8, not of 1e16.
+"""
 
 
 @wp.func
@@ -201,7 +204,8 @@ return spare < 0 ? 0 : spare;
 """)
 def spare_bits(triangles: wp.int32) -> wp.int32:
     """The number of bits of a 24-bit index that no triangle of the mesh needs, eight at most. They extend the keys of
-    hits."""
+    hits.
+    """
 
 
 @wp.func

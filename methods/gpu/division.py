@@ -24,7 +24,8 @@ return 1.0f / x;
 """)
 def about_inverse(x: wp.float32) -> wp.float32:
     """1 / x to 2 u of itself (u = 2^-24), so that a / x by one multiplication is known to 3 u; |x| from
-    :data:`LEAST_DIVISOR` to :data:`LARGEST_DIVISOR`."""
+    :data:`LEAST_DIVISOR` to :data:`LARGEST_DIVISOR`.
+    """
 
 
 @wp.func_native("""

@@ -16,7 +16,8 @@ FEW_ROWS, PACKED = wp.constant(8), wp.constant(4)
 
 GROUP_BYTES = wp.constant(144)
 """From one group in shared memory to the next: 16 more than it has, so that the same word of four groups lies in different
-banks."""
+banks.
+"""
 
 NOWHERE = wp.constant(2147483647)
 """For :func:`.warps.lane_at`: where the elements of a lane start that holds none."""

@@ -201,7 +201,8 @@ return 0;
 """)
 def keep_pairs(wanted: wp.bool, first: wp.int32, second: wp.int32, held: wp.int32, kept: wp.int32) -> wp.int32:
     """Keep the pairs of lanes that want it, after the ``held`` ones in :func:`place_of_kept`; how many there are then. All
-    lanes must call it."""
+    lanes must call it.
+    """
 
 
 @wp.func_native("""

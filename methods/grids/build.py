@@ -42,7 +42,8 @@ class Build:
 
 def cells_for(triangles: int, density: float, memory: int) -> int:
     """The number of cells at ``density`` cells per triangle. Raises CapacityRejected if their lists exceed ``memory``
-    bytes."""
+    bytes.
+    """
     cells = min(MOST_CELLS, max(1, int(triangles * density)))
     refuse_cells(cells, memory)
     return cells

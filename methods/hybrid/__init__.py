@@ -36,7 +36,8 @@ STREAM, TREE = 0, 1
 
 ONE_SHARE = 1
 """Parts of the pixels whose shadow rays to a single light a GPU traces at once: every second block of pixels is a worse
-neighbour in the cache. With several lights, the rays of one fill up what those of another leave idle at their end."""
+neighbour in the cache. With several lights, the rays of one fill up what those of another leave idle at their end.
+"""
 
 
 SHADOWS = ("auto", "tree", "grid")

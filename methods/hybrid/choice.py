@@ -25,11 +25,13 @@ FAR = 1024.0
 SHARED = 48
 """Pixels per triangle, times lights, from which one build and a walk to each light are faster than a grid of each, if the
 lights are enclosed: found at 4 and 16 lights in rooms of 82 to 285 thousand triangles at 1024x1024 on one H200. In open
-scenes a walk takes longer than a grid, so that no number of lights pays for the build."""
+scenes a walk takes longer than a grid, so that no number of lights pays for the build.
+"""
 
 SPARSE = 4.0
 """Pixels per triangle below which no number of enclosed lights pays for the tree: a walk to each light then takes longer
-than its grid (found in rooms with 4 to 64 targets at 512x512 on one H200, and 16 to 64 lights at 1024x1024 on one H100)."""
+than its grid (found in rooms with 4 to 64 targets at 512x512 on one H200, and 16 to 64 lights at 1024x1024 on one H100).
+"""
 
 LOOKED_FROM = 4
 """Lights from which triangles are looked at, at most."""

@@ -12,7 +12,8 @@ SMALL_DEPTH = 16
 
 LARGE_DEPTH = 40
 """Most levels of large nodes. Together with those of small nodes they must not exceed 64, because a ray keeps one bit per
-level."""
+level.
+"""
 
 LEAF = wp.constant(3)
 """Lowest bits of a leaf's second word; of an inner node, they are the axis of its plane."""

@@ -26,7 +26,8 @@ STACK_ROOM = wp.constant(SMALL_DEPTH + 1)
 NO_PLANE = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 EMPTY_SPACE = wp.constant(wp.float32(0.8))
 """The cost of a plane that cuts off empty space is multiplied by this, because a ray that leaves there needs no further
-test in the node."""
+test in the node.
+"""
 
 
 @value_struct
@@ -107,7 +108,8 @@ def split_cost(
 @wp.func
 def order_root(lane: wp.int32, slot: wp.int32, count: wp.int32, block: wp.int32, work: Work):
     """Put the pairs of a root in the order of their triangles, because the order in which they were listed varies from
-    run to run."""
+    run to run.
+    """
     refs = work.refs
     begin = work.roots.begin[slot]
     for k in range(lane, count, wp.block_dim()):
@@ -262,7 +264,8 @@ def small_kernel(blocks: wp.int32, traversal: wp.float32, work: Work):
 @wp.kernel(enable_backward=False)
 def finish_kernel(work: Work):
     """Write what the frame needed. Where that exceeds the capacity, make a tree without triangles, which rays can
-    traverse."""
+    traverse.
+    """
     pairs = work.counters[Count.REFS]
     large = work.counters[Count.LARGE_NODES]
     nodes = work.counters[Count.NODES]

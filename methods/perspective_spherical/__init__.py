@@ -116,7 +116,8 @@ class PerspectiveSpherical(BaseMethod):
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
-        them."""
+        them.
+        """
         assert self.camera is not None
         frame = self.camera.settings.frame
         with wp.ScopedDevice(frame.device):

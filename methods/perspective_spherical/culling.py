@@ -23,7 +23,8 @@ from ..exact.triangle import U64, largest, to_float64, total
 
 NEAR = 1e-6
 """Distance from the surface, relative to that of a triangle's corners, within which a point counts as on it: more than
-the rounding of float32."""
+the rounding of float32.
+"""
 
 
 @wp.func
@@ -41,7 +42,8 @@ def faces_away(outward: wp.float64, viewer: wp.vec3f, corners: Corners) -> wp.bo
 
 def loses_hits(triangle_test: str) -> str | None:
     """Why back faces cannot be culled with a triangle test, or None. All tests but one may let rays pass between front
-    faces."""
+    faces.
+    """
     if triangle_test == "exact":
         return None
     return f"culling needs triangle_test=exact: what slips between two front faces of {triangle_test} is lost behind"
@@ -85,7 +87,8 @@ def refusal(scene: Scene, lights_too: bool) -> str | None:
 
 def lights_at(scene: Scene, share: float, middle: NDArray[np.float64]) -> Iterator[Vector]:
     """The positions of lights with shadows, of an area those of its targets, at a share of the animation. Directional lights
-    are left out: they cannot be inside. ``middle``: of the first frame."""
+    are left out: they cannot be inside. ``middle``: of the first frame.
+    """
     path: Any = scene.light_path
     for light in targets_of(scene.lights if path is None else path.at(scene.lights, share), middle, scene.camera.up):
         if light.shadows and not light.directional:

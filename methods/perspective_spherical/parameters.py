@@ -1,5 +1,6 @@
 """The parameters of the paper's method. The defaults are the fastest on an H200 at 1024x1024; PAPER is the paper's
-configuration."""
+configuration.
+"""
 
 from dataclasses import dataclass
 
@@ -143,7 +144,8 @@ PAPER = {
 }
 """The paper-faithful configuration at 1024x1024, as text for ``make_method``. ``cull``, which section 3 offers, is off:
 it would lose hits with the paper's own triangle test. r is one of the four values of Figure 11, of which the paper
-names none as its own."""
+names none as its own.
+"""
 
 LOST_BOUNDS = {
     "seam": "triangles bounded by their vertices on the sphere: great arcs bulge, and poles lie inside triangles",

@@ -25,7 +25,8 @@ FOREVER = wp.constant(wp.float64(wp.inf))
 
 def options(registers: int, fast_math: bool) -> dict[str, Any]:
     """Of a kernel. ``registers``: limit per thread on a GPU, 0: the compiler decides; ``fast_math``: whether the compiler
-    may change float arithmetic."""
+    may change float arithmetic.
+    """
     limit: dict[str, Any] = {"cuda_max_registers": registers} if registers else {}
     return {**limit, "module_options": {"fast_math": True}} if fast_math else limit
 

@@ -82,7 +82,8 @@ class PixelRays:
 
     def tests_per_pixel(self, bounce: int = 0) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary (or mirrored) ray and of its shadow rays. The last frame is traced again to
-        count them."""
+        count them.
+        """
         primary = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
         shadow = wp.zeros_like(primary)
         self.launch_primary(primary, bounce)

@@ -57,7 +57,8 @@ def sheared(p: Any, k: wp.vec3i, sx: Any, sy: Any) -> Any:
 @wp.func
 def rounding_of(p: wp.vec3d, at: wp.vec3d, k: wp.vec3i, sx: wp.float64, sy: wp.float64) -> wp.vec2d:
     """Bounds on the errors of x and y of a corner p that is sheared to ``at`` in float32: one rounding of the difference,
-    three of shear and product (and of z in the product), one of the sum."""
+    three of shear and product (and of z in the product), one of the sum.
+    """
     return UNIT * wp.vec2d(
         wp.abs(p[k[0]]) + wp.float64(4.0) * wp.abs(sx * p[k[2]]) + wp.abs(at[0]),
         wp.abs(p[k[1]]) + wp.float64(4.0) * wp.abs(sy * p[k[2]]) + wp.abs(at[1]),

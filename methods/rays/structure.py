@@ -33,7 +33,8 @@ class RayTrace:
 @dataclass(frozen=True)
 class Built:
     """What :meth:`RayStructure.structure` returns: the passes that build it, the struct that the kernels take, the
-    resources that rays read, and the kernels of primary and of shadow rays."""
+    resources that rays read, and the kernels of primary and of shadow rays.
+    """
 
     passes: list[Pass]
     struct: Any
@@ -96,7 +97,8 @@ class RayStructure(BaseMethod):
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
-        them."""
+        them.
+        """
         assert self._rays is not None
         return self._rays.tests_per_pixel()
 

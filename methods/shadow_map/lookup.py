@@ -79,7 +79,8 @@ def lookup_kernel(
     shadowed: wp.array2d(dtype=wp.uint8),
 ):
     """The shadow bit of each pixel's hit point; one pixel per thread. The map is that of light ``drawn``, looked from
-    ``origins[drawn]``."""
+    ``origins[drawn]``.
+    """
     pixel = wp.tid()
     shadowed[light, pixel] = wp.uint8(0)
     best = hits.triangle[pixel]

@@ -135,7 +135,8 @@ def opaque_there(alpha: Alpha, i: wp.int32, e: wp.vec3f) -> wp.bool:
 @wp.func
 def draw(found: Cover, i: wp.int32, x: wp.int32, sy: wp.float32, row: wp.int32, alpha: Alpha, depths: DepthMap):
     """Take a texel of a row, which begins at ``row`` of the map, if its centre lies in triangle i and that is opaque there.
-    The depth is that of the plane."""
+    The depth is that of the plane.
+    """
     d = wp.vec3f(1.0, centre(x, depths.size), sy)
     e = wp.vec3f(
         wp.dot(found.n0, d), wp.dot(found.n1, d), wp.dot(found.n2, d)

@@ -129,4 +129,5 @@ return packed((low[0] <= high[0]) & (low[1] <= high[1]), number);
 )
 def boxes_met(boxes: Boxes, size: wp.vec2f, whole: wp.bool, number: wp.int32) -> wp.uint32:
     """A bit for each of the first ``number`` boxes that meets a window, whose coordinates go from 0 to ``size``; ``whole``:
-    that holds a point of whole coordinates there."""
+    that holds a point of whole coordinates there.
+    """

@@ -86,7 +86,8 @@ class Occlusion:
 
 class Light:
     """The passes of a light, from how its rays are placed and how triangles are tested against them. memory: tests first the
-    triangle that shadowed each ray in the last frame, or None."""
+    triangle that shadowed each ray in the last frame, or None.
+    """
 
     def __init__(self, placing: ByRays, occlusion: Occlusion, memory: LastOccluder | None = None):
         self.rays, self.placing, self.occlusion, self.memory = placing.rays, placing, occlusion, memory

@@ -103,7 +103,8 @@ class StreamedMethod(BaseMethod):
 
     def camera(self, frame: Frame, effects: Effects, limits: Limits, points: str, lights: int | None = None) -> Camera:
         """The primary rays, with queues for them and for the ``lights`` that have shadows, all of the frame's; or, without,
-        for the primary rays alone. :meth:`needs` and :meth:`grow` work as after :meth:`plan`."""
+        for the primary rays alone. :meth:`needs` and :meth:`grow` work as after :meth:`plan`.
+        """
         refuse_too_large(frame)
         self._memory = limits.memory
         cuda = wp.get_device(frame.device).is_cuda

@@ -31,7 +31,8 @@ from ..gpu.warps import LANES, claim, claimed_place
 
 ITEMS, CHUNKS, UNDECIDED, LARGE = 0, 1, 2, 3
 """Counters of one stream: groups of rows of a larger triangle; further chunks of groups with many pixels or
-rays; (triangle, pixel or ray) pairs left to float64; larger triangles on a face of a light's cube."""
+rays; (triangle, pixel or ray) pairs left to float64; larger triangles on a face of a light's cube.
+"""
 
 RAYS = 4
 """In the same row, but not of a queue: the place for the rays of the next row of cells."""
@@ -44,14 +45,16 @@ COUNTERS = 6
 
 THREADS = 9 * 128
 """Threads per multiprocessor of a kernel that processes a queue: as many as fit, since they stride over the entries. The
-count stays on the device."""
+count stays on the device.
+"""
 
 BLOCK_SHIFT = wp.constant(7)
 BLOCK_DIM = wp.constant(128)
 
 WORDS = "nearest words"
 """The resource that the camera's stream makes: the nearest hit of every pixel, and for which triangles hit points are
-computed exactly."""
+computed exactly.
+"""
 
 
 @wp.struct
@@ -129,7 +132,8 @@ def queue_chunks(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32,
 @wp.func
 def claim_chunks(queue: Queue, number: wp.int32, size: wp.int32) -> wp.int32:
     """Reserve places for the chunks of an item beyond its first ``size`` elements, for a warp: what :func:`store_chunks`
-    needs later."""
+    needs later.
+    """
     return claim(queue.counts, CHUNKS, wp.where(number > size, (number - 1) // size, 0))
 
 
@@ -214,7 +218,8 @@ class Queues:
 
     def needs(self) -> wp.array:
         """int64 [streams * shares, 6] on the host: the counters of the last frame, or of undecided pairs what exceeded the
-        room in an earlier frame since the queues were made."""
+        room in an earlier frame since the queues were made.
+        """
         found, exceeded = (counted(array.numpy().astype(np.int64)) for array in (self.counts, self._exceeded))
         found[:, UNDECIDED] = np.maximum(found[:, UNDECIDED], exceeded)
         return wp.array(found, dtype=wp.int64, device="cpu")

@@ -138,7 +138,8 @@ def chosen(
     triangles: int, pixels: int, lights: int = 1, cuda: bool = False, trial: Mapping[str, Any] | None = None
 ) -> Settings:
     """The settings for a number of triangles, of pixels and of lights with shadows, on a GPU (``cuda``) or on a CPU;
-    those of a ``trial`` in place of the chosen ones."""
+    those of a ``trial`` in place of the chosen ones.
+    """
     few, several = cuda and triangles < C.few_triangles, cuda and lights >= C.lights_at_once
     full = several or (cuda and triangles >= C.many_triangles)
     more_lights = lights >= C.most_lights_at_once
@@ -233,7 +234,8 @@ CHOSEN = ("auto", "-1")
 
 def present_settings(settings: dict[str, str]) -> dict[str, str]:
     """Settings of the versions in which each was a parameter of its own, as a trial. ``queue``, which has no present name,
-    stays where it was more than what is chosen."""
+    stays where it was more than what is chosen.
+    """
     present: dict[str, str] = {}
     trial = [text for text in settings.get("trial", "").split("+") if text]
     for name, value in settings.items():

@@ -21,7 +21,8 @@ from .trace.tree_rays import TreeRays
 
 class TreeMethod(BaseMethod):
     """``_tree`` says what it is by ``built()``. It and ``_rays`` are None before :meth:`plan`, and without triangles. Needs:
-    pairs left to float64, of the eye's rays, then of each light's."""
+    pairs left to float64, of the eye's rays, then of each light's.
+    """
 
     simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
 
@@ -33,7 +34,8 @@ class TreeMethod(BaseMethod):
 
     def tree_of(self, frame: Frame) -> Any:
         """The tree, whose ``passes()`` are those before all others, the one that makes it, and those that run concurrently
-        with that."""
+        with that.
+        """
         raise NotImplementedError
 
     def tracing(self, frame: Frame) -> tuple[str, bool]:

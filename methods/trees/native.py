@@ -89,4 +89,5 @@ without the branches of a division: for normal numbers whose inverse is normal, 
 
 ``entering`` and ``leaving``: the largest of three numbers and 0, and the smallest of three numbers and ``limit`` > 0. A GPU
 has one instruction for three integers. As integers, floats from 0 on are in their order, and negative ones are below
-them: of several negative numbers any may be found, which is before 0 like all of them."""
+them: of several negative numbers any may be found, which is before 0 like all of them.
+"""

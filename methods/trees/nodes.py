@@ -99,7 +99,8 @@ auto put_node = [&](float* nodes, unsigned int id, float pad, int side, const fl
 """
 """``put_node(nodes, id, pad, side, a, r, b, s)``: box a (low, then high corner) with reference r as child ``side``, 0 or 1,
 and box b with s as the other. A choice of words costs the lanes of a warp less than a branch.
-``SOME_EMPTY``: whether a box may hold nothing."""
+``SOME_EMPTY``: whether a box may hold nothing.
+"""
 
 MEET = """
 float ix, iy, iz, ox, oy, oz, jx, jy, jz;
@@ -130,4 +131,5 @@ auto children_of = [&](unsigned int node) {
 """``aim``: sets up the ray, at first (o, d). ``children_of(node)``: the references to both children, where the ray enters
 them, and whether it meets them between 0 and ``limit``, in units of t times ``shrink``. ``tiny`` > 0: the least part of a
 direction whose inverse, and a coordinate times that, float32 still holds. The way to a light may be so long that it
-overflows, or that a GPU takes the inverse of one part for 0 and of another not: such a ray meets every box."""
+overflows, or that a GPU takes the inverse of one part for 0 and of another not: such a ray meets every box.
+"""

@@ -24,7 +24,8 @@ def surface(sides: F64) -> F64:
 
 def counters_of(inner: float, tested: float, whole: float) -> dict[str, int]:
     """Nodes and triangles that a hundred rays meet, as counters of a method: from the areas of all inner nodes, of leaves
-    times their triangles, and of the box of the scene."""
+    times their triangles, and of the box of the scene.
+    """
     nodes, tests = (round(100 * area / max(whole, TINY)) for area in (inner, tested))
     return {"expected nodes a hundred rays": nodes, "expected tests a hundred rays": tests}
 

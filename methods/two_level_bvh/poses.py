@@ -22,7 +22,8 @@ from ..trees.trace.bodies import MOST_RAY_UNITS, RAY_UNITS
 
 RIGID = 1024.0
 """Most units of u Q (:mod:`..trees.trace.bodies`) that a vertex of a rigid body is off by, 5e-4 of the scene: with more its
-triangles do not move together, and boxes so wide would be of no use."""
+triangles do not move together, and boxes so wide would be of no use.
+"""
 
 U = wp.constant(wp.float64(2.0**-24))
 WORDS = wp.constant(7)

@@ -33,7 +33,8 @@ INLINE_PIXELS, INLINE_RAYS, AT_ONCE = 40, 64, 2
 """A triangle whose box on the image holds at most so many pixels is rasterised by one thread, as is one that meets at
 most so many rays in the few texels of its box on a light's map; larger ones are divided into tiles of 8 x 8. Lights,
 and shares of the triangles, that a GPU processes at the same time. Measured on an H200
-(docs/methods/visibility_buffer.md)."""
+(docs/methods/visibility_buffer.md).
+"""
 
 
 def tile_steps(split: Callable[[int], None], fill: Callable[[int], None]) -> list[Step]:

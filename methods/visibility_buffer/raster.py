@@ -36,7 +36,8 @@ INDEX_BITS = wp.constant(24)
 @wp.struct
 class Larger:
     """A triangle of the list. face: of a light's cube; box: first column and row, last column and row; bound: of the signs
-    of its planes."""
+    of its planes.
+    """
 
     i: wp.int32
     face: wp.int32

@@ -251,7 +251,8 @@ def setup_kernel(threads: wp.int32, light: Light, cells: RayCells, mesh: Mesh, q
 @wp.kernel(enable_backward=False, grid_stride=False)
 def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Queue):
     """Tiles of larger triangles, ``lanes`` threads per item. Tiles without hit points, with nearer hit points than the
-    triangle only, and those that it does not cover are left out."""
+    triangle only, and those that it does not cover are left out.
+    """
     item = wp.tid() // lanes
     stop = wp.min(queue.counts[ITEMS], queue.items.shape[0])
     along = cells_of(last_row(cells.table))

@@ -1,5 +1,6 @@
 """Warp's bounding volume hierarchies, the peer that most users of Warp would try first: wp.Mesh, and wp.Bvh rebuilt in
-place."""
+place.
+"""
 
 from __future__ import annotations
 
@@ -163,7 +164,8 @@ class WarpBvh(BaseMethod):
 
     def _first_mesh(self) -> None:
         """The tree of the animation's first frame. A tree built while all points are still zero would stay
-        inefficient."""
+        inefficient.
+        """
         frame = self._frame
         prepared = frame.prepared
         refuse_static(self.name, self.build.update, prepared)

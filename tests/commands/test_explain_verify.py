@@ -51,7 +51,8 @@ def spoil(answers: dict, seed: int) -> dict:
 
 def printed_class(row: dict, bounced: list[dict]) -> str:
     """The class of a pixel by what ``explain`` prints: that of its primary answer, else of the gravest bit, else of the
-    first bounce that is wrong; "ok" for ties too."""
+    first bounce that is wrong; "ok" for ties too.
+    """
     for part in (row, *bounced):
         if part["class"] not in ("ok", "tie"):
             return part["class"]

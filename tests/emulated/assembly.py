@@ -43,7 +43,8 @@ INSTRUCTIONS = {
     ),
 }
 """C++ of what asm statements hold, their operands in braces. A predicate's own lines are left out: the operand that it is
-made of stands in its place."""
+made of stands in its place.
+"""
 
 _SHARED = re.compile(r"__shared__\s+((?:unsigned\s+)?\w+)\s+(\w+)((?:\[[^]]*\])*);")
 

@@ -1,5 +1,6 @@
 """The GPU's side of every exact method, run on a CPU: hard cases through ``camera/rows.py``, orders of the lanes
-(``warps.py``), and snippets that were broken, also in ``prefetch.py``."""
+(``warps.py``), and snippets that were broken, also in ``prefetch.py``.
+"""
 
 import os
 import re
@@ -197,7 +198,8 @@ def test_trees_are_those_of_a_cpu():
 )
 def test_a_snippet_that_was_broken_is_found(given, old, new):
     """So these cases run these snippets, and judge what comes of them. A number that nobody wrote may be no place to write
-    to."""
+    to.
+    """
     done = check("ray_grids", given, OF_LISTS, "--replace", old, new)
     assert "no snippet holds" not in done.stderr
     judged = done.returncode == 1 and "with true errors" in done.stdout

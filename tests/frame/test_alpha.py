@@ -1,5 +1,6 @@
 """Triangles with holes: the rule (``frame/alpha.py``, ``exact/holes.py``) against rational brute force, and every
-method that can."""
+method that can.
+"""
 
 from dataclasses import replace
 

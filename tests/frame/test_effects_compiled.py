@@ -1,5 +1,6 @@
 """An effect that is off costs nothing (``specialise.py``): a kernel compiles to the code of its twin, which never
-heard of the effect."""
+heard of the effect.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +74,8 @@ def test_off_generates_the_code_of_the_twin_and_on_does_not():
 @pytest.mark.parametrize("target", ["cpu", "cuda"])
 def test_the_same_generated_code_is_the_same_machine_code(target, tmp_path):
     """What the comparison leaves out of generated code is in no binary. With the effect on, the binary shows the difference
-    that the others must not have."""
+    that the others must not have.
+    """
     kernel = kernels()[SMALL]
     made = {
         "off": with_source(kernel, source_of(kernel), Switches()),

@@ -249,7 +249,8 @@ VARIANTS = [
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)
 def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settings, given, device, monkeypatch):
     """Passes that take scratch memory run, in a captured graph, on what the last traced frame left behind; so do passes of a
-    light whose rays may come from mirrors."""
+    light whose rays may come from mirrors.
+    """
     prepared = scene((SPOT, BEHIND), **given)
     if device == "cpu":  # where nothing is captured, plain launches do as a graph would
         monkeypatch.setattr(passes, "condition", lambda work: None if work.scratch else work.only_if)

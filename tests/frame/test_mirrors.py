@@ -1,5 +1,6 @@
 """Mirrored rays (``effects/mirrors.py``, ``frame/geometry.py``) are right, and every method that takes part says the
-same of them."""
+same of them.
+"""
 
 import dataclasses
 

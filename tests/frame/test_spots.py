@@ -1,5 +1,6 @@
 """Spotlights: one rule for which hit points receive a light (``effects/receivers.py``), and the paper's method keeps
-to it under every knob."""
+to it under every knob.
+"""
 
 import numpy as np
 import pytest

@@ -1,5 +1,6 @@
 """Threads of a CPU: which pixels they take (``common/pixels.py``); parts of a pass run at the same time, give the same
-bits, are told in the record, and lose nothing that they write to the same words (``gpu/entries.py``, ``reserve.py``)."""
+bits, are told in the record, and lose nothing that they write to the same words (``gpu/entries.py``, ``reserve.py``).
+"""
 
 import functools
 import gc
@@ -199,7 +200,8 @@ def place_kernel(
 @pytest.mark.parametrize("last", [6_400_000, 2**30])
 def test_what_threads_count_and_bound_at_the_same_time_is_not_lost(last):
     """One thread changes all words again and again. Another one begins a little later, with greater numbers: as many, or
-    once for each row, after which nothing makes up for a word that was lost."""
+    once for each row, after which nothing makes up for a word that was lost.
+    """
     number = 6_400_000
     others = number if last == number else ROWS
     numbers, greatest = (wp.zeros(ROWS, dtype=wp.int32, device="cpu") for _ in range(2))

@@ -34,7 +34,8 @@ EFFECTS = ("alpha", "mirror", "orthographic", "receivers")
 
 EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ", "S39 edges", "S63", "O02 tinybvh#168 integers")
 """Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays; rays of a light
-at infinity (:data:`.structures.AT_INFINITY`); hit points on the border of a spot; hits whose t differ by less than 2^-37."""
+at infinity (:data:`.structures.AT_INFINITY`); hit points on the border of a spot; hits whose t differ by less than 2^-37.
+"""
 
 
 def skip_where_it_cannot_run(name: str, device: str) -> None:

@@ -20,7 +20,8 @@ FEW_CELLS = {"light_tiles": "32", "light_slices": "8"}
 
 GIVEN = {"hybrid": {"shadows": "tree"}, "shadow_map": {"size": "64"}, "perspective_spherical": FEW_CELLS}
 """Settings of a method whose default may take another way, or long: with a grid the passes of hybrid are those of ray_grids,
-and maps and grids of lights are made for larger images."""
+and maps and grids of lights are made for larger images.
+"""
 
 LAMPS = {
     "bvh rebuilt in place": ("warp_bvh", {"update": "bvh_rebuild"}),

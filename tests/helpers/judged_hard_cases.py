@@ -59,7 +59,8 @@ def family(name: str) -> str:
 
 def cases_of(method: int) -> list[str]:
     """The cases that an exact method of this number answers in this turn: of each family a third, of a small one at least
-    one."""
+    one.
+    """
     turns = ((names, min(3, len(names))) for names in families().values())
     return [name for names, every in turns for i, name in enumerate(names) if in_turn(i + method, every)]
 

@@ -20,7 +20,8 @@ def session_folder() -> Path:
 
 def kept(name: str, make: Callable[[], Made]) -> Made:
     """What ``make`` returns in the process that asks first; the others wait for it, and have a copy. Outside of a session
-    of tests it is made anew."""
+    of tests it is made anew.
+    """
     if PLACE not in os.environ:
         return make()
     path = session_folder() / sha256(name.encode()).hexdigest()

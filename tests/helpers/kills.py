@@ -55,7 +55,8 @@ class Kills:
 
 class Killed:
     """Runs in a folder of their own. ``cluster``: on a Dask worker of this machine. ``haste``: how many kills are meant for
-    the time that an undisturbed run takes."""
+    the time that an undisturbed run takes.
+    """
 
     def __init__(
         self,

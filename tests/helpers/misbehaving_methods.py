@@ -1,5 +1,6 @@
 """Methods of another package, each of which misbehaves in its own way. Copied into a folder of its own and found by entry
-points, as an installed package would be; see :func:`.tiny_runs.install_misbehaving`."""
+points, as an installed package would be; see :func:`.tiny_runs.install_misbehaving`.
+"""
 
 import ctypes
 import dataclasses
@@ -143,7 +144,8 @@ class Exits(Steady):
 @dataclass(frozen=True)
 class Fork(Pace):
     """``how``: the other process is a "copy" of this one, an "orphan" in a session of its own, or a "program"; then this one
-    "ends", "hangs", or goes "on"."""
+    "ends", "hangs", or goes "on".
+    """
 
     how: str = "copy"
     then: str = "on"
@@ -318,7 +320,8 @@ class OddParameter(Steady):
 @dataclass(frozen=True)
 class Gulp(Pace):
     """``how``: of Warp, of "numpy", or by the "library" of C; ``where``: "prepare", or the "first" or the "tenth" frame;
-    ``gib``: bytes, in units of 2^30."""
+    ``gib``: bytes, in units of 2^30.
+    """
 
     how: str = "warp"
     where: str = "prepare"
@@ -381,7 +384,8 @@ class Grows(Steady):
 
 class Varies(Steady):
     """Needs more in one run of the frame than in the others, and shadows a point where that does not fit: in the first run
-    that is compared (:class:`Fickle`)."""
+    that is compared (:class:`Fickle`).
+    """
 
     name: ClassVar[str] = "varies"
     runs, need, capacity = 0, 1, 1

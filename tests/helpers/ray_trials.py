@@ -46,7 +46,8 @@ PLAIN, IN_PLANE = 0, 5
 def rays_at(corners: NDArray, kinds: Sequence[int], seed: int) -> tuple[NDArray, NDArray]:
     """Origins and directions in the box of triangles [n, 3, 3], of these kinds in turn: from anywhere to a point of a
     triangle (:data:`PLAIN`), to a corner, to an edge; from a point of a triangle to one of another, from a corner, in the
-    plane of a triangle; along an axis."""
+    plane of a triangle; along an axis.
+    """
     random = np.random.default_rng(seed)
     count = SIDE * SIDE
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))

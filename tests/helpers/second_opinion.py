@@ -243,7 +243,8 @@ def _in_spot(lamp: Light, way: list[float]) -> bool | None:
 
 def _mirrored(trial: Trial, second: SecondJudge, count: Count) -> list[str]:
     """Every bounce of a method: its rays leave their mirror on the side they came from, and go where the law says; both
-    judges agree on what they meet."""
+    judges agree on what they meet.
+    """
     moment, prepared = trial.moment, trial.prepared
     session = Session(make_method(TRACER), prepared, moment.width, moment.height, "cpu")
     answers = session.answers(moment)

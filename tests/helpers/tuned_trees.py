@@ -17,7 +17,8 @@ from shadowbench.methods.trees.nodes import NODE_BYTES
 @contextmanager
 def tuned(settings: Mapping[str, Any]) -> Iterator[dict[str, str]]:
     """A method's settings without those in capitals, which are the constants of :mod:`shadowbench.methods.trees.constants`
-    meanwhile. ROOM: of the pairs left to float64, at first."""
+    meanwhile. ROOM: of the pairs left to float64, at first.
+    """
     with pytest.MonkeyPatch.context() as patch:
         for name, value in settings.items():
             if name == "ROOM":

@@ -62,7 +62,8 @@ def test_class_of_a_primary_answer(x, y, given, expected):
 @pytest.mark.parametrize(("share", "claimed", "lost"), [(0.9, "EDGE", "EDGE"), (1.1, "TRUE", "TRUE")])
 def test_distances_from_an_edge_are_known_however_far_its_ends_are(power, share, claimed, lost):
     """A vertical ray that passes the edge of a giant triangle in a share of the bound: a hit claimed outside it, and one
-    lost inside."""
+    lost inside.
+    """
     corners = np.float32([(-3, -2, 0), (6, 4, 0), (-5, 7, 0)]) * np.float32(2.0**power)
     referee = Referee(corners, np.int32([(0, 1, 2)]), np.ones(1))
     for side, given, expected in ((1, 0, claimed), (-1, -1, lost)):

@@ -1,5 +1,6 @@
 """The referee (``filter_kernels.py``) against plain rational brute force, and errors planted for it to
-find."""
+find.
+"""
 
 import numpy as np
 import pytest

@@ -1,5 +1,6 @@
 """What grids, trees and libraries that trace rays are held to, whatever their settings: answers, growth, moving scenes,
-errors."""
+errors.
+"""
 
 import functools
 from collections.abc import Callable
@@ -188,7 +189,8 @@ def fresh(name: str, settings: tuple[tuple[str, str], ...], broken: bool, frame:
 @pytest.mark.parametrize(("name", "settings", "other"), REPLAYED, ids=str)
 def test_moving_geometry_replayed_equals_a_fresh_start(name, settings, other, broken, device):
     """As one graph on CUDA: no frame may see anything of the one before. A triangle that is left out in a frame is back in
-    the next, also in a tree that was made without it. A Mesh of Warp may lose a pixel or two."""
+    the next, also in a tree that was made without it. A Mesh of Warp may lose a pixel or two.
+    """
     device = "cpu" if name in ("embree", "coherent_grid") else device
     prepared = moving(broken)
     session = Session(make_method(name, settings), prepared, 24, 16, device)
@@ -220,7 +222,8 @@ def test_a_capacity_that_does_not_suffice_grows_and_gives_the_same_structure(nam
 @pytest.mark.parametrize(("name", "settings", "tight"), QUEUES, ids=[row[0] for row in QUEUES])
 def test_queues_grow_and_the_frame_is_repeated(name, settings, tight, device, monkeypatch):
     """Rays at the middles of fans leave more pairs than there is room for; triangles through every cell fill queues of
-    groups. Whatever the memory of the queues held before: they are not cleared."""
+    groups. Whatever the memory of the queues held before: they are not cleared.
+    """
     empty, regrown = wp.empty, {}
     for scene in ("rays at vertices", "triangles through every cell"):
         prepared, width, height = TRIALS[scene]

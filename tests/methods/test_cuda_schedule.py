@@ -67,7 +67,8 @@ def test_concurrent_passes_share_nothing_that_one_writes(name, settings, given, 
 
 class Capture:
     """What a CUDA stream refuses while it is captured: a condition, a loop, or the end, before what forked from it has
-    joined; and to wait after a condition or a loop for what came before."""
+    joined; and to wait after a condition or a loop for what came before.
+    """
 
     def __init__(self) -> None:
         self.open: set[Any] = set()

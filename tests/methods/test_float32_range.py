@@ -121,7 +121,8 @@ def in_units_of_their_own(random: np.random.Generator) -> np.ndarray:
 
 def situations(units, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles [COUNT, 3, 3] and two points [COUNT, 3] each, float32. Of a third, the second point lies on the line from
-    the first to a point in or near the triangle, and of another third the triangle's plane passes near the first point."""
+    the first to a point in or near the triangle, and of another third the triangle's plane passes near the first point.
+    """
     random = np.random.default_rng(seed)
     factors = units(random)
     corners = random.normal(size=(COUNT, 3, 3)) * factors[:, :1, None]

@@ -1,5 +1,6 @@
 """How many triangles each primary ray is tested against, of the methods that count it apart from their frames
-(``camera/passes.py``)."""
+(``camera/passes.py``).
+"""
 
 from dataclasses import replace
 

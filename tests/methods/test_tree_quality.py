@@ -1,5 +1,6 @@
 """How good trees of Warp (``warp_bvh/quality.py``) and the kd-tree are said to be: against sums over triangles' own
-boxes, and over regions."""
+boxes, and over regions.
+"""
 
 import numpy as np
 import pytest

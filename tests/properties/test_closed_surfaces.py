@@ -1,5 +1,6 @@
 """Random closed surfaces that touch, cross and turn inside out, on a lattice that rays meet: no bit changes when what faces
-away from a light is left out. Without the check of what forbids it, bits do."""
+away from a light is left out. Without the check of what forbids it, bits do.
+"""
 
 from collections.abc import Iterator
 
@@ -19,7 +20,8 @@ QUARTERS = 4.0
 
 def surface(random: np.random.Generator) -> Mesh:
     """A closed surface: a box, a double cone, a ball whose vertices lie anywhere, or two sides of one square; perhaps
-    wound inward, perhaps with a triangle missing."""
+    wound inward, perhaps with a triangle missing.
+    """
 
     def lattice(*shape: int) -> np.ndarray:
         return random.integers(-8, 9, shape) / QUARTERS

@@ -1,5 +1,6 @@
 """Back-face culling (``culling.py``): legal on closed surfaces seen from outside by the exact test, refused where it
-would lose hits."""
+would lose hits.
+"""
 
 import dataclasses
 

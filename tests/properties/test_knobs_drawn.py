@@ -1,5 +1,6 @@
 """No knob meant for speed changes a bit of any triangle test's answers: on drawn lattice examples, whose rays meet
-vertices and edges exactly, so that what a test makes of them depends on its last bit."""
+vertices and edges exactly, so that what a test makes of them depends on its last bit.
+"""
 
 from dataclasses import replace
 

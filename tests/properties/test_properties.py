@@ -100,7 +100,8 @@ def test_turning_and_moving_changes_only_what_rounding_excuses(
     example: Example, angles: tuple[float, float], offset: float
 ) -> None:
     """The moved scene is answered exactly; held against the exact answers from before it was moved, whatever differs
-    is a tie, or lies within the bound of an edge."""
+    is a tie, or lies within the bound of an edge.
+    """
     (ca, cb), (sa, sb) = np.cos(angles), np.sin(angles)
     turn = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]])
     step = offset * np.array([0.48, 0.6, 0.64])
@@ -117,7 +118,8 @@ PINHOLE, DIAGONAL = (
     Example.thawed(json.loads((EXAMPLES_FOUND / f"{name}.json").read_text())) for name in ("pinhole", "diagonal")
 )
 """A ray leaves the mesh beside a vertex by 4e-16: two equal triangles are hit in float64, none in exact arithmetic. And
-one passes the diagonal of a rectangle: both triangles are hit in float64, one in exact arithmetic."""
+one passes the diagonal of a rectangle: both triangles are hit in float64, one in exact arithmetic.
+"""
 
 
 @some(20)

@@ -107,7 +107,8 @@ def test_most_of_the_catalogue_is_swept() -> None:
 
 def test_rays_along_walls_are_decided_by_digits_that_float64_does_not_have() -> None:
     """Walls 1e13 long whose common edges the rays pass at sines of 1e-8: in float64 22 of them meet the other wall
-    (docs/accuracy.md)."""
+    (docs/accuracy.md).
+    """
     one = moved_case("P31 1e+07", 1)
     for name in ("ray_grids", "bvh2"):
         assert judge_case(one, make_method(name), "cpu").classes == {}

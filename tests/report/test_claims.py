@@ -129,7 +129,8 @@ def together(tmp_path_factory):
 def test_a_claim_that_compares_is_judged_within_one_run_or_not_at_all(together, tmp_path):
     """A run an experiment decides every claim; with a run of its own for each record only those claims are decided that
     look at one record at a time. Then two scenes
-    stand for the six in two experiments, and one in the ablation but for three of its methods."""
+    stand for the six in two experiments, and one in the ablation but for three of its methods.
+    """
     found = judged(together)
     assert [r["claim"] for r in found.values() if r["verdict"] == claims.UNMEASURED] == []
     assert all(r["judged_from"] in claim.experiments for claim, r in zip(CLAIMS, found.values(), strict=True))

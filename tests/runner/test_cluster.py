@@ -256,7 +256,8 @@ class Future:
 
 class Imagined:
     """A pool of cards with given calibration points: one when the worker joins, then one after the first shard; or, of
-    three, the second before it."""
+    three, the second before it.
+    """
 
     address, kind, local, device = "imagined", "cuda", True, "cuda:0"
 
@@ -290,7 +291,8 @@ class Imagined:
 
 def test_cards_that_are_apart_are_not_merged(place):
     """One is too slow from the start; one gets slow, and what it measured then goes beside the rest; one has become slow
-    before its shard, and measures nothing."""
+    before its shard, and measures nothing.
+    """
     chosen = slow(place, scenes=4)
     pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99], "f": [1.005, 1.04, 1.0], "broken": [1.0]})
     records = ClusterRun(pool, chosen, Silent()).go()

@@ -104,7 +104,8 @@ def test_the_estimate_is_what_was_guessed_by_how_much_longer_it_took():
 @pytest.mark.parametrize("device", ["cpu", "cuda:0"])
 def test_the_estimate_of_another_machine_holds_within_a_factor_of_two(device, slower):
     """The scenes of an experiment, smallest first; on the other machine a scene takes ``slower`` times as long, and a point
-    a second more."""
+    a second more.
+    """
     (part,) = find_experiment("table1").presets["paper"].parts()
     scenes = sorted(part.scenes, key=lambda name: expected_work(name, part))
     guesses, points = [guess_of_scene(name, part, device) for name in scenes], points_of(part) // len(scenes)
@@ -122,7 +123,8 @@ def test_the_estimate_of_another_machine_holds_within_a_factor_of_two(device, sl
 
 def test_a_run_has_an_estimate_at_every_step_and_measures_small_scenes_first(tmp_path):
     """After preparing, after every round and every scene; the records come in the order declared. A file may grow before its
-    turn comes."""
+    turn comes.
+    """
     small = write_scene(tmp_path / "small.obj")
     given, measured = [], []
 

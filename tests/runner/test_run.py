@@ -108,7 +108,8 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
 
 def test_memory_that_warp_does_not_allocate_is_counted(troubled):
     """320 MiB of numpy, held from frame to frame or allocated in each, or what a method says it holds, as a structure of a
-    library on a GPU: no allocator of Warp's knows of it."""
+    library on a GPU: no allocator of Warp's knows of it.
+    """
     _, records = troubled
     held = {name: records[name].frames[0].memory_bytes for name in ("steady", "greedy", "hoards", "of_a_library")}
     assert held["steady"] < 1 << 20
@@ -208,7 +209,8 @@ def test_a_scene_that_is_made_at_last_has_no_column_of_its_failure(package, tmp_
 
 def test_answers_of_a_scoring_process_that_is_killed_are_scored_by_another(scene, tmp_path, monkeypatch, capsys):
     """Twice: unseen, before it is asked, and while it loads. After one more there is no score, and the run says so, until it
-    is tried again."""
+    is tried again.
+    """
     pytest.importorskip("embreex", reason="the reference needs Embree")
     ask, send, kills = Run._ask_grades, Workers.send, []
 

@@ -70,7 +70,8 @@ def stale() -> dict[str, set[str]]:
 
 def test_a_hash_changes_with_each_of_its_files_and_with_no_other(copied) -> None:
     """On a copied tree, whose folder has no part in it: each file of a method edited by itself, and all other files of the
-    project at once."""
+    project at once.
+    """
     cls = registry.method_class("uniform_grid")
     files = source_files(cls, copied)
     before = source_hash(cls)

@@ -131,7 +131,7 @@ def test_memory_and_time_are_limited_and_the_line_names_the_way_out(
     small, fresh, monkeypatch, variable, limit, patience, line
 ):
     """A file that keeps its reader busy, of the processor and of the clock."""
-    large = written(small.parent, "large.obj", b"v 0 0 0\n" + b"f 1 1 1\n" * 3_000_000)
+    large = written(small.parent, "large.obj", b"v 0 0 0\n" + b"f 1 1 1\n" * 8_000_000)
     monkeypatch.setenv(variable, limit)
     monkeypatch.setattr(apart, "PATIENCE", patience)
     refused(large, line, read=resolve)

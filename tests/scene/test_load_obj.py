@@ -57,6 +57,8 @@ def test_forms(tmp_path, form):
         (CORNER + "f /1 2 3\n", "line 6: a value is not a number"),
         (CORNER + "f 1 2 6\n", "line 6: a face names vertex 6, but there are 5"),
         (CORNER + "f 1 2 1.5\n", "line 6: a value is not a number"),
+        (CORNER + "f 1 2 -\n" + FACES, "line 6: a value is not a number"),
+        (CORNER + "f 1 2 +", "line 6: a value is not a number"),
         (CORNER + "f 1 2 99999999999999999999\n", "line 6"),
         (CORNER, "no triangles"),
         ("", "no triangles"),

@@ -72,7 +72,8 @@ def test_a_frame_is_made_once_while_a_moment_holds_it_and_a_mesh_at_rest_has_one
 
 def test_all_frames_are_there_where_triangles_of_the_first_are_not_valid(tmp_path: Path) -> None:
     """Found on a GPU: Fairy has 4 triangles without area, and its refitted trees of Warp failed where a worker was handed
-    the scene: what is valid in no frame is left out of the tree, which asks for every frame."""
+    the scene: what is valid in no frame is left out of the tree, which asks for every frame.
+    """
 
     def positions(frame: int) -> np.ndarray:
         return np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0), (2, frame == 1, 0)], dtype=np.float64)
@@ -87,7 +88,8 @@ def test_all_frames_are_there_where_triangles_of_the_first_are_not_valid(tmp_pat
 
 def test_rules_choose_the_same_triangles_in_every_process(tmp_path: Path) -> None:
     """Found on a GPU: triangles of all but one size are ordered by what float32 takes from their corners. Workers that
-    made the scene and workers that were handed it had different mirrors: 7,929 rays of Fairy counted as wrong."""
+    made the scene and workers that were handed it had different mirrors: 7,929 rays of Fairy counted as wrong.
+    """
     random = np.random.default_rng(5)
     x, y = np.meshgrid(np.arange(21.0), np.arange(21.0), indexing="ij")
     corners = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)

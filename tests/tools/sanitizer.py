@@ -70,7 +70,8 @@ def frames(name: str, device: str, graphs: bool) -> str:
 
 def planted(device: str, graphs: bool) -> str:
     """A read of memory that nobody wrote, a write behind the end of an array, and threads of a block that exchange values in
-    shared memory without a barrier; launched, or replayed from a graph."""
+    shared memory without a barrier; launched, or replayed from a graph.
+    """
 
     @wp.func_native("""
     __shared__ int seat[64];

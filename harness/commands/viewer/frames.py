@@ -1,7 +1,5 @@
 """Frames on demand: the camera and the light as placed on the page; only what changed is traced again."""
 
-from __future__ import annotations
-
 import io
 import re
 import time
@@ -102,7 +100,8 @@ class TimedSession(Session):
 
     def stages(self) -> list[dict[str, Any]]:
         """Every pass of a complete frame: its name, its column, the time of its last run, whether it ran in this frame,
-        and whether that time is of its first run. Passes of the targets of areas are taken together."""
+        and whether that time is of its first run. Passes of the targets of areas are taken together.
+        """
         areas = any(light.shape for light in self.frame.prepared.scene.lights)
         rows: dict[str, dict[str, Any]] = {}
         parts = (
@@ -138,8 +137,7 @@ class Frames:
         return (low + self.prepared.centre).tolist(), (high + self.prepared.centre).tolist()
 
     def methods(self) -> list[dict[str, Any]]:
-        """Every method, with the reason if it cannot trace the scene here, and whether it counts its tests. It imports them
-        all."""
+        """Every method, with the reason if it cannot trace the scene here, and whether it counts its tests."""
         rows = []
         for name in method_names():
             try:
@@ -258,7 +256,8 @@ def options(wish: Wish, camera: Camera, lights: tuple[Light, ...]) -> str:
 
 def heat(method: Any, moment: Moment) -> tuple[U8, dict[str, Any]]:
     """The tests of each primary ray of a method that counts them as a picture, and its scale: a logarithm, since the most
-    is many times what is usual. ``half``: the tests of the colour in the middle."""
+    is many times what is usual. ``half``: the tests of the colour in the middle.
+    """
     import matplotlib
 
     counts = np.asarray(method.tests_per_pixel()[0]).reshape(moment.height, moment.width)

@@ -49,8 +49,7 @@ def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -
 
 @wp.func
 def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bool:
-    """Whether eye and light, at offsets ``seen`` and ``lit``, may lie on one side of the plane
-    (``judge.receivers.facing``)."""
+    """Whether eye and light, at offsets ``seen`` and ``lit``, may lie on one side (``judge.receivers.facing``)."""
     side_e = wp.dot(n, seen)
     side_l = wp.dot(n, lit)
     sure_e = wp.abs(side_e) > size * largest(seen)
@@ -60,8 +59,7 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
 
 @wp.func
 def faces_light(light: wp.int32, eye: wp.vec3f, corners: Corners, lights: wp.array(dtype=wp.vec3f)) -> wp.bool:
-    """:func:`faces` of a triangle, whatever its hit: all that :func:`receives` asks where the light is no spot and rays come
-    from the eye."""
+    """:func:`faces` of a triangle: all that :func:`receives` asks of rays from the eye to a light without a spot."""
     a = to_float64(corners.a)
     e = to_float64(corners.b) - a
     f = to_float64(corners.c) - a
@@ -97,7 +95,8 @@ def hit_receives(
     spots: wp.array2d(dtype=wp.float64), front_facing: wp.array2d(dtype=wp.uint8),
 ) -> wp.bool:  # fmt: skip
     """:func:`receives` of the hit of a ray on triangle ``hit``. ``front_facing``: of a primary ray, which triangles may
-    face the light, if that is known (:class:`..frame.Frame`); else empty."""
+    face the light, if that is known (:class:`..frame.Frame`); else empty.
+    """
     wanted = wp.bool(True)
     if front_facing.shape[0] > 0:
         wanted = front_facing[light, hit] != wp.uint8(0)
@@ -111,7 +110,8 @@ def hit_receives(
 @wp.func
 def note_receiver(reached: wp.array(dtype=wp.int32)):
     """Set ``reached`` (int32 [1], or empty) to 1. All threads write the same value, and hardly any has to: on a CPU they
-    would take the word from one another."""
+    would take the word from one another.
+    """
     if reached.shape[0] == 0:
         return
     if reached[0] == 0:
@@ -125,9 +125,9 @@ def receivers_kernel(
     hits: Hits, rays: Rays, receivers: wp.array2d(dtype=wp.uint8), reached: wp.array(dtype=wp.int32),
     shadowed: wp.array2d(dtype=wp.uint8),
 ):  # fmt: skip
-    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits.
-
-    Of ``number`` pixels from ``first`` on; a thread takes ``each``."""
+    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits. Of
+    ``number`` pixels from ``first`` on; a thread takes ``each``.
+    """
     start = wp.tid() * each
     some = wp.bool(False)
     for k in range(start, wp.min(start + each, number)):
@@ -165,7 +165,8 @@ def facing_reads(frame: Frame, effects: Effects, light: int) -> tuple[str, ...]:
 
 def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> list[Pass]:
     """The pass that finds which triangles may face a light, or none where that is decided for each hit. ``threads``: of a
-    CPU (:func:`..schedule.threads.cpu_threads`)."""
+    CPU (:func:`..schedule.threads.cpu_threads`).
+    """
     made = facing_reads(frame, effects, light)
     if not made:
         return []
@@ -205,7 +206,8 @@ def marking_launch(frame: Frame, effects: Effects, light: int, bounce: int, thre
 
 def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = (), threads: int = 1) -> list[Pass]:
     """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
-    them. ``threads``: of a CPU, 0 for one on each processor."""
+    them. ``threads``: of a CPU, 0 for one on each processor.
+    """
     marked = {name for work in planned for name in work.writes}
     passes: list[Pass] = []
     for b, i in itertools.product(range(effects.bounces + 1), range(len(effects.shadows))):

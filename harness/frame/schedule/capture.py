@@ -41,7 +41,8 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
 
 def _refuse_early(passes: Sequence[Pass], early: Sequence[Pass]) -> None:
     """ValueError if an early pass reads the output of another pass, or writes what a pass before it uses, or one of another
-    branch: they run at the same time."""
+    branch: they run at the same time.
+    """
     made = {name for work in passes for name in work.writes}
     for work in early:
         if not made.isdisjoint(work.reads):
@@ -102,7 +103,8 @@ def _capture(
     passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], depth: int = 0, awaited: Collection[Pass] = ()
 ) -> None:
     """Capture passes on the current stream. ``running``: passes that run early or overlap others, and the events of
-    their ends; ``awaited``: those that the stream has waited for. To wait again would be another edge of the graph."""
+    their ends; ``awaited``: those that the stream has waited for. To wait again would be another edge of the graph.
+    """
     awaited = set(awaited)
     for forked, branches in _forks(passes, depth):
         if not forked:
@@ -137,7 +139,8 @@ def _launch_overlapping(
     passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: set[Pass]
 ) -> None:
     """Launch passes; each waits for those that run at the same time and that it depends on, unless the stream has
-    ``awaited`` them. Those that overlap others get streams of their own."""
+    ``awaited`` them. Those that overlap others get streams of their own.
+    """
     for work in passes:
         if work.loops:
             _close(running)
@@ -167,7 +170,8 @@ def _join(running: Sequence[tuple[Pass, Any]]) -> None:
 
 def _close(running: list[tuple[Pass, Any]]) -> None:
     """The same, before a condition or a loop: neither can be captured while another stream is open, and what comes after it
-    cannot wait for an event before it."""
+    cannot wait for an event before it.
+    """
     _join(running)
     running.clear()
 

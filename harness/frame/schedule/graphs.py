@@ -1,7 +1,6 @@
-"""Captured graphs whose passes keep the priorities of the streams that they were captured on.
-
-Warp makes graphs that run with the priority of the stream on which they are launched. So that a pass which nothing waits for
-fills what the others leave idle, and takes no room from them, the driver is asked for a graph that keeps the priorities.
+"""Captured graphs whose passes keep the priorities of the streams that they were captured on. Warp makes graphs that
+run with the priority of the stream on which they are launched. So that a pass which nothing waits for fills what the
+others leave idle, and takes no room from them, the driver is asked for a graph that keeps the priorities.
 """
 
 import ctypes
@@ -30,7 +29,8 @@ def capture(device: str) -> Iterator[Any]:
 
 def keep_priorities(graph: Any) -> bool:
     """Whether a captured graph, not launched yet, keeps the priorities of its passes from now on. If the driver cannot do
-    this, Warp makes the graph when it is launched: the same work, without priorities. The first launch uploads it."""
+    this, Warp makes the graph when it is launched: the same work, without priorities. The first launch uploads it.
+    """
     try:
         driver = ctypes.CDLL("libcuda.so.1")
         instantiate, push, pop = (

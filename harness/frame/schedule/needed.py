@@ -1,7 +1,6 @@
-"""Which passes of a frame run: those that its outputs need and whose inputs changed.
-
-This follows from the resources that each pass reads and writes (:class:`.passes.Pass`). Resources are names. The
-inputs of a frame are :data:`INPUTS` and ``light/i``; its outputs follow from its effects (:func:`wanted_of`).
+"""Which passes of a frame run: those that its outputs need and whose inputs changed. This follows from the resources
+that each pass reads and writes (:class:`.passes.Pass`). Resources are names. The inputs of a frame are :data:`INPUTS`
+and ``light/i``; its outputs follow from its effects (:func:`wanted_of`).
 """
 
 from __future__ import annotations
@@ -79,7 +78,8 @@ def stale(passes: Sequence[Pass], changed: Collection[str]) -> list[Pass]:
 
 def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
     """Every pass, what is launched of it and why, if only the ``changed`` inputs differ from those of the last frame. A
-    pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs."""
+    pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs.
+    """
     dirty, why = set(changed), dict[Pass, str]()
     parts = [part for whole in passes for part in whole.apart or (whole,)]
     before = -1

@@ -1,5 +1,6 @@
 """The page as one file: the template of ``web/`` with its style, its scripts and its data inside. And a site of it: a
-folder for any static host, with an address for each experiment that stays, drawings and the documentation."""
+folder for any static host, with an address for each experiment that stays, drawings and the documentation.
+"""
 
 import base64
 import hashlib
@@ -15,12 +16,11 @@ from urllib.parse import quote, urlencode
 
 from ...files import write_text
 
-SCRIPTS = (
+SCRIPTS = (  # in the order in which they run: each uses only what stands before it
     "base.js", "data.js", "filters.js", "grid.js", "export.js", "details.js", "chart.js", "marks.js", "slider.js",
     "view_overview.js", "view_table.js", "view_scatter.js", "view_points.js", "view_curves.js", "view_machines.js",
     "view_pictures.js", "view_maps.js", "view_claims.js", "main.js",
 )  # fmt: skip
-"""In the order in which they run: each uses only what stands before it."""
 
 DRAWINGS = ("*.svg", "*.png")
 LIBRARY = ("uplot/uPlot.iife.min.js", "uplot/uPlot.min.css", "uplot/LICENSE")

@@ -1,5 +1,6 @@
 """The content of the page for a folder of results, from its tidy tables: points, frames, ratios, environments,
-notices."""
+notices.
+"""
 
 import math
 import re
@@ -21,7 +22,7 @@ from .. import paper_table1 as paper
 from ..dataframe import DataFrame, Series, pd
 from ..document import Source
 
-POINT = (
+POINT = (  # columns of a point on the page, besides `TEXTS`
     "folder experiment preset run machine scene title stand_in triangles frame_count scene_sha256 "
     "source_file source_sha256 method kind method_title label settings built known_inexact method_sha256 "
     "device device_name width height pixels light_label light_distance lights lit moved status reason "
@@ -29,14 +30,13 @@ POINT = (
     "pixels_scored reference_errors true_errors unscored environment started stopped_by key error best "
     "earlier passes counters"
 ).split()
-"""Columns of a point on the page, besides :data:`TEXTS`."""
 
 FRAME = "point frame total_ms q1_ms q3_ms samples true_errors error memory_bytes".split()
 """Columns of a measured frame on the page; ``point`` is the row of its point."""
 
 PARTS = {name: (part, "") for part, name in PART_COLUMNS.items()}
 MB = 1e6
-TEXTS = {
+TEXTS = {  # numbers that the page shows as `report.numbers` writes them, in columns "text.NAME": column, spread, form
     **{f"{name}_ms": (f"{name}_ms", f"{name}_spread", numbers.TIME) for name in PARTS},
     **{name: (name, "", numbers.TIME) for name in "spread q1_ms q3_ms between_ms wall_ms submitted_ms compile_s".split()},
     **{f"{name}_mrays_per_s": (f"{name}_mrays_per_s", "rate", "") for name in ("primary", "shadow", "frame")},
@@ -44,7 +44,6 @@ TEXTS = {
     **{name: (name, "", "") for name in "flip p95_ms p99_ms pair_ms energy_mj idle_w sah_cost expected_tests".split()},
     **{name: (name, "", "") for name in "bytes_per_ray primary_tests shadow_tests".split()},
 }  # fmt: skip
-"""Numbers that the page shows as :mod:`.report.numbers` writes them, in columns "text.NAME": column, spread, form."""
 
 DIGITS = 6  # significant digits of a measured number: finer than any spread
 MOST_BASES = 8  # up to so many columns each can be the base of ratios; else the first one of each method

@@ -1,5 +1,6 @@
 """The present speed of a card: two fixed kernels, one bound by arithmetic and one by memory, timed before and after a
-shard."""
+shard.
+"""
 
 from __future__ import annotations
 

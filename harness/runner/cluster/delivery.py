@@ -61,7 +61,8 @@ def known_files(folder: ResultsFolder, options: Options) -> Files:
 
 def write(folder: ResultsFolder, files: Files) -> list[Record]:
     """Write what a worker delivers, records last, so that a record has its files. Returns the new records. A record is
-    checked by the schema before it is stored; storing it removes a journal that an earlier run left."""
+    checked by the schema before it is stored; storing it removes a journal that an earlier run left.
+    """
     if odd := [name for name in files if not allowed(name)]:
         raise UserError(f"{odd[0]}: a worker delivered a file of this name, which no results folder has")
     records = [record_in(content, name) for name, content in files.items() if name.startswith("records/")]

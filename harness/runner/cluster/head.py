@@ -79,7 +79,8 @@ class ClusterRun:
 
     def go(self) -> list[Record]:
         """Measure every point without a record. Raises :class:`UserError`, with what is finished and how to continue,
-        if the scheduler is lost or no worker is left."""
+        if the scheduler is lost or no worker is left.
+        """
         options = self.options
         scratch.remove_abandoned()
         with self.folder.locked(), self.folder.writing():
@@ -235,8 +236,9 @@ class ClusterRun:
             self._take(seat, shard, result)
 
     def _take(self, seat: Seat, shard: Shard, outcome: Outcome) -> None:
-        """Store the results of a worker. Those of a card that differs too much from the others go into a folder of their
-        own; a card that did so before it began has none."""
+        """Store a worker's results; those of a card that differs too much go into a folder of their own. A card that did so
+        before it began has none.
+        """
         points = {n: asdict(p) for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
         about = {**shard.about, "card": outcome.card, **points, "points": len(outcome.keys)}
         gap = self.ledger.gap(outcome, *filter(None, (outcome.before, outcome.after)))

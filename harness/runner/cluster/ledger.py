@@ -1,7 +1,6 @@
-"""The log of a run on a cluster: cards with their calibration, shards, and workers that were lost.
-
-``cluster.jsonl`` in a results folder has one line per event. It also has the cards of earlier runs into the folder,
-because all results of a folder share columns, and results of cards that differ too much are not merged into one column.
+"""The log of a run on a cluster: cards with their calibration, shards, and workers that were lost. ``cluster.jsonl`` in
+a results folder has one line per event. It also has the cards of earlier runs into the folder, because all results of a
+folder share columns, and results of cards that differ too much are not merged into one column.
 """
 
 import time

@@ -134,7 +134,8 @@ def _cards(kind: str | None) -> list[str]:
 def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
     """A scheduler in this process, and one worker process per GPU, which sees only this GPU; without GPUs, one worker.
     Whoever reaches a port of theirs could have them run code. So the ports take only those who have the key that is
-    made here and kept in memory: this process and its workers."""
+    made here and kept in memory: this process and its workers.
+    """
     try:
         security = distributed.Security.temporary()
     except ImportError as error:

@@ -96,7 +96,8 @@ class Outcome:
 @functools.cache
 def code_hash() -> str:
     """The hash of the source files of all modules of this project, so that all workers run the same code. Of their
-    bytes: every worker waits for it, and to tell code from comments takes seconds."""
+    bytes: every worker waits for it, and to tell code from comments takes seconds.
+    """
     files = {
         f"{package}/{path.relative_to(root).as_posix()}": path.read_text(encoding="utf-8")
         for package, root in project().items()
@@ -155,7 +156,8 @@ class Relay(Silent):
 def measure(shard: Shard) -> Outcome:
     """Measure one shard. Runs in a worker, as a task; the client reports its exceptions. The lock of the card (of a
     CPU: of its worker's turn) is held from the first calibration point to the last, so nothing else measures on it
-    between."""
+    between.
+    """
     start_warp()
     device, MACHINE.wait = shard.options.device, shard.wait
     card = card_id(device)

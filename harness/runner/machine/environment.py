@@ -1,6 +1,7 @@
 """The environment of a measurement: machine, driver, versions, commit; stored once, referenced by its id. And after each
 round the clocks, power and temperature of a GPU and the load of the host: NVIDIA's management library tells them in a
-millisecond where its binding is installed; ``nvidia-smi`` starts a process."""
+millisecond where its binding is installed; ``nvidia-smi`` starts a process.
+"""
 
 import contextlib
 import hashlib
@@ -101,7 +102,8 @@ def packages() -> dict[str, str]:
 
 def git_state(file: Path = Path(__file__)) -> dict[str, Any] | None:
     """Commit and whether tracked files differ from it; None without git, and where the repository does not track
-    ``file``. An installed package may lie in a repository of something else."""
+    ``file``. An installed package may lie in a repository of something else.
+    """
     try:
         _git(file, "ls-files", "--error-unmatch", file.name)
         commit = _git(file, "rev-parse", "HEAD")

@@ -84,7 +84,8 @@ class MachineLock:
     def share_beside(self, device: str) -> None:
         """As :meth:`share`, for a command that times nothing. On a CPU it waits for nobody: while another process
         measures it goes on without the lock, at the lowest priority, and that process notes the load of the machine. On
-        a GPU it waits, since kernels of two processes take turns whatever their priority, and no load shows it."""
+        a GPU it waits, since kernels of two processes take turns whatever their priority, and no load shows it.
+        """
         self._beside = device == "cpu" and self.wait
         if self.held == FREE:
             self._share()
@@ -172,8 +173,7 @@ def in_the_way(file: int) -> tuple[str, str]:
 
 
 def holders(file: int) -> list[psutil.Process]:
-    """The other processes that hold a lock on a file, from Linux's list of locks, which psutil does not provide; empty on
-    other systems."""
+    """The other processes that lock a file, from Linux's list, which psutil lacks; empty on other systems."""
     found: list[psutil.Process] = []
     number = os.fstat(file).st_ino
     with contextlib.suppress(OSError, ValueError, psutil.Error):
@@ -199,7 +199,8 @@ def _unlock(file: int) -> None:
 
 def _opened(path: Path) -> int:
     """Open a file to lock it. It may belong to another user and need not be writable. Anyone may have put something
-    else in the folder for temporary files: opening a pipe would wait for its writer."""
+    else in the folder for temporary files: opening a pipe would wait for its writer.
+    """
     how = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
     try:
         file = os.open(path, how)

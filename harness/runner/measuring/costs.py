@@ -46,7 +46,8 @@ def used(
     clock: Callable[[], float] = time.perf_counter,
 ) -> Used:
     """Do some work again and again, for at least so many seconds, from one step of the counter (joules) to another.
-    Raises :class:`MissingError` if the counter stands still."""
+    Raises :class:`MissingError` if the counter stands still.
+    """
     last, calls, ends = counter(), 0, clock() + PATIENCE * seconds
     begin: Used | None = None
     while clock() < ends:

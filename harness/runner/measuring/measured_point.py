@@ -1,7 +1,6 @@
-"""Measure one point in its worker process: prepare it once, then take rounds of samples of every frame on request.
-
-This module and its imports contain everything that times a method or counts its memory, and nothing else, because a
-change of their code makes every record outdated (:mod:`.runner.source.closure`).
+"""Measure one point in its worker process: prepare it once, then take rounds of samples of every frame on request. This
+module and its imports contain everything that times a method or counts its memory, and nothing else, because a change
+of their code makes every record outdated (:mod:`.runner.source.closure`).
 """
 
 import hashlib
@@ -297,7 +296,8 @@ def hashes(answers: Answers) -> dict[str, str]:
 
 def differing(session: Session, known: Mapping[str, str]) -> list[str]:
     """Run the frame once more, as it is timed, and return the names of the answers whose hashes differ from ``known``.
-    The answers are filled with invalid values first, so that a method that relies on an earlier run is detected."""
+    The answers are filled with invalid values first, so that a method that relies on an earlier run is detected.
+    """
     session.replay_complete()
     wp.synchronize_device(session.device)
     return unlike(session, known)
@@ -311,7 +311,8 @@ def unlike(session: Session, known: Mapping[str, str]) -> list[str]:
 
 def affordable_frames(frames: list[int], session: Session, seconds: float, runs: int, budget_s: float) -> list[int]:
     """The frames whose samples fit into the budget: evenly spaced, including the first; at least one. ``seconds``: time
-    of the first frame including one-time costs. ``runs``: number of times that each frame will run."""
+    of the first frame including one-time costs. ``runs``: number of times that each frame will run.
+    """
     if len(frames) == 1 or seconds * runs * len(frames) <= budget_s:
         return frames
     start = time.perf_counter()
@@ -324,7 +325,8 @@ def affordable_frames(frames: list[int], session: Session, seconds: float, runs:
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:
     """``wanted`` evenly spaced frames from the first to the last; all if there are fewer; for 1 the middle frame. An
-    animation's first frame is often its simplest, such as a cloth before it falls."""
+    animation's first frame is often its simplest, such as a cloth before it falls.
+    """
     if wanted < 1:
         raise UserError(f"frames {wanted}: at least 1")
     count = min(wanted, frame_count)

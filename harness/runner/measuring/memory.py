@@ -21,7 +21,8 @@ from ...errors import CapacityRejected, one_line
 class Memory:
     """Counts the memory of a method: bytes held by Warp's allocators on every device, and the growth of the process.
     Counting begins with :meth:`start`, before the method plans. It is paused during samples, so that methods that
-    allocate inside a frame are not slowed down."""
+    allocate inside a frame are not slowed down.
+    """
 
     def __init__(self) -> None:
         from warp._src.context import runtime
@@ -42,7 +43,8 @@ class Memory:
 
     def growth(self, peak: int = 0) -> int:
         """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp. ``peak``:
-        resident memory of the process at an earlier time, which counts where it is more than now."""
+        resident memory of the process at an earlier time, which counts where it is more than now.
+        """
         return max(0, resident_bytes() - self._resident, peak - self._resident)
 
 
@@ -65,7 +67,8 @@ def reset_peak_resident() -> None:
 
 def peak_resident_bytes() -> int:
     """Peak resident memory of this process, bytes. On Linux it is read from /proc, which can be reset, unlike the value
-    of getrusage; psutil gives no peak on Linux."""
+    of getrusage; psutil gives no peak on Linux.
+    """
     peak = _status("VmHWM")
     if peak is not None:
         return peak

@@ -25,7 +25,8 @@ from ...frame.schedule.runner import PassRunner
 
 MOST_PREFIXES = 150
 """Passes of a captured frame up to which each is timed: the prefixes of n passes launch n^2 / 2. With 842 passes, of a frame
-with 64 lights, they took 100 seconds."""
+with 64 lights, they took 100 seconds.
+"""
 
 SUBMITTED = 20  # frames launched one after another, at most, of which the host's time to submit one is the median
 
@@ -177,7 +178,8 @@ def _in_a_row(device: Any, launch: Callable[[], None], count: int) -> list[tuple
 
 def _submitted_ms(session: PassRunner, budget_s: float, lasts_ms: float) -> float | None:
     """The host's time to submit a frame that it launches pass by pass on a GPU; None of other frames. ``lasts_ms``: a frame,
-    with what the device does after it is submitted."""
+    with what the device does after it is submitted.
+    """
     device = wp.get_device(session.device)
     if not device.is_cuda or session.replays:
         return None

@@ -1,7 +1,6 @@
-"""Experiments and their presets.
-
-A point is one method with its settings on one scene at one image size on one device. Its key is a readable prefix and a
-hash of the whole configuration, so that every change that would invalidate a record gives another key.
+"""Experiments and their presets. A point is one method with its settings on one scene at one image size on one device.
+Its key is a readable prefix and a hash of the whole configuration, so that every change that would invalidate a record
+gives another key.
 """
 
 from __future__ import annotations

@@ -27,7 +27,8 @@ from .experiment import Entry, Experiment, Preset
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     """Entries with ``method.param=value`` settings added to every entry of that method. Raises :class:`UserError` as
-    :func:`describe_method` does for any of them."""
+    :func:`describe_method` does for any of them.
+    """
     result, known = list(entries), {entry.method for entry in entries}
     for text in texts:
         method, key, value = _parsed(text)
@@ -43,7 +44,8 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
 
 def refuse_own_settings(experiment: str, texts: list[str], entries: tuple[Entry, ...]) -> None:
     """Raise :class:`UserError` for a setting that an entry of the experiment has itself. The labels of entries name
-    such settings, and tables, findings and claims compare entries by label."""
+    such settings, and tables, findings and claims compare entries by label.
+    """
     for text in texts:
         method, key, _ = _parsed(text)
         own = [entry.settings.get(key) for entry in entries if entry.method == method]
@@ -61,7 +63,8 @@ def _parsed(text: str) -> tuple[str, str, str]:
 
 def describe_method(entry: Entry, device: str) -> dict[str, Any]:
     """Facts about a method for its records. ``broken``: why the method cannot be constructed. Raises :class:`UserError`
-    for an unknown method or parameter, or a value of a wrong type."""
+    for an unknown method or parameter, or a value of a wrong type.
+    """
     facts: dict[str, Any] = {"name": entry.method, "title": entry.method, "label": entry.label or entry.method}
     facts |= {"settings": dict(entry.settings), "parameters": {}, "capturable": None, "source_sha256": ""}
     facts |= {"device": device, "asked_device": device}
@@ -141,7 +144,8 @@ def seed_of(text: str) -> int:
 def orders(count: int, rounds: int, seed: int) -> list[list[int]]:
     """A random order of ``count`` points for each round; over the rounds, each point has each place equally often. The
     orders are rows of a cyclic Latin square over a random first order. Every second row is reversed, so that neighbours
-    change."""
+    change.
+    """
     first = np.random.default_rng(seed).permutation(count)
     return [np.roll(first, -(number // 2))[:: 1 - 2 * (number % 2)].tolist() for number in range(rounds)]
 
@@ -205,7 +209,8 @@ class Job:
 
 def dealt(jobs: Sequence[Job], graders: int) -> list[list[Job | None]]:
     """What each scoring process scores in turn; None: nothing. The first job is scored alone, because that computes the
-    reference. Equal answers go to the same process, which scores them once."""
+    reference. Equal answers go to the same process, which scores them once.
+    """
     queues: list[list[Job | None]] = [[] if not number else [None] for number in range(graders)]
     groups: dict[str, int] = {}
     for job in jobs:

@@ -43,7 +43,8 @@ MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "ove
 
 def known_scene(folder: ResultsFolder, load: dict[str, Any]) -> dict[str, Any] | None:
     """The facts of a scene, if it was loaded before with the same options, source files and code; None, too, where its
-    files cannot be read: the worker that is to make it says why."""
+    files cannot be read: the worker that is to make it says why.
+    """
     try:
         return checked(SceneFacts, (read_json(folder.path / "scenes.json") or {}).get(_scene_id(load)))
     except (UserError, WrongFieldError):
@@ -79,8 +80,7 @@ def unmade_scene(options: Options, name: str, lighting: Lighting) -> dict[str, A
 
 
 def forget_unmade(folder: ResultsFolder, made: Iterable[tuple[str, str | None]]) -> None:
-    """Remove the failures to make the scene of points whose scene has been made. ``made``: the keys of these points,
-    and the labels of their methods."""
+    """Remove failures of scenes that are made by now. ``made``: the keys of their points, their methods' labels."""
     with folder.writing():
         for key, label in made:
             # All but the hash of the configuration, which says whether there was a scene.
@@ -115,8 +115,7 @@ class Planned:
 
 
 def survey(options: Options) -> list[Planned]:
-    """The points of a run. Nothing is made or written: the points of a scene that this folder does not know yet are all
-    to be measured."""
+    """The points of a run; nothing is made or written. Those of a scene not known yet are all to be measured."""
     folder, found = ResultsFolder(options.out), []
     for part in options.preset.parts():
         own = dataclasses.replace(options, preset=part)
@@ -139,7 +138,8 @@ def survey(options: Options) -> list[Planned]:
 
 def seconds_left(points: list[Planned]) -> tuple[float, bool]:
     """Seconds that the points to be measured may take, and whether that follows from the points of this folder: the time of
-    their samples is known. All else, most of it on a GPU, is guessed from the sizes of scenes and image."""
+    their samples is known. All else, most of it on a GPU, is guessed from the sizes of scenes and image.
+    """
     known = [p for p in points if not p.to_do and p.sampling_s]
     rate = sum(p.sampling_s for p in known) / sum(p.work for p in known) if known else None
     return sum(p.guess(rate) for p in points if p.to_do), bool(known)

@@ -1,7 +1,5 @@
 """A rough estimate of the work of a scene, for the order of the scenes and the remaining time."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Iterable
@@ -24,7 +22,8 @@ CPU_S = 7.5e-7  # of one frame per unit of work on two CPU cores; a median over 
 
 REFERENCE_S = 8.0
 """Of the reference per frame and 2^20 pixels on the host of a GPU. It is computed once for all methods of a scene
-with one lighting, so it is most of the time of an experiment with a single method."""
+with one lighting, so it is most of the time of an experiment with a single method.
+"""
 
 ANSWERS_S = 1.0  # per point, frame and 2^20 pixels of a run on a GPU: answers are copied, written, read and compared
 ROUND_S = 0.1  # of the samples of a point per frame and round on a GPU; they do not depend on the scene

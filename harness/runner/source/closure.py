@@ -28,6 +28,8 @@ ROOT = Path(__file__).parents[3]
 SAMPLING = f"{HARNESS}.runner.measuring.timing"
 MEASURING = (f"{HARNESS}.runner.measuring.measured_point",)  # load frames, take samples, count memory
 
+UNREADABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
+
 
 def source_hash(cls: type, root: Path = ROOT) -> str:
     """The hash of all source that a method's records depend on. ``root``: the folder of this project's packages."""
@@ -39,7 +41,8 @@ def source_hash(cls: type, root: Path = ROOT) -> str:
 
 def further_sources(cls: type, files: Mapping[str, Path]) -> dict[str, Path]:
     """The files that a method and its base classes name as ``sources``, beside the module of each in ``files``. Raises
-    FileNotFoundError for a name that no file has: the records would not depend on it."""
+    FileNotFoundError for a name that no file has: the records would not depend on it.
+    """
     found: dict[str, Path] = {}
     for base in cls.__mro__:
         for pattern in vars(base).get("sources", ()):
@@ -53,7 +56,8 @@ def further_sources(cls: type, files: Mapping[str, Path]) -> dict[str, Path]:
 
 def source_files(cls: type, root: Path = ROOT) -> dict[str, Path]:
     """The file of every module that a method's records depend on. Base classes count wherever they were imported from,
-    so that an edited base makes its subclasses' records stale."""
+    so that an edited base makes its subclasses' records stale.
+    """
     places = project(root)
     roots = list(MEASURING)
     for base in cls.__mro__:
@@ -86,7 +90,8 @@ def _code_hash(source: bytes) -> str:
 def closure(roots: Iterable[str], places: Mapping[str, Path]) -> dict[str, Path]:
     """The file of every module that ``roots`` import, directly or not, and of the packages around them. ``places``: the
     folder of each package, or the file of each lone module, whose modules are followed; an import of anything else is
-    left out."""
+    left out.
+    """
     found: dict[str, Path | None] = {"": None}
     todo = list(roots)
     while todo:
@@ -141,7 +146,8 @@ def project(root: Path = ROOT) -> dict[str, Path]:
 def distribution(name: str, file: Path) -> dict[str, Path]:
     """The places of the packages and modules of the same distribution as a given module from elsewhere. These are its
     top-level package and the others that were installed with it. If it was not installed (a script, an editable
-    install), they are those beside it."""
+    install), they are those beside it.
+    """
     top = name.partition(".")[0]
     up = name.count(".") + (file.name == "__init__.py")
     folder = file.parents[up]
@@ -161,12 +167,8 @@ def distribution(name: str, file: Path) -> dict[str, Path]:
     return places
 
 
-UNREADABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
-
-
 def code_of(source: bytes) -> bytes:
-    """The code of a Python file, the same for every version of Python that can parse it; the whole file if it cannot be
-    parsed."""
+    """The code of a Python file, the same for every Python that can parse it; else the whole file."""
     try:
         return "".join(_written(ast.parse(source))).encode("utf-8", "surrogatepass")
     except UNREADABLE:

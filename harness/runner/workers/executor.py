@@ -88,7 +88,8 @@ class Worker:
     ) -> dict[str, Any]:  # fmt: skip
         """Load the scene with a lighting and its moments; reply with its facts. ``make`` the scene, or read the one
         that another worker stored as ``shared``; either is done once for all lightings. ``alone``: forget other
-        lightings and their points."""
+        lightings and their points.
+        """
         if alone:
             self._forget_lightings()
         give_back_memory()
@@ -118,7 +119,8 @@ class Worker:
 
     def prepare(self, point: dict[str, Any], folder: str, light: str = "", answers: bool = True) -> dict[str, Any]:
         """Prepare a point on the scene with the lighting of this label; ``answers``: hand them over to be graded. The
-        reply has ``answers``, a hash of them all, and ``room``, see :func:`room`."""
+        reply has ``answers``, a hash of them all, and ``room``, see :func:`room`.
+        """
         lit = self.lit[light]
         make = partial(make_method, point["method"], point["settings"])
 

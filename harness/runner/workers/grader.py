@@ -54,7 +54,8 @@ class Grader:
     ) -> list[dict[str, Any]]:
         """The score of every frame, or the reason why there is none. The middle frame is drawn as ``picture``, unless
         there is a picture made from the same data (``shows``). ``wrong_maps``: also save a map of the wrong pixels of
-        the last frame, and its FLIP difference."""
+        the last frame, and its FLIP difference.
+        """
         from ...report.picture import scene_picture, shown_in
 
         frames, drawing, last = [], Path(picture), max(self.moments)

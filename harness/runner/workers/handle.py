@@ -1,7 +1,6 @@
-"""The parent's side of a worker process: start it, send commands, stop it if it does not reply or has died.
-
-Scoring takes longer than samples. Where several runs take turns on a GPU (:mod:`.runner.machine.lock`), it has processors
-of its own: it uses no GPU, has no share of the lock, and waits for nobody.
+"""The parent's side of a worker process: start it, send commands, stop it if it does not reply or has died. Scoring
+takes longer than samples. Where several runs take turns on a GPU (:mod:`.runner.machine.lock`), it has processors of
+its own: it uses no GPU, has no share of the lock, and waits for nobody.
 """
 
 import contextlib
@@ -26,7 +25,15 @@ from .protocol import UNWRITABLE, check_reply
 
 PLACE = "SHADOWBENCH_JUDGES"
 """The environment variable that gives the numbers of these processors, as 8,9,10. A run must be kept off them, as by
-``taskset``."""
+``taskset``.
+"""
+
+GRACE_S = 0.5  # additional time for a reply to arrive after its time limit, or after the end of its worker, seconds
+STOP_S = 5.0  # time for a worker to end with all that it has started, seconds; then it is left to itself
+MOST = 1 << 26  # Characters of a reply. A method can get hold of the pipe, and what it writes is held in this process.
+POLL_S = 60.0  # waiting without a time limit is done in intervals of this many seconds
+
+PACKAGE = __name__.rsplit(".", 1)[0]
 
 
 def judges_processors() -> list[int]:
@@ -65,17 +72,10 @@ def kept_to(chosen: Collection[int]) -> Iterator[None]:
 
 
 def graders(apart: Collection[int], beside: int = 1) -> int:
-    """Number of workers that score at the same time, on the :func:`judges_processors` or, where there are none, on all;
-    runs ``beside`` each other share them. Each has the scene in memory."""
+    """Workers that score at a time: by the processors ``apart`` that only scoring has, or by all where there are none, which
+    runs ``beside`` each other share. Each has the scene in memory.
+    """
     return max(1, min(8, (len(apart) or processors()) // 2 // beside))
-
-
-GRACE_S = 0.5  # additional time for a reply to arrive after its time limit, or after the end of its worker, seconds
-STOP_S = 5.0  # time for a worker to end with all that it has started, seconds; then it is left to itself
-MOST = 1 << 26  # Characters of a reply. A method can get hold of the pipe, and what it writes is held in this process.
-POLL_S = 60.0  # waiting without a time limit is done in intervals of this many seconds
-
-PACKAGE = __name__.rsplit(".", 1)[0]
 
 
 class WorkerError(Exception):
@@ -93,7 +93,8 @@ class WorkerLostError(WorkerError):
 class Remote:
     """One worker process. It starts with the first command, and again with the first command after it has ended.
     ``generation`` counts the starts; points prepared in an earlier generation are lost. ``command``: what was sent
-    last. ``apart``: the only processors that it uses, and then no GPU (:mod:`.handle`)."""
+    last. ``apart``: the only processors that it uses, and then no GPU (:mod:`.handle`).
+    """
 
     def __init__(self, name: str, log: Path, apart: Sequence[int] = ()):
         self.name, self.log, self.apart = name, log, apart
@@ -118,7 +119,8 @@ class Remote:
     def receive(self, timeout: float) -> dict[str, Any]:
         """The reply to the last command, within ``timeout`` seconds. Waiting for the machine lock does not count.
         Raises :class:`WorkerError` with the worker's reason, and :class:`WorkerLostError` if it died or did not reply;
-        it is then stopped."""
+        it is then stopped.
+        """
         reply = self._reply(timeout)
         while "waiting" in reply:
             self._asked = math.inf if reply["waiting"] else time.monotonic()

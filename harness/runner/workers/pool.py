@@ -1,7 +1,6 @@
-"""The worker processes of a run: what each has loaded, and which prepared points they hold in memory.
-
-The points of a scene are measured in turn, whatever their method and lighting, so each worker keeps its points prepared.
-Where memory gets short, the points that were not used for longest are freed, and prepared again when their turn comes.
+"""The worker processes of a run: what each has loaded, and which prepared points they hold in memory. The points of a
+scene are measured in turn, whatever their method and lighting, so each worker keeps its points prepared. Where memory
+gets short, the points that were not used for longest are freed, and prepared again when their turn comes.
 """
 
 from collections.abc import Sequence
@@ -33,7 +32,8 @@ GRADER = grader_name(1)  # the one that also makes the scenes
 
 class Workers:
     """The workers by name: a method's, or :data:`GRADER`. ``options``: of the presets under way; ``apart``: the processors
-    that only scoring has."""
+    that only scoring has.
+    """
 
     def __init__(self, folder: ResultsFolder, options: Options, apart: Sequence[int] = ()):
         self.folder, self.options, self.apart = folder, options, apart
@@ -89,7 +89,8 @@ class Workers:
 
     def make(self, scene: str, lighting: Lighting, methods: set[str]) -> tuple[dict[str, Any], dict[str, WorkerError]]:
         """Have the grader make a scene, and the workers of ``methods`` read it: its facts, and the workers that failed.
-        Raises :class:`WorkerError` if it cannot be made."""
+        Raises :class:`WorkerError` if it cannot be made.
+        """
         with self.folder.writing():
             self.folder.shared_scene().parent.mkdir(parents=True, exist_ok=True)
         self._ask_to_load(GRADER, scene, lighting, make=True)

@@ -1,5 +1,4 @@
 """The commands that a run sends to its workers: load a scene, prepare a point, score its answers; and what they reply.
-
 Paths are named from the root: a method may change the folder that its process works in.
 """
 

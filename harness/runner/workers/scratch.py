@@ -21,8 +21,7 @@ _made: dict[int, tuple[Path, int]] = {}  # folder, open and locked, by process: 
 
 
 def environment() -> dict[str, str]:
-    """The environment of a worker: this process's, with another folder for temporary files. The files that lock the
-    machine stay where all runs have them."""
+    """A worker's environment: this one's, with another folder for temporary files, but the locks of all runs."""
     locks = os.environ.get(machine_lock.FOLDER) or tempfile.gettempdir()
     return {**os.environ, machine_lock.FOLDER: locks, "TMPDIR": str(folder())}
 

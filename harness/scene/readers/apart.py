@@ -41,13 +41,12 @@ REFERRING = (".gltf", ".usd", ".usda", ".usdc")
 
 MOST_BESIDE = 10_000  # files beside a file that are counted for its limits
 
-ENVIRONMENT = {
+ENVIRONMENT = {  # each thread of a machine with many cores would take address space from the limit
     "MALLOC_ARENA_MAX": "2",
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "PXR_WORK_THREAD_LIMIT": "4",
 }
-"""Each thread of a machine with many cores would take address space from the limit."""
 
 
 def load(path: str | Path, *more: Any) -> Loaded:

@@ -155,7 +155,8 @@ def guarded(path: Path, what: str) -> Iterator[None]:
 
 def read_bytes(path: Path, most: int = -1) -> bytes:
     """The contents of a file, or ``most`` of its first bytes. Raises :class:`UserError` if it is missing, no regular
-    file, unreadable or a Git LFS pointer."""
+    file, unreadable or a Git LFS pointer.
+    """
     try:
         with open_regular(path) as stream:
             blob = stream.read(most)
@@ -178,7 +179,8 @@ def refuse_pointer(path: Path, blob: bytes) -> None:
 def within_range(loaded: Loaded) -> None:
     """Raise :class:`UserError` if the used vertices exceed :data:`LARGEST` or extend less than :data:`SMALLEST`. It
     names the file of the frame where each has one. Vertices that are NaN or infinite in the file are ignored: their
-    triangles are never hit."""
+    triangles are never hit.
+    """
     used = np.unique(loaded.faces)
     way_out = f"scale it to coordinates between {SMALLEST:g} and {LARGEST:g}"
     for k, points in enumerate(loaded.frames):

@@ -29,13 +29,12 @@ from . import checks, load
 HEAD = struct.Struct("<QQ")  # bytes of the text and of all arrays
 MOST_TEXT = 1 << 26  # longest text of a message, bytes
 
-CLASSES = {
+CLASSES = {  # what a message may hold, by name
     kind.__name__: kind
     for module in (scene, checks)
     for kind in vars(module).values()
     if isinstance(kind, type) and dataclasses.is_dataclass(kind)
 }
-"""What a message may hold, by name."""
 
 NUMBERS = "fiub"  # kinds of numpy's types that an array of a message may have: never an object
 
@@ -104,8 +103,7 @@ def send(line: Connection, value: Any) -> None:
 
 
 def received(line: Connection, most: int = 0) -> Any:
-    """The next value. ``most``: bytes of arrays that it may hold. Raises EOFError or OSError at the end, other errors
-    for a wrong message."""
+    """The next value, with at most ``most`` bytes of arrays. Raises EOFError, OSError, or what a wrong message does."""
     text_length, left = HEAD.unpack(_filled(line, bytearray(HEAD.size)))
     if text_length > MOST_TEXT or left > most:
         raise ValueError(f"a text of {text_length} bytes with {left} bytes of arrays")

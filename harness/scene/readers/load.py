@@ -32,7 +32,7 @@ _BLENDER = "open it in Blender and export it as glTF (.glb) or USD"
 _CAD = "open it in FreeCAD and export its mesh as STL"
 _MESHLAB = "open it in MeshLab and export it as PLY"
 
-UNREAD = {
+UNREAD = {  # by the ending of a name: what it is, and the way out
     ".abc": ("Alembic", "import it into Blender and export it as USD, which keeps its frames"),
     ".fbx": ("FBX", f"convert it with FBX2glTF, or {_BLENDER}"),
     ".dae": ("COLLADA", f"convert it with COLLADA2GLTF, or {_BLENDER}"),
@@ -65,13 +65,13 @@ UNREAD = {
     ".gz": ("a compressed file", "unpack it first"),
     ".zip": ("an archive", "unpack it first"),
 }
-"""By the ending of a name: what it is, and the way out."""
 
 
 def load(path: str | Path, wanted: Wanted = ALL) -> Loaded:
     """A mesh file, an ``.npz`` sequence, or a folder of numbered frames; of its frames those ``wanted``. Raises
     :class:`UserError` for everything that is not a valid mesh of at least one triangle. Vertices with NaN are allowed:
-    their triangles are never hit."""
+    their triangles are never hit.
+    """
     path = Path(path)
     if path.is_dir():
         frames = numbered(path, READERS)

@@ -26,20 +26,18 @@ _OUTLINE = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")  # a face as old programs wr
 
 _INDEX_LIMIT = 1 << 31
 
-_LEFT_OUT = {
+_LEFT_OUT = {  # statements that are left out with a note
     b"l": "lines", b"p": "points", b"call": "files that it calls",
     **dict.fromkeys((b"curv", b"cdc", b"cdp"), "free-form curves"),
     **dict.fromkeys((b"surf", b"bsp", b"bzp"), "free-form surfaces"), b"usemtl": "materials",
 }  # fmt: skip
-"""Statements that are left out with a note."""
 
-_PASSED_OVER = set(
+_PASSED_OVER = set(  # Statements without triangles. Others are not known, and noted by name.
     b"""
     vp g o s mg mtllib deg bmat cstype step parm trim hole scrv sp end con curv2 res bevel c_interp d_interp lod maplib
     usemap shadow_obj trace_obj ctech stech csh
     """.split()
 )
-"""Statements without triangles. Others are not known, and noted by name."""
 
 _NO_STATEMENT = _VERTEX | _FACE | {b"vt", b"vn"}
 
@@ -123,8 +121,7 @@ def _faces(path: Path, lines: Sequence[bytes], vertex_count: int) -> tuple[I64, 
 
 
 def _corners(lines: Sequence[bytes]) -> tuple[I32, I64]:
-    """The vertex indices as they stand in the lines, and how many each line has. A corner is ``v``, ``v/vt``, ``v//vn``
-    or ``v/vt/vn``."""
+    """The vertex indices of the lines, and how many each has. A corner is ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``."""
     values, each = numbers([line[1:] for line in _before_slashes(lines)], np.int64)
     if each.min(initial=3) < 3:
         raise ValueError(f"a face has {each.min()} vertices, it needs at least 3")

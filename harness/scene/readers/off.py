@@ -1,7 +1,6 @@
-"""OFF, the text format of Geomview and of mesh collections: positions and faces, in the order of the file.
-
-trimesh 5.2 is not used because it sorts faces by their number of corners, fans concave ones, and reads as many lines as
-there are where the header claims more.
+"""OFF, the text format of Geomview and of mesh collections: positions and faces, in the order of the file. trimesh 5.2
+is not used because it sorts faces by their number of corners, fans concave ones, and reads as many lines as there are
+where the header claims more.
 """
 
 import re
@@ -25,7 +24,8 @@ _INDEX_LIMIT = 1 << 31
 def read_off(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Positions float64 and triangulated faces. A vertex and a face have a line each; what follows in it is left out.
     Raises :class:`UserError` for binary files and other than three dimensions, and if the header's counts are not those
-    of the lines."""
+    of the lines.
+    """
     text = without_comments(plain_lines(decoded(read_bytes(path))))
     header = _HEADER.match(text)
     if header is None:

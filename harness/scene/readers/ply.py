@@ -96,7 +96,8 @@ def _corners(path: Path, columns: Columns) -> Column:
 
 def _strips(lists: Column) -> I32:
     """The triangles of strips, each turned like the first of its strip; int32 [triangle_count, 3]. A strip goes on to
-    the end of its list, or to :data:`_RESTART`."""
+    the end of its list, or to :data:`_RESTART`.
+    """
     corners = np.insert(lists.values, np.cumsum(lists.counts), _RESTART)
     places = np.arange(len(corners))
     place = places - np.maximum.accumulate(np.where(corners == _RESTART, places, -1)) - 1
@@ -131,7 +132,8 @@ class Header(NamedTuple):
 
 def read_header(path: Path, blob: bytes) -> Header:
     """The header, read line by line. Comments and lines with unknown words are skipped. A line ends with LF, CR LF or
-    CR. Where the first line ends with CR alone, so does the last, since a byte 10 after it may be data."""
+    CR. Where the first line ends with CR alone, so does the last, since a byte 10 after it may be data.
+    """
     if not re.match(rb"ply[ \t]*(?:[\r\n]|\Z)", blob[:80], re.IGNORECASE):
         raise broken(path, "does not begin with a line 'ply'", "this is not a PLY file")
     order: str | None = None

@@ -19,6 +19,8 @@ _BLOCK = 1 << 16  # corners that are triangulated at a time
 _CORNERS = 8  # how many corners of a polygon are tried for a fan
 _STRAIGHT = 1e-6  # sine of the largest angle that counts as none, for corners on one line that float32 has rounded
 
+Piece = tuple[Floats, I32]  # positions [n, 3] and faces [m, 3] of a part at one frame
+
 
 def polygon_sizes(path: Path, counts: Ints, where: str = "") -> None:
     """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices.
@@ -138,7 +140,8 @@ def _clipped(flat: F64) -> I64 | None:
 
 def _rings_left(cut: I64, count: int) -> list[list[int]]:
     """The closed rings between the outline of triangles and the polygon 0, 1 ... ``count`` - 1 that they are cut from.
-    None passes a corner twice: a ring that does is several that touch there."""
+    None passes a corner twice: a ring that does is several that touch there.
+    """
     inner = {(int(t[i]), int(t[(i + 1) % 3])) for t in cut for i in range(3)}
     outline = {edge for edge in inner if edge[::-1] not in inner}
     polygon = {(i, (i + 1) % count) for i in range(count)}
@@ -160,9 +163,6 @@ def _rings_left(cut: I64, count: int) -> list[list[int]]:
     return rings
 
 
-Piece = tuple[Floats, I32]  # positions [n, 3] and faces [m, 3] of a part at one frame
-
-
 @dataclass(frozen=True, eq=False)
 class Fixed:
     """A mesh of fixed topology.
@@ -181,7 +181,8 @@ class Fixed:
 def fixed_topology(frames: Sequence[Sequence[Piece | None]]) -> Fixed:
     """Join the parts of each frame, in order. ``frames[k][i]``: part i at frame k, or None where it is not there.
     float64 if any part is, else float32. Triangles of a padded part are in the order of its frame, so that one of them
-    is not the same piece of surface in all frames."""
+    is not the same piece of surface in all frames.
+    """
     there = [[piece for piece in part if piece is not None] for part in zip(*frames, strict=True)]
     padded = [any(not _same_faces(piece, own[0]) for piece in own) for own in there]
     types = {piece[0].dtype for own in there for piece in own}

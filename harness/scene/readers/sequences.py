@@ -38,7 +38,8 @@ def plain_name(pattern: str) -> str:
 def matching(pattern: str, suffixes: Iterable[str]) -> list[Path]:
     """The files that a pattern stands for, in the order of the numbers in their names. ``%d`` is a number, ``%04d`` one
     of at least 4 digits, ``*`` any letters of a name and ``?`` one. Raises :class:`UserError` if there are none, or if
-    they have several formats or one that is not among ``suffixes``."""
+    they have several formats or one that is not among ``suffixes``.
+    """
     words = _PLACE.split(pattern)
     rule, shape = re.escape(words[0]), glob.escape(words[0])
     for place, after in zip(words[1::2], words[2::2], strict=True):
@@ -73,7 +74,8 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 def numbered(folder: Path, suffixes: Iterable[str], name: str | None = None) -> list[Path]:
     """The files ``name_001.ply name_002.ply ...`` of a folder, in the order of their numbers; may be empty. ``name``
     None accepts any prefix. Raises :class:`UserError` if the folder has several prefixes or formats, or two files of
-    one number."""
+    one number.
+    """
     known = set(suffixes)
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
     for entry in sorted(folder.iterdir()):
@@ -117,7 +119,8 @@ def _uneven(paths: Sequence[Path]) -> list[str]:
 def load_npz(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Arrays ``V``: float [frames, vertices, 3] or [vertices, 3], and ``F``: int [triangles, 3]; nothing pickled.
     Raises :class:`UserError` for other names, shapes or types, for indices out of range, and for an archive whose
-    declared sizes do not match its contents."""
+    declared sizes do not match its contents.
+    """
     read_bytes(path, 1024)  # missing and unreadable files get the same message as in every other format
     limit = max(_NPZ_FLOOR, _NPZ_GROWTH * path.stat().st_size)
     with guarded(path, ".npz"), zipfile.ZipFile(path) as archive:

@@ -1,7 +1,6 @@
-"""STL, binary and ASCII. Every triangle has three vertices of its own, in file order.
-
-trimesh 5.2 is not used because it refuses an ASCII file without ``endsolid`` and a binary one with bytes after its last
-triangle, and takes three times as long.
+"""STL, binary and ASCII. Every triangle has three vertices of its own, in file order. trimesh 5.2 is not used because
+it refuses an ASCII file without ``endsolid`` and a binary one with bytes after its last triangle, and takes three times
+as long.
 """
 
 import contextlib
@@ -30,7 +29,8 @@ _BLOCK = 1 << 18  # bytes of a text that are parsed at a time
 def read_stl(path: Path, wanted: Wanted = ALL) -> Loaded:
     """The triangles of all solids; float32 of a binary file, float64 of an ASCII file. A binary file may begin with
     "solid", too: a text holds no zero byte. Raises :class:`UserError` if the count of a binary file is not that of its
-    triangles, and for a facet of a text that has not three vertices."""
+    triangles, and for a facet of a text that has not three vertices.
+    """
     blob = read_bytes(path)
     text = plain_lines(decoded(blob))
     points: Floats

@@ -90,7 +90,8 @@ def numbers(lines: Sequence[bytes], dtype: type = np.float64) -> tuple[NDArray[A
                 values = np.fromstring(text, dtype=dtype, sep=" ")
         except (ValueError, DeprecationWarning):
             raise ValueError("a value is not a number") from None
-    if each.sum() != len(values):  # 1-2 is one word, but read as two numbers
+    # 1-2 is one word, but read as two numbers; a sign alone, at the end, as 0.
+    if each.sum() != len(values) or text.rstrip().endswith((b"-", b"+")):
         raise ValueError("a value is not a number")
     return values, each
 
@@ -108,7 +109,8 @@ def parsed(
     wrong: Callable[[int, str], UserError],
 ) -> list[NDArray[Any]]:
     """The arrays that ``parse`` makes of the lines of blocks, each joined over all blocks, of which there is one.
-    Raises what ``wrong`` makes of the index of the first line that is refused, and of the problem."""
+    Raises what ``wrong`` makes of the index of the first line that is refused, and of the problem.
+    """
     made, first = [], 0
     for lines in some:
         try:

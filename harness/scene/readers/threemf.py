@@ -1,7 +1,6 @@
 """3MF, the format of 3D printing: the objects that a package builds, in the order of its items and their components.
-
-trimesh 5.2 is not used because it takes all meshes of another part of the package for each object in it, and unpacks without
-a limit; it also reads files that require what it cannot read.
+trimesh 5.2 is not used because it takes all meshes of another part of the package for each object in it, and unpacks
+without a limit; it also reads files that require what it cannot read.
 """
 
 from __future__ import annotations
@@ -46,7 +45,8 @@ T = TypeVar("T")
 def read_3mf(path: Path, wanted: Wanted = ALL) -> Loaded:
     """All triangles of the build, float64, in the unit of the file. Each placed object has vertices of its own. Raises
     :class:`UserError` for extensions that the file requires and cannot be read, for objects of other shapes than
-    triangles, and for a package that unpacks to far more than its size."""
+    triangles, and for a package that unpacks to far more than its size.
+    """
     blob = read_bytes(path)
     with guarded(path, "3MF"), zipfile.ZipFile(io.BytesIO(blob)) as archive:
         package = _Package(path, archive, max(_FLOOR, _GROWTH * len(blob)))

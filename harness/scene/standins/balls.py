@@ -63,7 +63,8 @@ def count_of(name: str) -> int | None:
 
 def scene(name: str) -> Scene:
     """The scene of such a name; its triangle count is within 10 % of the number in the name. Raises :class:`UserError`
-    for more triangles than can be indexed."""
+    for more triangles than can be indexed.
+    """
     known = read_name(name)
     assert known is not None
     if known.count > MAX_TRIANGLES:
@@ -81,7 +82,8 @@ def scene(name: str) -> Scene:
 def camera_for(seen: float) -> Camera:
     """The camera with which a square picture sees the flat ground in a share of its pixels. The eye goes back along the
     view where the share is below that of :data:`CAMERA`; else its field of view narrows. Found by bisection on 128x128
-    rays. Balls that stand out over the ground's edge add to the share."""
+    rays. Balls that stand out over the ground's edge add to the share.
+    """
     across = (np.arange(128) + 0.5) / 64 - 1.0
     x, y = (axis[..., None] for axis in np.meshgrid(across, across))
 
@@ -114,7 +116,8 @@ def camera_for(seen: float) -> Camera:
 
 def moving_geometry(count: int, moving: float | None, swirl: float | None = None) -> Geometry:
     """The geometry, of which a share turns about the vertical through the middle, each ball at its own speed; or all of
-    it, the less the farther out. Balls move first; with a share above theirs the ground turns as well."""
+    it, the less the farther out. Balls move first; with a share above theirs the ground turns as well.
+    """
     still = geometry(count)
     if swirl is not None:
         inward = np.clip(1.0 - np.hypot(*still.positions(0)[:, [0, 2]].T) / HALF, 0.0, None)

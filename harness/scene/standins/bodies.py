@@ -1,7 +1,6 @@
-"""Organic bodies from blended round cones and ellipsoids, for the animated stand-ins.
-
-A :class:`Body` is a list of :class:`Blob` united smoothly, one after the other (polynomial smooth minimum, Quilez);
-its surface is meshed by :mod:`.scene.standins.implicit`, projected onto the zero set and roughened. Lengths in metres.
+"""Organic bodies from blended round cones and ellipsoids, for the animated stand-ins. A :class:`Body` is a list of
+:class:`Blob` united smoothly, one after the other (polynomial smooth minimum, Quilez); its surface is meshed by
+:mod:`.scene.standins.implicit`, projected onto the zero set and roughened. Lengths in metres.
 """
 
 from collections.abc import Iterable, Sequence

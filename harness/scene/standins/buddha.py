@@ -1,7 +1,6 @@
-"""Stand-in for the Happy Buddha: a laughing figure in a robe, arms raised, on a lotus base; 2 m tall.
-
-One dense, closed, consistently oriented surface, as the scan is: signed distances of body parts, blended, with
-folds of cloth and chisel marks on top, turned into triangles of nearly one size.
+"""Stand-in for the Happy Buddha: a laughing figure in a robe, arms raised, on a lotus base; 2 m tall. One dense,
+closed, consistently oriented surface, as the scan is: signed distances of body parts, blended, with folds of cloth and
+chisel marks on top, turned into triangles of nearly one size.
 """
 
 from collections.abc import Callable

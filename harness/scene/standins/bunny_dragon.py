@@ -1,7 +1,6 @@
-"""Stand-in for the UNC Bunny/Dragon: a bunny flies into a dragon, and both break into flying pieces.
-
-The pieces exist from the start as patches with vertices of their own, so the topology never changes; a crack runs
-out from the point of impact and each patch moves rigidly from the moment the crack reaches it.
+"""Stand-in for the UNC Bunny/Dragon: a bunny flies into a dragon, and both break into flying pieces. The pieces exist
+from the start as patches with vertices of their own, so the topology never changes; a crack runs out from the point of
+impact and each patch moves rigidly from the moment the crack reaches it.
 """
 
 import numpy as np

@@ -22,6 +22,13 @@ from ..scene import Geometry, Moves
 from .bodies import curve
 from .shapes import Mesh, join
 
+FRAMES = 16
+FRAME_TIME = 0.15
+
+REFINE = 3
+BALL_SEGMENTS, BALL_RINGS = 35, 22
+GROUND_HALF = 2.5
+
 
 @dataclass(frozen=True)
 class ClothSettings:
@@ -74,8 +81,7 @@ class ClothSettings:
 
 
 def simulate(settings: ClothSettings, frame_count: int, frame_time: float) -> F64:
-    """Positions of the sheet, shape [frame_count, 3, cells + 1, cells + 1], ``frame_time`` seconds apart. Frame 0 is
-    the flat sheet at rest."""
+    """The sheet, [frame_count, 3, cells + 1, cells + 1], ``frame_time`` seconds apart; frame 0 is flat, at rest."""
     sheet = _Sheet(settings)
     steps = round(frame_time * settings.steps_per_second)
     frames = [sheet.place.copy()]
@@ -238,12 +244,7 @@ def _limited(vectors: F64, longest: F64) -> F64:
     return vectors * np.minimum(longest / np.maximum(length, 1e-12), 1.0)
 
 
-FRAMES = 16
-FRAME_TIME = 0.15
 SETTINGS = ClothSettings()
-REFINE = 3
-BALL_SEGMENTS, BALL_RINGS = 35, 22
-GROUND_HALF = 2.5
 
 
 def geometry() -> Geometry:

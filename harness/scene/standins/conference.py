@@ -1,7 +1,6 @@
 """Stand-in for the Conference Room: a closed room with a long table, 30 upholstered chairs, lamps, blinds, cups.
-
-Furniture of all sizes: walls, floor and ceiling of two triangles each, long thin trims and slats, and curved
-chairs, lamps and cups that hold most of the triangles. x runs along the table, y is up, metres.
+Furniture of all sizes: walls, floor and ceiling of two triangles each, long thin trims and slats, and curved chairs,
+lamps and cups that hold most of the triangles. x runs along the table, y is up, metres.
 """
 
 import itertools

@@ -48,11 +48,10 @@ SHOULDER_R, ELBOW_R, WRIST_R = (0.0, 1.375, 0.160), (0.06, 1.45, 0.40), (0.13, 1
 SHOULDER_L, ELBOW_L, WRIST_L = (0.0, 1.375, -0.160), (0.03, 1.17, -0.33), (0.20, 1.10, -0.48)
 HIP_R, KNEE_R, ANKLE_R = (0.0, 0.90, 0.080), (0.03, 0.50, 0.10), (-0.03, 0.12, 0.09)
 HIP_L, KNEE_L, ANKLE_L = (0.0, 0.90, -0.080), (0.20, 0.58, -0.12), (-0.03, 0.29, -0.11)
-SWINGING = (
+SWINGING = (  # groups of blobs that turn about a joint; a group holds those whose names go on from its own
     *("arm right", "arm right fore", "arm left", "arm left fore", "head"),
     *("leg right", "leg right shin", "leg left", "leg left shin"),
 )
-"""Groups of blobs that turn about a joint; a group holds those whose names go on from its own."""
 
 
 def _fairy() -> list[Part]:

@@ -1,6 +1,5 @@
-"""A clearing: ground, trees, mushrooms, grass, ferns and leaves, for the Fairy Forest stand-in.
-
-The clearing is flat (y = 0) where anything stands. Blades and leaves are made all at once as arrays.
+"""A clearing: ground, trees, mushrooms, grass, ferns and leaves, for the Fairy Forest stand-in. The clearing is flat (y
+= 0) where anything stands. Blades and leaves are made all at once as arrays.
 """
 
 import numpy as np

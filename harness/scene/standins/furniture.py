@@ -1,6 +1,5 @@
-"""Pieces that the conference room is filled with: chairs, cups, laptops, lamps, a shrub. Each stands on y = 0.
-
-The pieces are curved and finely tessellated, so that they hold most of the room's triangles.
+"""Pieces that the conference room is filled with: chairs, cups, laptops, lamps, a shrub. Each stands on y = 0. The
+pieces are curved and finely tessellated, so that they hold most of the room's triangles.
 """
 
 import numpy as np

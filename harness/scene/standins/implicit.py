@@ -1,7 +1,6 @@
-"""A closed mesh of the surface where a signed distance is zero, for stand-ins of scanned statues.
-
-Surface nets (Gibson 1998, "Constrained elastic surface nets"): one vertex in each lattice cell that the surface
-passes, one quad for each lattice edge that it crosses. Only lattice points near the surface are evaluated.
+"""A closed mesh of the surface where a signed distance is zero, for stand-ins of scanned statues. Surface nets (Gibson
+1998, "Constrained elastic surface nets"): one vertex in each lattice cell that the surface passes, one quad for each
+lattice edge that it crosses. Only lattice points near the surface are evaluated.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +21,8 @@ def polygonise(
 ) -> Mesh:
     """The zero set of ``distance`` (negative inside) within a box that holds all of it, as one closed mesh.
     ``distance`` takes points float32 [n, 3] in metres and may exceed the true distance by the factor ``slack``. Every
-    edge of the result has exactly two faces, the second in the opposite direction."""
+    edge of the result has exactly two faces, the second in the opposite direction.
+    """
     origin = np.asarray(low, dtype=np.float64)[list(AXES)]
     extent = np.asarray(high, dtype=np.float64)[list(AXES)] - origin
     blocks = np.ceil(extent / (spacing * COARSEST)).astype(np.int64)
@@ -61,7 +61,8 @@ def _points_near(evaluate: Callable[[NDArray], F32], blocks: I64, reach: float) 
 
 def _part_touching_sheets(value: F32, beyond: list[I32], spacing: float) -> None:
     """Where the surface crosses all four sides of a lattice square, move its outer corners just inside. Such a square
-    would give an edge with four faces. Points only ever go inside, so this comes to an end."""
+    would give an edge with four faces. Points only ever go inside, so this comes to an end.
+    """
     while True:
         inside = value < 0
         crossed = [(end >= 0) & (inside[end] != inside) for end in beyond]

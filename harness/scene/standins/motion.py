@@ -1,6 +1,5 @@
-"""Motions that repeat, for the animated stand-ins: swings about joints, swaying, drifting.
-
-A motion changes the vertices of one part in place, for a phase from 0 to 1 of the period.
+"""Motions that repeat, for the animated stand-ins: swings about joints, swaying, drifting. A motion changes the
+vertices of one part in place, for a phase from 0 to 1 of the period.
 """
 
 from collections.abc import Sequence
@@ -30,7 +29,8 @@ class Part(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Swing:
     """Points turn about an axis through ``pivot``, each by its weight [n] of the angle at the time. The angle is
-    ``mean`` + ``reach`` sin(2 pi (``beats`` phase + ``shift``)), in degrees."""
+    ``mean`` + ``reach`` sin(2 pi (``beats`` phase + ``shift``)), in degrees.
+    """
 
     pivot: Sequence[float]
     axis: Sequence[float]

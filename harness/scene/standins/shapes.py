@@ -1,7 +1,6 @@
-"""Meshes from which the procedural stand-ins are composed.
-
-Every function returns a :class:`Mesh`: float64 vertices in metres, int32 faces, counter-clockwise seen
-from outside. y is up. Only :func:`noise` draws random numbers, and it takes its seed: same call, same bytes.
+"""Meshes from which the procedural stand-ins are composed. Every function returns a :class:`Mesh`: float64 vertices in
+metres, int32 faces, counter-clockwise seen from outside. y is up. Only :func:`noise` draws random numbers, and it takes
+its seed: same call, same bytes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -40,7 +39,8 @@ def transform(
     translate: Sequence[float] | None = None,
 ) -> Mesh:  # fmt: skip
     """The mesh moved: ``scale``, then ``rotate``, then ``translate``. ``rotate`` is (axis, degrees), right-handed. A
-    mirror image gets its faces turned: outside stays outside."""
+    mirror image gets its faces turned: outside stays outside.
+    """
     linear = np.eye(3)
     if scale is not None:
         linear = np.diag(np.broadcast_to(np.asarray(scale, dtype=np.float64), 3))
@@ -72,7 +72,8 @@ def rotation(axis: Sequence[float], degrees: float) -> F64:
 
 def patch(points: ArrayLike, wrap_u: bool = False, wrap_v: bool = False) -> Mesh:
     """A surface through points [nu, nv, 3], two triangles per quad, facing along (d/du) x (d/dv). ``wrap_u`` and
-    ``wrap_v`` join the last row or column to the first."""
+    ``wrap_v`` join the last row or column to the first.
+    """
     net = np.asarray(points, dtype=np.float64)
     nu, nv = net.shape[:2]
     i = np.arange(nu if wrap_u else nu - 1)[:, None]
@@ -107,7 +108,8 @@ def pairs(*values: float) -> F64:
 def lathe(profile: ArrayLike, segments: int, start: float = 0.0, sweep: float = 360.0) -> Mesh:
     """A profile [(radius, y), ...], listed upwards for a surface facing out, turned about the y axis. A first or last
     radius of 0 becomes one pole vertex, so the surface can be closed. ``start`` and ``sweep`` in degrees; less than a
-    full sweep leaves an open surface (no poles are merged then)."""
+    full sweep leaves an open surface (no poles are merged then).
+    """
     line = np.asarray(profile, dtype=np.float64)
     full = sweep >= 360.0
     angle = np.radians(start + sweep * np.arange(segments + (not full)) / segments)
@@ -161,8 +163,7 @@ def cushion(size: Sequence[float], segments: int, rings: int | None = None, powe
 
 
 def tube(path: ArrayLike, radius: float | ArrayLike, segments: int, closed: bool = False, caps: bool = True) -> Mesh:
-    """A round tube along a path [n, 3]; ``radius`` may be [n]; ``closed``: a loop. Neighbouring points must differ, and
-    the path must not turn back on itself."""
+    """A tube along a path [n, 3] without repeats and reversals; ``radius`` may be [n]; ``closed``: a loop."""
     line = np.asarray(path, dtype=np.float64)
     if closed:
         ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
@@ -192,7 +193,8 @@ def tube(path: ArrayLike, radius: float | ArrayLike, segments: int, closed: bool
 
 def noise(points: ArrayLike, seed: int, octaves: int = 1) -> F64:
     """Smooth value noise at points [..., 3], float64 [...], within -1..1; lattice spacing 1, period 32. Each further
-    octave has twice the frequency and half the amplitude of the one before."""
+    octave has twice the frequency and half the amplitude of the one before.
+    """
     where = np.asarray(points, dtype=np.float64)
     table = np.random.default_rng(seed).uniform(-1.0, 1.0, 32**3)
     total, weight = np.zeros(where.shape[:-1]), 0.0

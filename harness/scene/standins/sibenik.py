@@ -1,7 +1,6 @@
-"""Stand-in for the Sibenik Cathedral: nave with arcades, ribbed vaults, crossing with a dome, apse; 44 m long.
-
-Very large and long thin triangles (walls, floor, barrel vaults, the wall above each arch) stand beside finely
-turned columns, balusters and mouldings, as in the original. x runs from the west door to the apse, y is up.
+"""Stand-in for the Sibenik Cathedral: nave with arcades, ribbed vaults, crossing with a dome, apse; 44 m long. Very
+large and long thin triangles (walls, floor, barrel vaults, the wall above each arch) stand beside finely turned
+columns, balusters and mouldings, as in the original. x runs from the west door to the apse, y is up.
 """
 
 import numpy as np
@@ -11,6 +10,14 @@ from ..scene import Geometry
 from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, pairs, patch, place, sphere, transform, tube
 
 COLUMN_HEIGHT = 5.2  # from the floor to the top of the abacus
+
+HALF = 4.0  # half width of the nave, and radius of its vault
+SIDE = 8.5  # distance of the outer walls from the axis
+SPRING, AISLE_SPRING, ARCADE_SPRING = 10.5, 5.6, COLUMN_HEIGHT  # where vaults and arches begin
+WEST, EAST = -20.0, 20.0
+CROSSING = (4.0, 12.0)
+COLUMNS = (-16.0, -12.0, -8.0, -4.0, 0.0, 16.0)
+BAYS = tuple((x, x + 4.0) for x in (-20.0, -16.0, -12.0, -8.0, -4.0, 0.0, 12.0, 16.0))
 
 
 def arch(profile: ArrayLike, segments: int) -> Mesh:
@@ -67,15 +74,6 @@ def turned_column() -> Mesh:
     plinth = box((-0.56, 0.0, -0.56), (0.56, 0.25, 0.56))
     abacus = [box((-0.6, 4.86, -0.6), (0.6, 4.98, 0.6)), box((-0.56, 4.98, -0.56), (0.56, COLUMN_HEIGHT, 0.56))]
     return join([plinth, turned, *leaves, *abacus])
-
-
-HALF = 4.0  # half width of the nave, and radius of its vault
-SIDE = 8.5  # distance of the outer walls from the axis
-SPRING, AISLE_SPRING, ARCADE_SPRING = 10.5, 5.6, COLUMN_HEIGHT  # where vaults and arches begin
-WEST, EAST = -20.0, 20.0
-CROSSING = (4.0, 12.0)
-COLUMNS = (-16.0, -12.0, -8.0, -4.0, 0.0, 16.0)
-BAYS = tuple((x, x + 4.0) for x in (-20.0, -16.0, -12.0, -8.0, -4.0, 0.0, 12.0, 16.0))
 
 
 def geometry() -> Geometry:

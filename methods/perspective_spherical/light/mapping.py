@@ -127,7 +127,8 @@ def squarable(size: wp.float64) -> wp.float64:
 @wp.func
 def ray_place(space: LightSpace, hit: wp.vec3d, middle: wp.vec3d) -> wp.vec4d:
     """The place of the ray to a hit point; ``space.single``: every operation in float32, from the rounded difference to the
-    light, or where ``space.pads[1]`` says how far it is, to the ``middle`` of the hit points, which lies forward."""
+    light, or where ``space.pads[1]`` says how far it is, to the ``middle`` of the hit points, which lies forward.
+    """
     map = space.map
     axes = space.axes[0]
     away = hit - to_float64(space.proxy_positions[space.index])

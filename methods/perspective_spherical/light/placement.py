@@ -23,14 +23,16 @@ from .tile_edges import EXTENT, LightTiles, edges_kernel
 
 PARALLEL_PAD = 2.0**-45
 """How far the rays of a directional light turn, seen from its proxy position 2^24 scene radii away: 2 (2^-24)^2, and
-twice that again."""
+twice that again.
+"""
 
 REDUCE_BLOCK, REDUCE_THREADS = 256, 1 << 17
 
 
 def marks_receivers(cuda: bool) -> bool:
     """Whether the pass that maps the rays marks the receivers. On a GPU a pass for them, and conditions around the passes
-    between two sorts, take longer than passes without a ray."""
+    between two sorts, take longer than passes without a ray.
+    """
     return cuda
 
 

@@ -60,7 +60,8 @@ def view_bounds(
     sides: wp.int32,
 ) -> wp.vec4d:  # fmt: skip
     """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light; ``all``
-    where the light is in it. May reach beyond +-pi where a coordinate wraps."""
+    where the light is in it. May reach beyond +-pi where a coordinate wraps.
+    """
     light = to_float64(space.proxy_positions[space.index])
     axes = space.axes[0]
     if in_frustum(camera, depth, light):

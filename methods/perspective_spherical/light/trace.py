@@ -27,7 +27,8 @@ from .tile_edges import LightTiles
 
 SHADOW_REGISTERS = 64
 """Limit of registers: frames take 0 to 2 % longer with 80. Blocks of one warp, the default, fill a
-multiprocessor with 32."""
+multiprocessor with 32.
+"""
 
 
 @wp.func

@@ -50,7 +50,8 @@ class PieceQueue:
 @wp.struct
 class Bins:
     """Where items go: boxes vec4i [items] of tiles (first column, first row, last column, last row; empty if last < first),
-    the queue of large ones, the pairs."""
+    the queue of large ones, the pairs.
+    """
 
     boxes: wp.array(dtype=wp.vec4i)
     queue: PieceQueue

@@ -1,5 +1,6 @@
 """Bounds of a triangle that only the ablation uses: in the map of two angles, as section 4.1 words it, and of its vertices
-instead of great arcs, which lose shadows; to show how many."""
+instead of great arcs, which lose shadows; to show how many.
+"""
 
 import warp as wp
 

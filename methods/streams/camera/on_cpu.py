@@ -57,7 +57,8 @@ return packed(inside, number) | packed(~(inside | outside), number) << 8;
 )
 def pixels_found(camera: Camera, x: wp.int32, y: wp.int32, number: wp.int32, of: Candidate) -> wp.uint32:
     """Of the pixels from (x, y) on along a row, ``number`` or at most eight: a bit for each certain hit, and eight places
-    higher one for each undecided pixel (:func:`.pixels.test_pixel`)."""
+    higher one for each undecided pixel (:func:`.pixels.test_pixel`).
+    """
 
 
 @wp.func

@@ -1,5 +1,6 @@
 """The camera's passes: clear, test triangles against the pixels, resolve; and how many triangles each pixel is tested
-against, counted apart: the kernels of a frame do not count."""
+against, counted apart: the kernels of a frame do not count.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +56,8 @@ class Camera:
         self, steps: Callable[[Camera], list[Step]] | None = None, structure: tuple[str, ...] = ()
     ) -> list[Pass]:
         """Clear, test the shares of the triangles at the same time, and resolve. ``steps``: the passes of each share,
-        by default :func:`stream_steps`; structure: resources that they read besides the scene."""
+        by default :func:`stream_steps`; structure: resources that they read besides the scene.
+        """
         scene = (*structure, "points", "triangles", "camera", *self.effects.surface_reads())
         words = (WORDS,)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
@@ -96,7 +98,8 @@ class Camera:
 
 def resolved_late(passes: list[Pass], others: list[Pass], first: bool) -> list[Pass]:
     """The camera's passes, and ``others``, of which few or none read the answers: on a GPU these are resolved where
-    they leave it idle. first: whether the pass stands before the others, because one reads what it writes."""
+    they leave it idle. first: whether the pass stands before the others, because one reads what it writes.
+    """
     *before, resolving = passes
     resolving = resolving.hinted(overlap=True, yields=True)
     others = [work if work.hints.early else work.hinted(phase=1) for work in others]

@@ -118,7 +118,8 @@ def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
 @wp.func
 def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
     """m with 1 / t = m . d on the triangle's plane, float64, rounded as divisions round it; zero where the plane contains
-    the eye."""
+    the eye.
+    """
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     height = wp.dot(n, a64 - to_float64(o))

@@ -59,7 +59,8 @@ def queued_rows(queue: Queue, item: wp.int32, spare: wp.int32, bound: wp.float32
 @wp.struct
 class LaneRow:
     """The row of a lane: which line it is, where its pixels begin among those of the group, and what to add to the number of
-    one there for its place along the line. number: the pixels of the group."""
+    one there for its place along the line. number: the pixels of the group.
+    """
 
     line: wp.int32
     start: wp.int32
@@ -96,7 +97,8 @@ def test_pixel_of(
     nearest: wp.array(dtype=wp.uint64),
 ) -> tuple[wp.bool, wp.int32]:
     """Test pixel ``at`` + lane of a group, if it is before ``end``: whether float64 must decide, and the pixel. All lanes
-    must call it."""
+    must call it.
+    """
     r = warps.lane_at(lanes.start, at)
     along = warps.of_lane(lanes.base, r) + at + lane
     line = warps.of_lane(lanes.line, r)

@@ -24,7 +24,8 @@ GROUP = wp.constant(32)
 
 TALL = wp.constant(2)
 """A queued box whose height is this multiple of its width is cut into columns, which are fewer and longer than its
-rows."""
+rows.
+"""
 
 REGISTERS = 64
 """Registers per thread of the kernel over all triangles, for eight blocks of 128 per multiprocessor."""

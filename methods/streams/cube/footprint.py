@@ -20,7 +20,8 @@ from .spacing import BIN_SLACK, CELL_SLACK, in_cells, row_between
 
 FINEST = wp.constant(2.0**-31)
 """32 u of this are 2^-50: a ray's place is a difference of float64, known to 2^-50 of the way to the light. More than u
-where a few vertices lie 2^26 times as far away as the others, and the light far beyond them."""
+where a few vertices lie 2^26 times as far away as the others, and the light far beyond them.
+"""
 
 
 @wp.struct
@@ -63,14 +64,16 @@ def extent_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
 @wp.func
 def extent_with_rays(cube: Cube, corners: Corners, row: wp.vec4f) -> wp.float32:
     """:func:`extent_from`, enlarged so that bounds of 32 u extent cover four times what hit points are off by,
-    which is at most u of their largest coordinate (:mod:`..rays.hit_points`)."""
+    which is at most u of their largest coordinate (:mod:`..rays.hit_points`).
+    """
     return extent_from(cube.middle, corners) + 0.125 * max_coordinate_of(row)
 
 
 @wp.func
 def depth_slack(extent: wp.float32, cube: Cube) -> wp.float32:
     """Error bound of a corner's coordinate on the cube: depths are known to 8 u extent, and those of receivers to u of
-    their own and what :func:`extent_with_rays` adds for them."""
+    their own and what :func:`extent_with_rays` adds for them.
+    """
     return 32.0 * U32 * (extent + cube.distance)
 
 
@@ -129,7 +132,8 @@ def last_cell(cells: Any, axis: wp.int32, face: wp.int32, t: wp.float32, along: 
 @wp.func
 def flat_box(flat: Flat, face: wp.int32, along: wp.int32, cells: Any) -> wp.vec4i:
     """First and last column and row of cells, ``along`` on the face; empty if last < first. All cells if corners cannot be
-    projected."""
+    projected.
+    """
     if not flat.valid:
         return wp.vec4i(0, 0, along - 1, along - 1)
     x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
@@ -167,7 +171,8 @@ def beyond_face(q: Corners, slack: wp.float32) -> wp.bool:
 @wp.func
 def leaves_out(several: wp.bool, q: Corners, slack: wp.float32) -> wp.bool:
     """Whether a triangle lies certainly :func:`beyond_face`. Where only one of the faces has rays (not ``several``) that is
-    asked only if the box of its cells cannot tell."""
+    asked only if the box of its cells cannot tell.
+    """
     if several or not is_projected(q):
         return beyond_face(q, slack)
     return False
@@ -176,7 +181,8 @@ def leaves_out(several: wp.bool, q: Corners, slack: wp.float32) -> wp.bool:
 @wp.struct
 class Sides:
     """Lines that bound a triangle on a face, in bins: at height y, line[0] + (y - line[1]) line[2] is a lower bound where
-    line[3] > 0, an upper bound where it is < 0, and no bound where it is 0."""
+    line[3] > 0, an upper bound where it is < 0, and no bound where it is 0.
+    """
 
     line0: wp.vec4f
     line1: wp.vec4f

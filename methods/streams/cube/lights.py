@@ -207,7 +207,8 @@ def aim_kernel(
 
 class Lights:
     """What is known of all lights of a frame before their passes: of each, fields of :class:`Light`, and its rectangle int32
-    [12] and table vec4f [7] (:mod:`.rectangle`)."""
+    [12] and table vec4f [7] (:mod:`.rectangle`).
+    """
 
     def __init__(self, frame: Frame, number: int):
         self.frame = frame

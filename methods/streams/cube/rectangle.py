@@ -17,7 +17,8 @@ BINS = wp.constant(32)
 
 LOW_U, LOW_V, HIGH_U, HIGH_V = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)
 """The first words: the sides of what the rays cover of face 0, :func:`ordered`: the least u and v, and the least -u and -v.
-Without a ray they are :data:`EMPTY`."""
+Without a ray they are :data:`EMPTY`.
+"""
 
 FACE = wp.constant(4)
 """From this word on, one for each face: 0 where rays lie on it, else :data:`EMPTY`."""

@@ -28,7 +28,8 @@ AXES, INTERVALS = wp.constant(2), wp.constant(64)
 
 BIN_SLACK = wp.constant(wp.float32(2.0**-13))
 """Bound in bins on what rounding may move t of a ray and of a bound by, together: each by 2^-18, whether products are fused
-with sums or not. Where a row begins is rounded by 2^-15."""
+with sums or not. Where a row begins is rounded by 2^-15.
+"""
 
 CELL_SLACK = wp.constant(wp.float32(2.0**-8))
 """The same in cells, once t is given. A cell's number, at most 8,192, is rounded by 2^-11, and so is where a bin begins."""

@@ -46,7 +46,8 @@ TOUCHED_BIT = wp.constant(wp.uint8(TOUCHED))
 
 TIE = wp.constant(wp.float64(2.0**-28))
 """Twice the share of their way in which two hits may differ whose keys are the same, of meshes that leave no bit of an
-index to spare (:func:`...exact.triangle.nearness_key`)."""
+index to spare (:func:`...exact.triangle.nearness_key`).
+"""
 
 
 @wp.func
@@ -58,7 +59,8 @@ def outward(flags: wp.uint8) -> wp.float32:
 @wp.func
 def turned_away(flags: wp.uint8, light: wp.vec3f, corners: Corners) -> wp.bool:
     """Whether a triangle with such ``flags`` (:class:`......harness.frame.frame.Frame`) is of a closed part and certainly
-    faces away from the light. The bound is that of :func:`...exact.planes.facing_to`."""
+    faces away from the light. The bound is that of :func:`...exact.planes.facing_to`.
+    """
     if (flags & CLOSED_BIT) == wp.uint8(0):
         return False
     n = wp.cross(corners.a - corners.c, corners.b - corners.a)
@@ -92,7 +94,8 @@ def touches(
     flags: wp.uint8, h: wp.vec3d, eye: wp.vec3f, light: wp.vec3f, corners: Corners, weld: wp.vec3i, spare: wp.int32
 ) -> wp.bool:
     """Whether a triangle with such ``flags`` is of a closed part, may hold a hit point, and may face the light and turn
-    its back to the eye, of a triangle that does not occlude. spare: :func:`...exact.triangle.spare_bits`."""
+    its back to the eye, of a triangle that does not occlude. spare: :func:`...exact.triangle.spare_bits`.
+    """
     if (flags & CLOSED_BIT) == wp.uint8(0):
         return False
     a = to_float64(corners.a)

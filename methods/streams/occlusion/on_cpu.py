@@ -72,7 +72,8 @@ return packed(inside, number) | packed(~(inside | outside), number) << 8;
 )
 def rays_found(rays: wp.array(dtype=wp.vec4f), at: wp.int32, number: wp.int32, o: Occluder) -> wp.uint32:
     """Of the rays from ``at`` on, ``number`` or at most eight: a bit for each certain hit, and eight places higher one for
-    each undecided ray (:func:`.planes.certain`)."""
+    each undecided ray (:func:`.planes.certain`).
+    """
 
 
 @wp.func

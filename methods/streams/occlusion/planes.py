@@ -149,7 +149,8 @@ def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
 @wp.func
 def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
     """Test a ray (hit point and pixel) against a triangle. Few pairs are undecided, but nearly every warp meets one; if
-    it were decided here, all lanes of the warp would wait."""
+    it were decided here, all lanes of the warp would wait.
+    """
     misses, hits = certain(h, occluder)
     if not misses:
         pixel = wp.cast(h[3], wp.int32)

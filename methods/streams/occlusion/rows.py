@@ -1,5 +1,6 @@
 """Shadow rays of larger triangles, on a GPU: groups of their rows, as they are queued, and the rays in these, cut to the
-triangle."""
+triangle.
+"""
 
 import functools
 from typing import Any
@@ -28,7 +29,8 @@ SPLITTERS = wp.constant(2)
 
 REGISTERS, REGISTERS_OF_SPLIT = 56, 96
 """Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor; and of one that splits large
-triangles: they are fewer than a GPU has room for."""
+triangles: they are fewer than a GPU has room for.
+"""
 
 
 @wp.func
@@ -103,7 +105,8 @@ def set_group(
 ):
     """Store group g of rows low to high, from row y on, in its place (:func:`places_of`), if there is room: (face and
     rows << 4 and first row << 16, first cell and last << 16, triangle, its bound), three lines, four planes. Whole numbers
-    are stored as bits. A triangle that occludes no ray has no rows."""
+    are stored as bits. A triangle that occludes no ray has no rows.
+    """
     few = high - low < FEW_ROWS
     place = wp.where(few, places[1], places[0] + g)
     if place >= groups.shape[0]:
@@ -127,7 +130,8 @@ def set_group(
 @wp.func
 def rays_of_row(group: wp.int32, r: wp.int32, along: wp.int32, cells: Any) -> wp.vec2i:
     """First ray and end in row r of a group in shared memory, cut to the triangle; none beyond its rows. ``along``: cells
-    along a face."""
+    along a face.
+    """
     head = shared_entry(True, group, wp.vec4f())
     which = wp.cast(head[0], wp.int32)
     span = wp.vec2i(0, 0)
@@ -185,7 +189,8 @@ def fetch_ray_of_lane(
 @wp.struct
 class Tested:
     """The pair that a lane tested last: undecided if the ray's ``own`` triangle, known one step later, is not triangle
-    ``i``. held: pairs that the warp holds (:func:`...gpu.warps.append_pairs`)."""
+    ``i``. held: pairs that the warp holds (:func:`...gpu.warps.append_pairs`).
+    """
 
     i: wp.int32
     own: wp.int32
@@ -204,7 +209,8 @@ def append_tested(tested: Tested, last: wp.bool, queue: Queue) -> wp.int32:
 @wp.func
 def test_fetched(h: wp.vec4f, occluder: Occluder, inside: wp.bool, before: Tested, bits: Any, queue: Queue) -> Tested:
     """Test a lane's ray, if it has one (``inside``), and queue the pair that it tested ``before`` if that is undecided. All
-    lanes must call it."""
+    lanes must call it.
+    """
     misses, hits = certain(h, occluder)
     tested = Tested()
     tested.held = append_tested(before, False, queue)
@@ -219,7 +225,8 @@ def test_fetched(h: wp.vec4f, occluder: Occluder, inside: wp.bool, before: Teste
 @functools.cache
 def make_rows_kernel(again: bool) -> wp.Kernel:
     """Queued groups of rows, a warp for each large one and for four small ones: their first ``size`` rays; or the further
-    chunks of so many (``again``)."""
+    chunks of so many (``again``).
+    """
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def rows_kernel(threads: wp.int32, size: wp.int32, cells: RayCells, alpha: Alpha, bits: ShadowBits, queue: Queue):

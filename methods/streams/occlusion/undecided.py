@@ -33,7 +33,8 @@ REGISTERS = 96
 @functools.cache
 def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
     """The kernel. ``stored``: hit_points vec3d [pixels] are exact. ``outside``: there may be rays outside the region
-    (:mod:`..rays.region`), which it tests against every triangle, too."""
+    (:mod:`..rays.region`), which it tests against every triangle, too.
+    """
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def undecided_kernel(
@@ -48,7 +49,8 @@ def make_undecided_kernel(stored: bool, outside: bool) -> wp.Kernel:
         queue: Queue,
     ):
         """outside_rays: int32 [1 + pixels]: how many rays lie outside the region, and their pixels; [0] without
-        ``outside``."""
+        ``outside``.
+        """
         pairs = held_undecided(queue, wp.tid())
         origin_size = wp.float64(largest(camera.eye[0]))
         place = position_of(light)

@@ -27,13 +27,15 @@ FAR = wp.constant(wp.float32(1.0 / 32.0))
 
 NEAR_LIGHT = wp.constant(wp.float32(2.0**-11))
 """A ray whose hit point has less depth, as a share of its way from the eye, takes the exact point: another would turn it by
-more than 2^-18."""
+more than 2^-18.
+"""
 
 
 @wp.struct
 class PrimaryHits:
     """The nearest hits of the camera's stream: nearest uint64 [pixels], exact_path uint8 [triangles]
-    (:class:`..queues.Queues`); and of what they are hits."""
+    (:class:`..queues.Queues`); and of what they are hits.
+    """
 
     camera: Camera
     mesh: Mesh
@@ -44,7 +46,8 @@ class PrimaryHits:
 @wp.struct
 class HitPoint:
     """A hit point. triangle: -1 at a miss; way: the largest coordinate of its way from the eye; exact_path:
-    whether :func:`exact_point` must give it; t: its distance, to 2^-23 of itself unless it must."""
+    whether :func:`exact_point` must give it; t: its distance, to 2^-23 of itself unless it must.
+    """
 
     triangle: wp.int32
     hit: wp.vec3d
@@ -101,7 +104,8 @@ def exact_point(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i) -> wp.vec3d:
 @wp.struct
 class Placed:
     """A hit point as a light's grid holds it. place: (u, v, face, depth) (:func:`..cube.cells.place_of`), face -1
-    without a ray; h: the point; size: its share in the largest coordinate."""
+    without a ray; h: the point; size: its share in the largest coordinate.
+    """
 
     place: wp.vec4f
     h: wp.vec3f
@@ -125,7 +129,8 @@ def placed(point: HitPoint, wanted: wp.bool, aim: Aim) -> Placed:
 @wp.func
 def placed_exactly(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i, aim: Aim) -> Placed:
     """Where the hit point of an answer lies. Few rays need it, and it takes many registers. So it reads everything again:
-    what a kernel held for it, it would hold for all rays."""
+    what a kernel held for it, it would hold for all rays.
+    """
     found = Placed()
     hit = exact_point(hits, pixel, at)
     found.place = place_of(hit, aim.proxy, aim.axes)

@@ -30,12 +30,14 @@ from .sort import STORED_FACE, count_in_table
 
 REGISTERS, REGISTERS_OF_MARKING = 40, 48
 """Registers per thread, for twelve blocks of 128 per multiprocessor; ten where the kernel decides which hits are
-receivers. The few rays that take the exact path spill; with 32 the others would, too."""
+receivers. The few rays that take the exact path spill; with 32 the others would, too.
+"""
 
 ROUNDED = wp.constant(wp.float32(2.0**-19))
 """Bound on the error of a cone's margin in units of the sum of the coordinates that it is computed from: t is known to 2^-23
 and float32 rounds to 2^-24, so a coordinate of the way from the light is off by less than 2^-22 of the sum, and the margin
-by less than twice 2^-20 of it, the root's error included."""
+by less than twice 2^-20 of it, the root's error included.
+"""
 
 LEAST_WAY, MOST_WAY = wp.constant(wp.float32(1.0e-15)), wp.constant(wp.float32(1.0e15))
 """Ways from a light whose squares float32 holds."""
@@ -44,7 +46,8 @@ LEAST_WAY, MOST_WAY = wp.constant(wp.float32(1.0e-15)), wp.constant(wp.float32(1
 @wp.func
 def cone_margin(place: wp.vec3f, cone: wp.vec4f, ray: Ray, point: HitPoint) -> wp.float32:
     """Positive where a hit lies certainly in the cone (:func:`..cube.lights.cone_of`) of a light at ``place``, negative
-    where it certainly does not; else 0, as where there is no cone."""
+    where it certainly does not; else 0, as where there is no cone.
+    """
     v = (ray.origin + ray.direction * point.t) - place
     # In the cone: the part of v along its axis is at least cosine |v|.
     inside = wp.dot(wp.vec3f(cone[0], cone[1], cone[2]), v) - cone[3] * about_root(wp.dot(v, v))
@@ -149,7 +152,8 @@ def count_placed(
     cells: Any,
 ):
     """Count the ray of a pixel in its cell, where the region is known. One that lies outside that of a ``cone`` gets no
-    slot: it is listed."""
+    slot: it is listed.
+    """
     found = placed(point, True, aim)
     if found.place[2] >= 0.0:
         set_entry(cells.triangle, pixel, point.triangle)

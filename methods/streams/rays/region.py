@@ -34,18 +34,21 @@ from .hit_points import FAR
 
 OFF = wp.constant(wp.float32(2.0**-7))
 """Share of the way from the eye that is added to the extent of a triangle: a hit point is off by at most 2^-29 of that way
-(:mod:`.hit_points`), and 32 u of the share are eight times as much."""
+(:mod:`.hit_points`), and 32 u of the share are eight times as much.
+"""
 
 LARGE_BOX = wp.constant(256)
 """Of a triangle with a box of more pixels only the part in view counts."""
 
 LEAST_PIXEL = wp.constant(wp.float32(2.0**-19))
 """Least difference of the directions of neighbouring pixels for that. Directions are rounded by at most 8 u in each
-coordinate, those beyond the image included: by half a pixel if the difference is so small."""
+coordinate, those beyond the image included: by half a pixel if the difference is so small.
+"""
 
 SLACK = 1.0e-4
 """Added to the angle of a cone: a ray that the camera's words place is right to 2^-18 of its direction
-(:mod:`.hit_points`), and the proxy turns it by less."""
+(:mod:`.hit_points`), and the proxy turns it by less.
+"""
 
 COS_SLACK, SIN_SLACK = wp.constant(wp.float64(math.cos(SLACK))), wp.constant(wp.float64(math.sin(SLACK)))
 
@@ -112,7 +115,8 @@ def part_is_known(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera) 
 @wp.struct
 class Part:
     """Four points in whose convex hull the hits of a triangle lie, in the space of the cube. extent: the largest
-    |p - middle|_1 of them; infinite where there are none. size: at least their largest coordinate in the scene's space."""
+    |p - middle|_1 of them; infinite where there are none. size: at least their largest coordinate in the scene's space.
+    """
 
     a: wp.vec3f
     b: wp.vec3f
@@ -125,7 +129,8 @@ class Part:
 @wp.func
 def part_in_view(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera, cube: Cube) -> Part:
     """Where the hits of a box of pixels lie on the plane of a triangle: between those of the four pixels around it, one
-    pixel farther, if these all see the plane. For what :func:`part_is_known` says."""
+    pixel farther, if these all see the plane. For what :func:`part_is_known` says.
+    """
     m = inverse_depth(o, corners)
     a = relative_point(Ray(o, beyond_pixel(camera, box[0] - 1, box[1] - 1)), m, cube.middle)
     b = relative_point(Ray(o, beyond_pixel(camera, box[2] + 1, box[1] - 1)), m, cube.middle)
@@ -254,7 +259,8 @@ def face_cosine(a: wp.vec3d) -> wp.float64:
 @wp.func
 def cone_sides(f: wp.float64, r: wp.float64, sine: wp.float64) -> wp.vec2d:
     """What a cone that lies before a face's centre (f > sine) covers of one coordinate of the face: the planes r / f = k
-    that touch it, which are at the angle of the cone from its axis."""
+    that touch it, which are at the angle of the cone from its axis.
+    """
     before = f * f - sine * sine
     half = sine * wp.sqrt(before + r * r)
     return wp.vec2d((f * r - half) / before, (f * r + half) / before)
@@ -264,7 +270,8 @@ def cone_sides(f: wp.float64, r: wp.float64, sine: wp.float64) -> wp.vec2d:
 def cone_kernel(light: Light, rectangle: wp.array(dtype=wp.int32), outside_rays: wp.array(dtype=wp.int32)):
     """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside a cone
     that is wholly before its centre. One thread. A spot of another kind, or of nearly all directions, keeps all. Empties
-    the list of ``outside_rays``."""
+    the list of ``outside_rays``.
+    """
     outside_rays[0] = 0
     cosine = light.spot[light.index, 10]
     if light.spot[light.index, 0] != CONE or cosine < WIDEST:

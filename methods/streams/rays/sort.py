@@ -69,7 +69,8 @@ def count_in_cell(
     pixel: wp.int32, p: wp.vec4f, face: wp.int32, r: wp.vec4f, along: wp.int32, stored: wp.bool, cells: Any
 ):
     """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it; ``stored``:
-    whether its point is."""
+    whether its point is.
+    """
     at = cell_of(p, face, r, along, cells)
     cell = cell_index(face, at[0], at[1], along)
     # Loaded before the rank is waited for.
@@ -100,7 +101,8 @@ def count_kernel(
     first: wp.int32, light: wp.int32, hits: PrimaryHits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
 ):
     """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
-    does."""
+    does.
+    """
     at = tile_pixel(first + wp.tid(), hits.camera.width, hits.camera.height)
     if at[0] < 0:
         return
@@ -120,7 +122,8 @@ def table_kernel(cells: RayCells):
 @wp.kernel(enable_backward=False, grid_stride=False)
 def scan_kernel(threads: wp.int32, tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int32)):
     """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table and the edges of rows
-    for triangles, unless they are ``tabled``."""
+    for triangles, unless they are ``tabled``.
+    """
     k = wp.tid()
     row = k // 128
     along = cells_in_use(cells.rectangle, cells.cells)
@@ -150,7 +153,8 @@ def put_ray(hits: PrimaryHits, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, ce
 @functools.cache
 def make_scatter_kernel(slotted: bool) -> wp.Kernel:
     """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth. ``slotted``: whether every
-    pixel has a slot, also those without a ray."""
+    pixel has a slot, also those without a ray.
+    """
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def scatter_kernel(

@@ -73,7 +73,8 @@ auto take_box = [&](int k, float* b) {
 #endif
 """
 """``put_box`` and ``take_box``: boxes for a sibling, with a reference, written past the first-level cache, which other
-multiprocessors do not see."""
+multiprocessors do not see.
+"""
 
 NEAR = (
     f"constexpr int BLOCK = {BLOCK};"
@@ -100,7 +101,8 @@ auto is_first = [&](int node) {
 )
 """``is_near``: whether leaves of this block lie on both sides of a node's split. ``is_first``: of the two threads that come
 to a near node; the other takes what the first has put. Those that stay the first after all threads of the block have
-climbed wait for a child with leaves of another block."""
+climbed wait for a child with leaves of another block.
+"""
 
 CLIMB = """
 typedef unsigned long long Flag;

@@ -112,7 +112,8 @@ def key_kernel(
     state: wp.array[wp.int32],
 ):
     """One thread for two triangles that follow each other: their keys and references, of one leaf or of two. Counts the
-    keys' digits for the sort, and empties the flags and the tree. Whole blocks."""
+    keys' digits for the sort, and empties the flags and the tree. Whole blocks.
+    """
     i = 2 * wp.tid()
     key = NO_LEAF
     other_key = NO_LEAF

@@ -21,7 +21,8 @@ MAKERS: dict[str, Callable[[], Any]] = {"hploc": lambda: make_hploc_kernel(const
 
 KEY_BLOCK, MANY_KEYS = 256, 2**17
 """Threads of a block that makes keys, and from how many triangles on four times as many: a block adds to the digits' counts
-once."""
+once.
+"""
 
 
 class RadixBuild:

@@ -46,7 +46,8 @@ def sah_topology(
     corners: NDArray[np.float32], valid: NDArray[np.uint8], bodies: NDArray[np.int32] | None = None
 ) -> Topology:
     """The tree of triangles with these corners, [triangles, 3, 3], or one for each of the ``bodies`` that they belong to,
-    [triangles] (0, 1, 2, ...). A triangle that is left out is placed in the scene's middle."""
+    [triangles] (0, 1, 2, ...). A triangle that is left out is placed in the scene's middle.
+    """
     count = len(corners)
     bodies = np.zeros(count, dtype=np.int32) if bodies is None else bodies
     low, high = boxes(corners, valid)

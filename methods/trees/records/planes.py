@@ -74,7 +74,8 @@ FARTHEST = wp.constant(1.0e38)
 
 FAR = wp.constant(2.0**34)
 """Planes pass through a light at most so many times as far away as the scene is large (:func:`nearer`). Of the way to a
-directional light float32 holds no square: every triangle but small ones would be left to float64."""
+directional light float32 holds no square: every triangle but small ones would be left to float64.
+"""
 
 
 def joined_pairs(prepared: Prepared) -> NDArray[np.uint8]:
@@ -183,7 +184,8 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
 @wp.func
 def clear_record(records: wp.array[wp.vec4f], at: wp.int32):
     """Of a triangle that is never hit, which a tree that was made of another frame may still hold: zeros leave its rays to
-    float64, which rejects it."""
+    float64, which rejects it.
+    """
     for k in range(3):
         set_entry(records, 3 * at + k, wp.vec4f())
 
@@ -223,7 +225,8 @@ def eye_kernel(mesh: Mesh, eye: wp.array[wp.vec3f], records: wp.array[wp.vec4f],
 @wp.func
 def plane_word(n: wp.vec3d, p: wp.vec3d, n32: wp.vec3f, scale: wp.float32, extent: wp.float32) -> wp.vec4f:
     """(n, c) of the plane n . x + c through p, scaled; ``n32`` is n rounded. Zeros where float32 does not hold c, or holds
-    n or c with an error that shows in proportion to ``extent``."""
+    n or c with an error that shows in proportion to ``extent``.
+    """
     c = wp.float32(-wp.dot(n, p))
     if not (wp.abs(scale) <= STRETCHED * wp.min(extent, 1.0) and wp.abs(c) < FARTHEST):
         return wp.vec4f()

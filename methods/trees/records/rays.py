@@ -75,7 +75,8 @@ def is_sure(
     n: wp.float64, near: wp.float32, ej: wp.float64, fk: wp.float64, ek: wp.float64, fj: wp.float64, exact: wp.bool
 ) -> wp.bool:
     """Whether a component n = ej fk - ek fj of the normal, and ``near``, it scaled and rounded, are known relative to
-    themselves. ``exact``: whether the edges are, or n is known to be 0; else they are right to 2^-53."""
+    themselves. ``exact``: whether the edges are, or n is known to be 0; else they are right to 2^-53.
+    """
     if not exact and wp.abs(n) < CANCELLED * (wp.abs(ej * fk) + wp.abs(ek * fj)):
         return False
     return n == wp.float64(0.0) or wp.abs(near) > SUBNORMAL

@@ -36,7 +36,8 @@ MOST_RAY_UNITS = 44.0
 
 ROOM = {1: STACK, 2: 192}
 """Entries of a stack, by the number of levels. A tree of bodies is an LBVH of at most 24 + 24 levels with two entries each,
-and a tree of triangles of 64 + 24 with one (:mod:`..builders.lbvh`, :mod:`..builders.sah`); and there is the way back."""
+and a tree of triangles of 64 + 24 with one (:mod:`..builders.lbvh`, :mod:`..builders.sah`); and there is the way back.
+"""
 
 ONE_LEVEL = f"""
 constexpr bool BODIES = false, inside = true;
@@ -80,4 +81,5 @@ LEVELS = {1: ONE_LEVEL, 2: TWO_LEVELS}
 """C++ before the traversal, by the number of levels. ``go_in`` takes the ray from a leaf of the first level, ``now``, to the
 root of its body's tree; ``go_out`` leaves that; ``come_back`` takes the ray back where a node of the first level needs it.
 ``next`` pops; of the first level a closest hit's stack holds where the ray enters each box, too, below its reference, so
-that no ray is taken to a body behind what it has hit."""
+that no ray is taken to a body behind what it has hit.
+"""

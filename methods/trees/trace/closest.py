@@ -97,7 +97,8 @@ def resolve_hit(
 ) -> wp.vec2i:
     """Write the nearest of the certain hit and the undecided ones that ``found`` holds
     (:func:`.traversal.make_closest`): t, weights and origin of shadow rays, in float64. Returns the hit triangle or -1, and
-    the same if that origin is still to be computed, because the ray is flat on it or starts ``far`` away, else -1."""
+    the same if that origin is still to be computed, because the ray is flat on it or starts ``far`` away, else -1.
+    """
     i = found[0]
     following = found[1]
     last = found[2]
@@ -148,7 +149,8 @@ def write_flat_start(ray: Ray, triangle: wp.int32, pixel: wp.int32, share: Share
 @wp.func
 def write_weights(ray: Ray, pixel: wp.int32, share: Share):
     """Write the weights of a hit as all methods that trace parallel rays do: such a ray often meets an edge, and a weight
-    of zero keeps the sign that a division gives it."""
+    of zero keeps the sign that a division gives it.
+    """
     triangle = entry(share.hits.triangle, pixel)
     if triangle >= 0:
         uv = hit_weights(ray, corners_at(share.mesh, triangle), weld_at(share.mesh, triangle))
@@ -159,7 +161,8 @@ def write_weights(ray: Ray, pixel: wp.int32, share: Share):
 @functools.cache
 def make_eye(exact: bool, packets: bool, levels: int = 1) -> Any:
     """A function of a thread, 8 x 4 pixels per warp: the answer of its pixel, and the origin of shadow rays. Returns the
-    pixel and the hit triangle, or -1."""
+    pixel and the hit triangle, or -1.
+    """
     closest = make_closest("eye", exact, packets, levels)
 
     @wp.func(module="unique")
@@ -241,7 +244,8 @@ def list_kernel(share: Share):
 @functools.cache
 def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
     """One thread per listed pixel: what the traversal found, vec4i [threads], for :func:`make_resolve_kernel`; in float32
-    the answer and the origin of shadow rays."""
+    the answer and the origin of shadow rays.
+    """
     closest = make_closest("ray", exact, levels=levels)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
@@ -263,7 +267,8 @@ def make_listed_kernel(exact: bool, levels: int = 1) -> Any:
 @functools.cache
 def make_resolve_kernel(parallel: bool) -> Any:
     """One thread per listed pixel: the answer, and the origin of shadow rays. ``parallel``: rays of an orthographic
-    camera may start far from the scene; mirrored rays start in it."""
+    camera may start far from the scene; mirrored rays start in it.
+    """
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=RESOLVE_REGISTERS)
     def resolve_kernel(share: Share, undecided: Undecided, found: wp.array[wp.vec4i]):

@@ -53,7 +53,8 @@ def order_kernel(
     tiles: wp.array[wp.int32],
 ):
     """One thread per tile: copies it to where its square is in the new order, with the blocks dealt to ``count`` shares
-    (:class:`.shares.Shares`). The ``lanes`` of a warp, 32 on a GPU, find the place of their square together."""
+    (:class:`.shares.Shares`). The ``lanes`` of a warp, 32 on a GPU, find the place of their square together.
+    """
     squares = counts.shape[0]
     in_square = from_middle.shape[0] // squares
     at = wp.tid() // in_square

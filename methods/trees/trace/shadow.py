@@ -24,7 +24,8 @@ from .undecided import Undecided
 @wp.struct
 class Lit:
     """What shadow rays to the light of index ``light`` take besides their :class:`.closest.Share`. ``faces``: only hits that
-    face the light receive it."""
+    face the light receive it.
+    """
 
     light: wp.int32
     faces: wp.bool
@@ -39,7 +40,8 @@ class Lit:
 @wp.func
 def hidden(found: wp.vec4i, ray: Ray, own: wp.int32, light: wp.vec3f, share: Share, undecided: Undecided) -> wp.uint8:
     """The shadow bit of an exact ray: that of a traversal that gave ``found`` (:func:`.traversal.make_any`), or float64's
-    verdict on what it left, for which the hit point of ``ray`` on the triangle ``own`` is computed again."""
+    verdict on what it left, for which the hit point of ``ray`` on the triangle ``own`` is computed again.
+    """
     i = found[0]
     following = found[1]
     last = found[2]
@@ -106,7 +108,8 @@ def make_shadow(exact: bool, marks: bool, levels: int = 1) -> Any:
 @functools.cache
 def make_shadow_kernel(exact: bool, marks: bool, levels: int = 1) -> Any:
     """One thread per pixel, 8 x 4 per warp, or per listed pixel: :func:`make_shadow`. The bits of pixels that are not listed
-    stay."""
+    stay.
+    """
     trace_shadow = make_shadow(exact, marks, levels)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)

@@ -42,7 +42,8 @@ def squares_of(width: int, height: int) -> NDArray[np.int32]:
 
 def tiles_of(squares: NDArray[np.int32], side: int) -> NDArray[np.int32]:
     """The tiles of squares, [squares, side^2 / 32], four of 16 x 8 pixels after another: column | row << 16 of 8 x 4
-    pixels."""
+    pixels.
+    """
     four, k = np.divmod(np.arange(side * side // 32), 4)
     row, column = np.divmod(four, side // 16)
     tiles = 2 * column + k % 2 | (2 * row + k // 2) << 16

@@ -42,7 +42,8 @@ const float tiny = 1.0e-37f, shrink = !EXACT || tree.max_coordinate.data[0] < 1.
 auto left_out = [](int) { return false; };
 """
 """``shrink``: for a direction of about one, a coordinate beyond 1e26 over 2^-40 would be infinite, and a box before it be
-missed. So the slabs of large scenes are met at t times 2^-64."""
+missed. So the slabs of large scenes are met at t times 2^-64.
+"""
 
 ANY = {
     True: """
@@ -164,13 +165,15 @@ auto traverse = [&](auto leave, auto full) {
 };
 """
 """Single rays to a closest hit take one step an iteration, down to a child or through a leaf, so that the lanes of a warp
-meet after each. To any hit they test a leaf in the iteration that has come to it. A packet goes down to the next one."""
+meet after each. To any hit they test a leaf in the iteration that has come to it. A packet goes down to the next one.
+"""
 
 
 def traversal(ray: str, test: str, result: str, exact: bool, packets: bool, levels: int, counts: bool) -> str:
     """The body of a native function: what is traversed, by a ray that ``ray`` sets up, with ``test`` for a triangle.
 
-    ``counts``: its tests are counted, and no triangle is left to float64, which changes no later test."""
+    ``counts``: its tests are counted, and no triangle is left to float64, which changes no later test.
+    """
 
     def loop(stack: str, leaving: str) -> str:
         traverse = TRAVERSE
@@ -203,7 +206,8 @@ def make_closest(records: str, exact: bool, packets: bool = False, levels: int =
     tests, 0, 0, 0).
 
     ``records``: "eye", of rays from the eye (:mod:`..records.planes`), or "ray", of any ray (:mod:`..records.rays`).
-    ``seen`` is False in a lane without a ray; ``packets`` are traversed together only where a warp does, on the GPU."""
+    ``seen`` is False in a lane without a ray; ``packets`` are traversed together only where a warp does, on the GPU.
+    """
     result = "{first, second, last, best}" if exact else "{(int)bits(limit), (int)bits(u), (int)bits(v), best}"
 
     @wp.func_native(traversal(CLOSEST, TESTS[records, exact], result, exact, packets, levels, counts))
@@ -217,7 +221,8 @@ def make_closest(records: str, exact: bool, packets: bool = False, levels: int =
 @functools.cache
 def make_any(exact: bool, levels: int = 1, counts: bool = False) -> Any:
     """A function of the hit point h on triangle ``own`` and a light that gives (first, second, last, 1 if some other
-    triangle certainly lies between, else 0), with what it left (:mod:`.undecided`); with ``counts`` (its tests, 0, 0, 0)."""
+    triangle certainly lies between, else 0), with what it left (:mod:`.undecided`); with ``counts`` (its tests, 0, 0, 0).
+    """
     result = "{first, second, last, (int)found}"
 
     @wp.func_native(traversal(ANY[exact], TESTS["light", exact], result, exact, False, levels, counts))

@@ -34,7 +34,8 @@ RAY_RECORDS = "ray triangles"
 
 def marks_receivers(cuda: bool, effects: Effects) -> bool:
     """Whether the shadow rays of primary hits mark the receivers. On a GPU a pass for them and a condition take longer than
-    threads without a ray."""
+    threads without a ray.
+    """
     return cuda and not effects.orthographic
 
 
@@ -63,7 +64,8 @@ class TreeRays:
     either case); ``packets``: of rays from the eye on a GPU, through a tree of one level; ``threads``: of a CPU;
     ``shares``: of a GPU; ``capacity``: of the pairs. ``primary_starts``: those of the primary hits, if another method finds
     these. ``together``: whether a GPU traces the rays of the eye and of a light in one launch, if there is one light and all
-    hits receive it."""
+    hits receive it.
+    """
 
     def __init__(
         self,
@@ -136,7 +138,8 @@ class TreeRays:
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray of the last frame, traced again alone, not in a packet, and of the
-        shadow rays of its hit."""
+        shadow rays of its hit.
+        """
         f = self.frame
         records, triangles = ("ray", self.ray_records) if self.effects.orthographic else ("eye", self.eye_records)
         tests, shadow = (wp.zeros(f.pixels, dtype=wp.int32, device=f.device) for _ in range(2))
@@ -149,7 +152,8 @@ class TreeRays:
 
     def _exactly(self, light: int) -> bool:
         """Whether the shadow rays of a light are exact: float32 cannot trace rays from a directional one, which lies where
-        its numbers end."""
+        its numbers end.
+        """
         return self.exact or self.effects.is_directional(light)
 
     def _joint(self) -> int | None:
@@ -161,7 +165,8 @@ class TreeRays:
 
     def record_passes(self) -> list[Pass]:
         """Records of the triangles for rays without a common origin and for the lights; they need no tree. Not those for the
-        lights whose receivers another pass marks (:meth:`late_passes`)."""
+        lights whose receivers another pass marks (:meth:`late_passes`).
+        """
         passes = []
         if self.found:
             effect = None if self.effects.orthographic else "mirror"
@@ -187,7 +192,8 @@ class TreeRays:
 
     def eye_passes(self) -> list[Pass]:
         """The order of blocks, records of the triangles for the eye, and the counters of its rays cleared. They need no
-        tree."""
+        tree.
+        """
         if self.effects.orthographic:
             return []
         f = self.frame
@@ -206,7 +212,8 @@ class TreeRays:
 
     def passes(self, primary: bool) -> list[Pass]:
         """``primary`` rays, if they are traced here, and the shadow rays of their hits, in shares that run concurrently.
-        The records for each light come before its rays."""
+        The records for each light come before its rays.
+        """
         if self.effects.orthographic:
             passes = self._parallel_passes()
         elif self.joint is not None:

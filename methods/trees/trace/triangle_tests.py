@@ -38,7 +38,8 @@ auto test = [&](int at, auto leave) {{
 }};
 """
 """Rays from the eye. ``bound`` holds for edge planes, ``wide`` times the largest part of m for depths. Depths are 1 / t:
-nearer is larger. ``sure_from`` and ``sure_to`` bound the depth of the current closest hit."""
+nearer is larger. ``sure_from`` and ``sure_to`` bound the depth of the current closest hit.
+"""
 
 RAY = f"""
 const float unit = 5.9604645e-08f, floor = 1.0e-36f;
@@ -81,7 +82,8 @@ auto test = [&](int at, auto leave) {{
 """Rays that share no origin. ``bound`` is that of the weights. ``from`` and ``to`` bound t; the factors cover the
 rounding of both and the ties of :func:`...exact.triangle.depth_key`. ``from`` is above ``limit`` only of a triangle
 certainly behind the closest hit, also where the sign of ``det`` is in doubt: with the other sign t is negative. With
-``long8`` the bound is infinite where a product could be."""
+``long8`` the bound is infinite where a product could be.
+"""
 
 LIGHT = f"""
 const float bound = {LIGHT_UNITS} * 5.9604645e-08f * tree.extent.data[0] + 1.0e-36f;
@@ -105,7 +107,8 @@ auto test = [&](int at, auto leave) {{
 }};
 """
 """Shadow rays to the hit point h. ``side``: positive where h lies on the light's side of the triangle. ``left_out``: the
-leaf of the triangle that was hit, with at most one other that does not hide it (:mod:`..records.planes`)."""
+leaf of the triangle that was hit, with at most one other that does not hide it (:mod:`..records.planes`).
+"""
 
 TAKE_FLOAT32 = """
 auto take = [&](int at, float s, float w, float t) {

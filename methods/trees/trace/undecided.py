@@ -84,4 +84,5 @@ if (held > 0) {{
 """,
 }
 """How ``traverse(leave, full)`` is run: ``leave(at)`` takes an undecided triangle, ``full()`` says that no more can be
-kept."""
+kept.
+"""

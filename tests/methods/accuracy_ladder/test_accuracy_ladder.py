@@ -1,5 +1,6 @@
 """The ladder's top is exact, and each step down (``accuracy_ladder/kernels.py``, ``accuracy_ladder/tests.py``,
-``origins.py``) fails as it is known to."""
+``origins.py``) fails as it is known to.
+"""
 
 import numpy as np
 import pytest

@@ -51,7 +51,8 @@ INEXACT_TRIALS = (
     *("eye far away", "teapot in a stadium"),
 )
 """Ties, which the driver breaks by its own order, and triangles that are much larger than what is seen of them: there the
-distance is a percent off, by OptiX in software as by lavapipe."""
+distance is a percent off, by OptiX in software as by lavapipe.
+"""
 
 
 @pytest.mark.parametrize("origin", ["exact", "plain"])

@@ -1,5 +1,6 @@
 """Embree as a method (``embree/packets.py``): embreex's bits, nearly right, shadow rays that start off their
-surface (``offset.py``), settings and threads that change nothing, a library that lacks."""
+surface (``offset.py``), settings and threads that change nothing, a library that lacks.
+"""
 
 import ctypes
 

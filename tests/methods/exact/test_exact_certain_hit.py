@@ -1,5 +1,6 @@
 """What the end of a primary ray computes in fewer instructions: quotients (``division.py``), and the same numbers as
-the functions that methods share."""
+the functions that methods share.
+"""
 
 import numpy as np
 import pytest

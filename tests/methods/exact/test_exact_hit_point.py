@@ -69,7 +69,8 @@ def off(point: np.ndarray, hit: Point) -> float:
 @pytest.mark.parametrize("slope", [1.0, 0.2, 1e-2, 1e-3, 5e-4, 1e-5])
 def test_a_hit_point_is_rounded_not_displaced(slope, size, device):
     """t is given with an error of as many units as dividing by the slope makes of one. What will be rounded to float32 is
-    off by a quarter of that rounding, unless it is called vague, which the flattest are and the steepest are not."""
+    off by a quarter of that rounding, unless it is called vague, which the flattest are and the steepest are not.
+    """
     random = np.random.default_rng(round(-np.log2(slope * size)))
     made = rays(slope, size, random)
     columns = [np.array(column) for column in list(zip(*made, strict=True))[:6]]

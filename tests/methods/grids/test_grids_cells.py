@@ -1,5 +1,6 @@
 """Rays through the cells of one grid (``walk.py``): what they test, and the same answers through one cell and through
-many."""
+many.
+"""
 
 from helpers.answers import answers_in, assert_same, trace
 from helpers.small_scenes import make_scene, soup

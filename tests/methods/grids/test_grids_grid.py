@@ -1,5 +1,6 @@
 """Where a grid lies: its cells (``grids/build.py``) are as many as there is room for, whatever the shape of the
-scene."""
+scene.
+"""
 
 import numpy as np
 import pytest

@@ -1,5 +1,6 @@
 """The kd-tree (``large.py``, ``small.py``, ``clip.py``, ``kdtree/nodes.py``, ``kdtree/traversal.py``): short stacks
-miss nothing, nor do leaves; bounded depth and memory."""
+miss nothing, nor do leaves; bounded depth and memory.
+"""
 
 import numpy as np
 import pytest

@@ -1,5 +1,6 @@
 """Where rays (``light/rays.py``) and triangles (``light/bounds.py``, ``sphere.py``) lie in a light's rectangle: bounds
-right, and wrong on purpose (``variants/bounds.py``); float32 that stays right."""
+right, and wrong on purpose (``variants/bounds.py``); float32 that stays right.
+"""
 
 import functools
 

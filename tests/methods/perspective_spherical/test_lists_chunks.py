@@ -1,5 +1,6 @@
 """Rays to blocks: Algorithm 1 (``algorithm1.py``) as section 4.3 and Figure 8 describe it, and the direct way to the
-same chunks."""
+same chunks.
+"""
 
 import itertools
 

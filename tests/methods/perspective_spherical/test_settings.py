@@ -1,5 +1,6 @@
 """No knob of the paper's method that is meant for speed changes an answer, also where lists are split
-(``split_lists.py``) and tiles of the light are small (``light/tiles.py``): drawn at random, compared bit for bit."""
+(``split_lists.py``) and tiles of the light are small (``light/tiles.py``): drawn at random, compared bit for bit.
+"""
 
 import numpy as np
 import pytest

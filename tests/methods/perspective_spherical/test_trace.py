@@ -1,5 +1,6 @@
 """The tracing kernels (``camera/trace.py``, ``light/trace.py``): those that stage triangles (``staging.py``) give the
-bits of those that do not, and what they count adds up."""
+bits of those that do not, and what they count adds up.
+"""
 
 import pytest
 import warp as wp
@@ -69,7 +70,8 @@ MADE = {
     "clamp": (make_clamp_kernel, "two-angle"),
 }
 """Factories and what they are given. Staged kernels are hot: ``test_kernel_report`` reads their binaries; those of the first
-test and map are compiled with every effect."""
+test and map are compiled with every effect.
+"""
 
 
 @pytest.mark.parametrize("name", MADE)

@@ -1,5 +1,6 @@
 """The streamed dual against the exact answers, under all settings: every answer as ``camera/resolve.py`` writes
-it."""
+it.
+"""
 
 import numpy as np
 import pytest

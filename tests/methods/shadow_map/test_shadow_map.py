@@ -1,5 +1,6 @@
 """The shadow map (``projection.py``, ``shadow_map/raster.py``, ``lookup.py``): exact primary rays, shadows that
-approach the exact ones with the map's size, lights in and out."""
+approach the exact ones with the map's size, lights in and out.
+"""
 
 from dataclasses import replace
 

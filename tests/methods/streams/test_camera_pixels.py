@@ -1,5 +1,6 @@
 """Pixels of the camera against triangles, as ``reads.py`` reads them: what float32 calls certain is so, and words
-order hits."""
+order hits.
+"""
 
 import numpy as np
 import pytest

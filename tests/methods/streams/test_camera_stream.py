@@ -1,5 +1,6 @@
 """Boxes of pixels (``screen.py``), and their rows and columns cut to a triangle: no pixel that it may cover is cut
-off, and groups hold all."""
+off, and groups hold all.
+"""
 
 import numpy as np
 import pytest
@@ -26,7 +27,8 @@ def ends_kernel(
     queue: Queue,
 ):
     """Of triangle i: its box, the ends of every row and of every column, which pixels it may cover (1) or covers (2), and
-    its groups."""
+    its groups.
+    """
     i = wp.tid()
     o = camera.eye[0]
     corners = corners_at(mesh, i)

@@ -1,5 +1,6 @@
 """Cells of a light's cube: slots that hold cell and rank of a ray in 32 bits, whatever the numbers (``rays/sort.py``);
-and farthest receivers: what lies beyond them is left out of the light's work, and nothing else is."""
+and farthest receivers: what lies beyond them is left out of the light's work, and nothing else is.
+"""
 
 import itertools
 
@@ -25,7 +26,8 @@ SIZE = 40, 32
 def test_more_rays_in_a_cell_than_a_slot_has_room_for(region, device):
     """A square that nearly fills the view, in one cell of a light far away, however narrow cells are there; a surface far
     behind it, seen beside it, spans the other cells. The cell has more rays than the 8 bits of a rank beside 23 bits of a
-    cell hold."""
+    cell hold.
+    """
     blocker = triangles((0.1, 0.1, 0.5), (0.2, 0.1, 0.5), (0.1, 0.2, 0.5))
     behind = triangles((0.0, 0.0, -2.5e5), (1.0e6, 0.0, -2.5e5), (1.0e6, 1.0e6, -2.5e5))
     mesh = joined(plane(2, 0, 1), blocker, behind)

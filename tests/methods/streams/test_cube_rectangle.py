@@ -1,5 +1,6 @@
 """What the rays cover of a cube aimed at the scene (``cube/lights.py``): which faces are in use, and how many cells
-these have; no answer depends on it."""
+these have; no answer depends on it.
+"""
 
 import itertools
 

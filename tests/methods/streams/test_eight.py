@@ -1,5 +1,6 @@
 """Eight rays (``occlusion/on_cpu.py``) or pixels (``camera/on_cpu.py``) at once, the bits of those found
-(``bits.py``), and boxes of eight triangles: what one after the other gives."""
+(``bits.py``), and boxes of eight triangles: what one after the other gives.
+"""
 
 import numpy as np
 import pytest

@@ -29,7 +29,8 @@ def session_of(trial, name="ray_grids", settings=None, device="cpu"):
 
 def traced(trial, name="ray_grids", settings=None, device="cpu"):
     """The answers, whether closed surfaces were looked at, and how many pairs of all lights were left to float64: of
-    triangles that are left out there are none."""
+    triangles that are left out there are none.
+    """
     session = session_of(trial, name, settings, device)
     answers, counters = session.answers(trial.moment), session.method.counters()
     undecided = sum(counters.get(f"light {light} undecided pairs", 0) for light in range(len(LIGHTS)))
@@ -83,7 +84,8 @@ def test_the_other_parts_stay_closed():
 
 def test_a_part_that_a_light_leaves_is_looked_at_again():
     """While a light is in its box a surface counts as open. When only the light moves, it counts as closed, and that its
-    faces are seen from the back must be found, though no hit changes."""
+    faces are seen from the back must be found, though no hit changes.
+    """
     trial = half_turned()
     inside, outside = Light((0.75, 0.75, 1.0)), [Light((x, 0.5, -4.0)) for x in range(5)]
     moments = [trial.prepared.moment(0, 16, 16, lights=(first, *outside[1:])) for first in (inside, outside[0])]

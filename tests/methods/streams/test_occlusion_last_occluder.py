@@ -1,5 +1,6 @@
 """Occluders kept from the last frame: they save work, and no answer depends on them. Stories of frames that follow one
-another (``tests/properties/test_time.py``) are played with them, too."""
+another (``tests/properties/test_time.py``) are played with them, too.
+"""
 
 from dataclasses import replace
 

@@ -1,5 +1,6 @@
 """Groups of rows of a light's larger triangles, as a pass or the stream (``occlusion/stream.py``) stores them: small
-ones apart from large ones, in one array."""
+ones apart from large ones, in one array.
+"""
 
 import numpy as np
 import pytest

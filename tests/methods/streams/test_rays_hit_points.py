@@ -50,7 +50,8 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
 
 def scene_of(seed: int) -> Prepared:
     """Triangles of many sizes, eyes near and far, a light anywhere. In every second scene triangles and eye lie almost in
-    one plane."""
+    one plane.
+    """
     random = np.random.default_rng(seed)
     vertices, faces = soup(seed, 60, size=float(np.exp(random.uniform(-2, 3))))
     middle = random.normal(size=3) * 10.0 ** random.uniform(-2, 2)
@@ -84,7 +85,8 @@ def test_a_word_gives_the_distance_to_half_of_what_it_cuts():
 
 def test_points_of_words_are_as_near_as_the_bounds_suppose():
     """With so few triangles the words cut 1 / t at 2^-37; what else points are off is at most 2^-31 of the way. Those of
-    some triangles would be farther off."""
+    some triangles would be farther off.
+    """
     found = [points_of(scene_of(seed)) for seed in range(40)]
     many = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
     rough = many["way"] >= 0

@@ -58,7 +58,8 @@ LIGHTS = {
 
 def rough(lights: tuple[Light, ...]) -> Prepared:
     """A floor that does not move, and triangles that do: among them slivers, some without area, one that is not a number,
-    each also turned over. Two frames, in which some turn from one side of a light to the other."""
+    each also turned over. Two frames, in which some turn from one side of a light to the other.
+    """
     vertices, faces = soup(11, 80)
     corners = vertices.reshape(-1, 3, 3).copy()
     corners[:12, 2] = corners[:12, 1] + 1.0e-6 * (corners[:12, 0] - corners[:12, 1])

@@ -1,5 +1,6 @@
 """The region of a light's rays that follows from the triangles in view: it holds every ray, and little else; rays
-outside it are decided by ``occlusion/undecided.py``."""
+outside it are decided by ``occlusion/undecided.py``.
+"""
 
 from dataclasses import replace
 
@@ -26,7 +27,8 @@ SIZE = 40, 32
 
 class Region:
     """What the rays of a light cover of its cube: the least u and v, and least -u and -v, of face 0; the faces in use; and
-    the largest coordinate of a hit point."""
+    the largest coordinate of a hit point.
+    """
 
     def __init__(self, placing: ByRays):
         words = placing.rays.cells.rectangle.numpy()
@@ -172,7 +174,8 @@ def test_triangles_that_face_away_do_not_count():
 
 def test_rays_outside_the_region_of_a_spot_are_tested_against_every_triangle(device):
     """The eye far away for its fine lens, lights where hit points are rounded to, thin cones towards where plain float64,
-    which decides whether a hit lies in them, finds these: the exact point of such a ray lies elsewhere."""
+    which decides whether a hit lies in them, finds these: the exact point of such a ray lies elsewhere.
+    """
     outside_rays = 0
     for seed in range(12):
         random = np.random.default_rng(seed)

@@ -1,5 +1,6 @@
 """The tree itself (``keys.py``, ``climb.py``, ``refit.py``): every triangle once, boxes that hold their children,
-depth, leaves, the same tree on every device."""
+depth, leaves, the same tree on every device.
+"""
 
 from typing import Any
 

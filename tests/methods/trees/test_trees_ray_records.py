@@ -1,5 +1,6 @@
 """Mirrored rays of the tree (``records/rays.py``, ``closest.py``): what float32 accepts and rejects is float64's
-verdict, and float32 decides nearly all."""
+verdict, and float32 decides nearly all.
+"""
 
 import numpy as np
 import pytest

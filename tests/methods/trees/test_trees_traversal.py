@@ -1,5 +1,6 @@
 """The traversal by rays of the eye and of shadows (``trace/shadow.py``): what float32 must leave, more of it than a
-ray keeps or than there is room for, and boxes near infinity."""
+ray keeps or than there is room for, and boxes near infinity.
+"""
 
 import dataclasses
 
@@ -51,7 +52,8 @@ def test_a_ray_that_leaves_more_than_it_keeps_enters_all(settings, device):
 @pytest.mark.parametrize("effect", ["plain", "mirrors", "parallel"])
 def test_a_box_is_met_where_its_middle_over_the_direction_is_infinite(settings, effect, device):
     """A ray along x that meets, at y = 0.15, boxes whose middle is 0.5 off it and whose extent is 0.4: of 7e26 units, and
-    2^-40 for a direction of 0, only the middle's quotient is beyond float32."""
+    2^-40 for a direction of 0, only the middle's quotient is beyond float32.
+    """
     corners = np.array([[1.0, 0.1, 0.1], [1.0, 0.9, 0.1], [1.0, 0.1, 0.9]])
     walls = np.concatenate([corners * [x, 1, 1] for x in (1.0, 0.9, -1.0, -0.9)]) * 7e26
     at, to = (0.0, 1.05e26, 1.05e26), (7e26, 1.05e26, 1.05e26)

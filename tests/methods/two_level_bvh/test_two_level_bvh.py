@@ -1,5 +1,6 @@
 """Two levels: the exact answers, and those of other methods, however bodies lie and move (``poses.py``); and
-what does not move as bodies do."""
+what does not move as bodies do.
+"""
 
 from dataclasses import replace
 

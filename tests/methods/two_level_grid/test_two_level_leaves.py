@@ -1,5 +1,6 @@
 """Leaf grids: their lists miss nothing, space is divided where the triangles are, and the walk through both levels
-(``two_level_grid/traversal.py``) tests fewer of them."""
+(``two_level_grid/traversal.py``) tests fewer of them.
+"""
 
 import numpy as np
 import pytest

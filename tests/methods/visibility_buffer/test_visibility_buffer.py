@@ -1,5 +1,6 @@
 """The rasteriser (``visibility_buffer/raster.py``, ``visibility_buffer/shadow.py``) against the exact answers, under
-every setting."""
+every setting.
+"""
 
 import numpy as np
 import pytest
@@ -53,7 +54,8 @@ def test_tiles_that_hold_nothing_are_left_out():
 
 def test_thin_triangles_that_a_light_sees_nearly_edge_on_are_decided_in_float32():
     """Strips of a ceiling, 16 long and 0.05 wide, 4 mm below the light: float32 does not tell on which side it is. With
-    planes of zeros every one of them would leave half the floor to float64. The light stands 2 mm beside the middle one."""
+    planes of zeros every one of them would leave half the floor to float64. The light stands 2 mm beside the middle one.
+    """
     low = np.linspace(-3.0, 3.0, 7)
     strips = [[(x, 1.0, -8.0), (x + 0.05, 1.0, -8.0), (x + 0.05, 1.0, 8.0), (x, 1.0, 8.0)] for x in low]
     floor = [[(-8.0, -1.0, -8.0), (8.0, -1.0, -8.0), (8.0, -1.0, 8.0), (-8.0, -1.0, 8.0)]]

@@ -1,5 +1,6 @@
 """Warp's BVHs: the rebuilt Bvh (``box_tree.py``, ``common/bounds.py``, ``corner_records.py``) with the exact
-answers, the Mesh (``mesh_kernels.py``, ``mesh_triangles.py``) within what is known of it; what was built."""
+answers, the Mesh (``mesh_kernels.py``, ``mesh_triangles.py``) within what is known of it; what was built.
+"""
 
 from __future__ import annotations
 

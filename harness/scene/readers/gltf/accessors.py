@@ -1,6 +1,5 @@
-"""Arrays of a glTF file: accessors, of which each is checked against the bytes that there are before it is read.
-
-Meshes may be compressed by Draco (package DracoPy), and buffer views by meshoptimizer (package meshopt).
+"""Arrays of a glTF file: accessors, of which each is checked against the bytes that there are before it is read. Meshes
+may be compressed by Draco (package DracoPy), and buffer views by meshoptimizer (package meshopt).
 """
 
 import importlib

@@ -1,7 +1,6 @@
-"""The animations of a glTF file: which values change over time, and the times of the frames.
-
-The first animation is read, from its first key to its last. Its frames follow each other at the rate at which every key is a
-frame (:func:`own_rate`), or at the rate that is asked for. Between keys, values are interpolated as the file says.
+"""The animations of a glTF file: which values change over time, and the times of the frames. The first animation is
+read, from its first key to its last. Its frames follow each other at the rate at which every key is a frame
+(:func:`own_rate`), or at the rate that is asked for. Between keys, values are interpolated as the file says.
 """
 
 import math
@@ -173,7 +172,8 @@ def first_animation(accessors: Accessors, tree: Tree, blocks: list[Block], rate:
 def own_rate(keys: F64) -> float:
     """Frames a second at which every key is a frame, at least :data:`SLOWEST`. The lowest such rate of: a whole
     multiple of the rate of evenly spaced keys, and the usual ones. Where there is none, about 30 a second, so that the
-    last key is a frame."""
+    last key is a frame.
+    """
     length, since = keys[-1] - keys[0], keys - keys[0]
     if not length > 0.0:
         return _USUAL
@@ -191,7 +191,8 @@ def aimed(animation: Entry) -> list[tuple[Any, str]]:
 
 def _aim(channel: Entry) -> tuple[Any, str] | None:
     """The node and the path that a channel moves; None for what is not drawn or belongs to no node. Raises
-    :class:`UserError` for a pointer to something else that may be drawn."""
+    :class:`UserError` for a pointer to something else that may be drawn.
+    """
     target = channel.object("target")
     target.refuse_unknown()
     said, path = target.extension("KHR_animation_pointer"), target.get("path")

@@ -45,6 +45,17 @@ _NOT_DRAWN = set(
 )
 """Extensions that describe a file, or what may happen after it is first drawn. Of MSFT_lod the finest meshes are drawn."""
 
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+_JSON_LIMIT = 1 << 25  # bytes of JSON without embedded data; Python's objects take up to twenty times as much
+
+_EMBEDDED = re.compile(rb'"data:(?:[^"\\]|\\.)*+"')
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
+_TRUNCATED = "the file is truncated or its header wrong"
+_BESIDE = "put it beside the file, or export one self-contained .glb"
+
+_ONE = {"bufferViews": "buffer view", "meshes": "mesh"}
+"""What one entry of a list is called in messages, where that is not the name of the list without its s."""
+
 
 class Entry:
     """An object of the JSON part. Every wrong value is a :class:`UserError` that names the file and the entry.
@@ -149,18 +160,6 @@ def refuse_required(head: Entry) -> None:
     for name in filter(_unknown, head.items("extensionsRequired")):
         raise broken(head.path, f"needs the extension {name}", "export it without")
     head.refuse_unknown()
-
-
-_JSON, _BIN = 0x4E4F534A, 0x004E4942
-_JSON_LIMIT = 1 << 25  # bytes of JSON without embedded data; Python's objects take up to twenty times as much
-
-_EMBEDDED = re.compile(rb'"data:(?:[^"\\]|\\.)*+"')
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
-_TRUNCATED = "the file is truncated or its header wrong"
-_BESIDE = "put it beside the file, or export one self-contained .glb"
-
-_ONE = {"bufferViews": "buffer view", "meshes": "mesh"}
-"""What one entry of a list is called in messages, where that is not the name of the list without its s."""
 
 
 class MissingError(UserError):

@@ -13,7 +13,8 @@ from .primitives import Meshes, Primitive, Vertices
 
 _DRAWN = 1 << 25
 """Largest number of triangles and of vertices with instances, unless the file itself has as many bytes: through instances
-a small file could have any number."""
+a small file could have any number.
+"""
 
 _DRAWS = 1 << 21  # largest number of primitives and of instances over all nodes
 

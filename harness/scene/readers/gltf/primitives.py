@@ -1,7 +1,6 @@
-"""The triangles of a glTF mesh: each primitive's corners, and the vertices that they are of.
-
-Primitives whose attributes are the same accessors share their vertices: some files have one array for many parts.
-Strips and fans are cut as the specification says; points and lines are counted and left out.
+"""The triangles of a glTF mesh: each primitive's corners, and the vertices that they are of. Primitives whose
+attributes are the same accessors share their vertices: some files have one array for many parts. Strips and fans are
+cut as the specification says; points and lines are counted and left out.
 """
 
 from collections import Counter

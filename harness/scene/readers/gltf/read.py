@@ -1,7 +1,6 @@
-"""Reads glTF 2.0 files, ``.glb`` and ``.gltf``: vertices at a time, displaced by morph targets, then moved by their node or
-bent by a skin; cameras and lights (KHR_lights_punctual) in the first frame.
-
-Both look along -z of their node. Intensities in candela and lux become shares: pictures know no distance.
+"""Reads glTF 2.0 files, ``.glb`` and ``.gltf``: vertices at a time, displaced by morph targets, then moved by their
+node or bent by a skin; cameras and lights (KHR_lights_punctual) in the first frame. Both look along -z of their node.
+Intensities in candela and lux become shares: pictures know no distance.
 """
 
 import dataclasses
@@ -98,7 +97,8 @@ def _displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats
 
 def _transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
     """Write each transform of the points into ``result`` [matrix_count, point_count, 3]. Points that no transform moves
-    stay as they are stored, bit for bit."""
+    stay as they are stored, bit for bit.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         if (matrices == np.eye(4)).all():
             result[:] = points
@@ -112,7 +112,8 @@ def _transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
 def _bent(points: Floats, vertices: Vertices, joints: Matrices, result: Floats) -> None:
     """Write the points, each moved by the weighted mean of its joints' transforms, into ``result`` [count, 3]. Weights
     need not add up to 1: in homogeneous coordinates, as renderers have them, their sum divides out. A point without any
-    weight follows its first joint."""
+    weight follows its first joint.
+    """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for k in range(0, len(points), _BLOCK):
             some = slice(k, k + _BLOCK)
@@ -224,7 +225,8 @@ def _name(taken: Collection[str], what: str, *entries: Entry) -> str:
 def read_gltf(path: Path, wanted: Wanted = ALL) -> Loaded:
     """All triangles of the default scene, and the wanted frames of its first animation. In glTF, y is up. Positions are
     float32 if all stand as the file stores them, else float64. Raises :class:`UserError` for extensions that may change
-    what is drawn and cannot be read, for counts that exceed the file, and for files outside its folder."""
+    what is drawn and cannot be read, for counts that exceed the file, and for files outside its folder.
+    """
     with guarded(path, "glTF"):
         file = File(path)
         accessors = Accessors(file)

@@ -30,7 +30,8 @@ def available() -> bool:
 def read_usd(path: Path, wanted: Wanted = ALL) -> Loaded:
     """Everything that the stage draws, in its space: positions float64, float32 where nothing is moved. ``up`` is the
     stage's up axis; lengths are in its unit. Raises :class:`UserError` if usd-core is missing, the stage or a file that
-    it refers to cannot be opened, its arrays contradict each other, or it exceeds a limit."""
+    it refers to cannot be opened, its arrays contradict each other, or it exceeds a limit.
+    """
     if not available():
         raise UserError(f"{path}: {missing()}")
     from . import read

@@ -23,10 +23,9 @@ MOST_INSTANCED = 1 << 25  # triangles, with those of instances: nested instancer
 MOST_INSTANCES = 1 << 22  # largest number of placed shapes of one instancer: each has a matrix of 128 bytes
 _BLOCK = 1 << 18  # positions of instances that are transformed at a time
 
-_OF_INSTANCES = (
+_OF_INSTANCES = (  # the attributes of a PointInstancer that have a value for each instance
     "positions", "orientations", "orientationsf", "scales", "velocities", "accelerations", "angularVelocities", "ids",
 )  # fmt: skip
-"""The attributes of a PointInstancer that have a value for each instance."""
 
 _IDENTITY = np.eye(4)
 
@@ -124,7 +123,8 @@ class Instancer:
 
     def placed(self, time: float) -> Placed:
         """The shapes of all instances, in the instancer's space. Raises :class:`UserError` if the arrays contradict
-        each other or the instances have too many triangles."""
+        each other or the instances have too many triangles.
+        """
         which = array(self._prim.GetProtoIndicesAttr(), time, np.int64)
         if not len(which):
             return Placed.joined([])

@@ -1,7 +1,6 @@
-"""The prims of a stage that have a place, and the transform and visibility that they inherit at a time code.
-
-These are the rules of usdview: prims that are inactive or abstract, or only an ``over``, are not there; below a prim of a
-type without a place, such as a material, nothing is drawn; visibility and purpose are inherited.
+"""The prims of a stage that have a place, and the transform and visibility that they inherit at a time code. These are
+the rules of usdview: prims that are inactive or abstract, or only an ``over``, are not there; below a prim of a type
+without a place, such as a material, nothing is drawn; visibility and purpose are inherited.
 """
 
 from __future__ import annotations
@@ -86,7 +85,8 @@ class Node:
 
 def nodes_of(path: Path, roots: Sequence[Any], predicate: Any, purpose: str, counts: Counter[str]) -> list[Node]:
     """Prims and all below them that have a place, depth first, in the order of the stage; nothing below a
-    PointInstancer. ``purpose``: what the roots inherit. ``counts``: how many prims there were is added to it."""
+    PointInstancer. ``purpose``: what the roots inherit. ``counts``: how many prims there were is added to it.
+    """
     nodes: list[Node] = []
     waiting: list[tuple[Any, Node | None]] = [(root, None) for root in reversed(roots)]
     while waiting:

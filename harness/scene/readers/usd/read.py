@@ -1,6 +1,5 @@
-"""What a stage draws, over the time codes that are wanted, as one mesh, and what reading it has approximated or left out.
-
-Nothing of what it is composed of is missing in silence, and nothing is printed by USD's library.
+"""What a stage draws, over the time codes that are wanted, as one mesh, and what reading it has approximated or left
+out. Nothing of what it is composed of is missing in silence, and nothing is printed by USD's library.
 """
 
 import math
@@ -26,7 +25,7 @@ MOST_POSITIONS = 1 << 27  # largest number of vertices of all frames together: 3
 MOST_FRAMES = 1 << 20  # largest number of frames of an animation, before some are chosen
 _SLACK = 1e-6  # difference of time codes, in frames, that rounding explains
 
-_COUNTED = {
+_COUNTED = {  # what is said of each count that is not 0
     "tessellated": f"tessellated gprims: {{}} ({RESOLUTION})",
     "cages": "subdivision surfaces read as their cages: {}",
     "empty": "prototypes of instancers that draw nothing: {}",
@@ -34,7 +33,6 @@ _COUNTED = {
     "materials": "materials not read: {}",
     "opacities": "opacities of materials and shapes not read: {}",
 }
-"""What is said of each count that is not 0."""
 
 _LOADED = Usd.PrimIsActive & Usd.PrimIsLoaded & ~Usd.PrimIsAbstract
 _LEAVE_OUT = "add what is missing, or give --allow-missing to leave it out"
@@ -105,7 +103,8 @@ def _times(
 ) -> tuple[list[float], float | None]:
     """The time codes of the frames of a stage, and the frames a second, None where there is one frame. It starts where
     the file says, else at the earliest sample of what is drawn, and ends likewise. There is a frame for each time code,
-    or as many a second as the file or ``wanted`` says. One frame, the start, if nothing moves."""
+    or as many a second as the file or ``wanted`` says. One frame, the start, if nothing moves.
+    """
     start = _authored(stage, "startTimeCode", min(drawing.times, default=0.0))
     end = max(start, _authored(stage, "endTimeCode", max(drawing.times, default=start)))
     if not drawing.moves:
@@ -181,7 +180,8 @@ def _listening(path: Path, notes: list[str]) -> Iterator[None]:
 
 def _opened(path: Path, allow_missing: bool, notes: list[str]) -> Any:
     """The stage of a file, all its payloads loaded. Raises :class:`UserError` for a reference, payload, sublayer or
-    clip that cannot be opened or found; with ``allow_missing`` it is noted and left out."""
+    clip that cannot be opened or found; with ``allow_missing`` it is noted and left out.
+    """
     stage = Usd.Stage.Open(str(path))
     lost = sorted({_plain(str(error), path) for error in stage.GetCompositionErrors()})
     lost += _missing_clips(stage, path)
@@ -196,7 +196,8 @@ def _opened(path: Path, allow_missing: bool, notes: list[str]) -> Any:
 
 def _layer_files(stage: Any, path: Path) -> tuple[Path, ...]:
     """The files that were read beside ``path``: of references, payloads, sublayers and value clips. Sorted. A layer
-    within a package counts as the package. Clips are those of the times that were read."""
+    within a package counts as the package. Clips are those of the times that were read.
+    """
     names = {Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()}
     root = path.resolve()
     return tuple(Path(name) for name in sorted(names) if name and Path(name).resolve() != root)

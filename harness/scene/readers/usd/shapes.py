@@ -19,12 +19,11 @@ AROUND, POLE_TO_POLE = 32, 16  # segments of a circle, and from pole to pole; mu
 
 RESOLUTION = f"{AROUND} segments around, {POLE_TO_POLE} from pole to pole"
 
-SIZES = {
+SIZES = {  # for each type of prim that is tessellated the attributes that give its sizes
     "Sphere": ("radius",), "Cube": ("size",), "Cone": ("radius", "height"), "Cylinder": ("radius", "height"),
     "Cylinder_1": ("radiusTop", "radiusBottom", "height"), "Capsule": ("radius", "height"),
     "Capsule_1": ("radiusTop", "radiusBottom", "height"), "Plane": ("width", "length"),
 }  # fmt: skip
-"""For each type of prim that is tessellated the attributes that give its sizes."""
 
 _POLE = np.pi / 2
 
@@ -122,7 +121,8 @@ class Tessellated(Shape):
 def surface(kind: str, sizes: dict[str, float], axis: str) -> tuple[F64, I32]:
     """The surface of a prim about the origin and outwards. Its axis (of a plane: the normal) is "X", "Y" or "Z". All
     but cube and plane are surfaces of revolution: a profile of radii and heights, turned in :data:`AROUND` steps. The
-    number of triangles does not depend on the sizes, so that a shape that grows keeps its topology."""
+    number of triangles does not depend on the sizes, so that a shape that grows keeps its topology.
+    """
     if kind == "Plane":
         width, length = sizes["width"], sizes["length"]
         points, faces = grid((-width / 2, -length / 2, 0), (width, 0, 0), (0, length, 0))

@@ -17,12 +17,11 @@ from .prims import Node
 _LIGHTS = (UsdLux.DistantLight, UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight, UsdLux.CylinderLight)
 """What can be a point, an area or a direction; a light with an extent stands at its centre."""
 
-_AREAS = {
+_AREAS = {  # the shape of a light's area, and which attributes give its size along x, y and z, times a factor
     UsdLux.RectLight: ("rectangle", 1.0, ("inputs:width", "inputs:height")),
     UsdLux.DiskLight: ("disc", 2.0, ("inputs:radius",) * 2),
     UsdLux.SphereLight: ("sphere", 2.0, ("inputs:radius",) * 3),
 }
-"""The shape of a light's area, and which attributes give its size along x, y and z, times a factor."""
 
 _LARGEST = float(np.finfo(np.float32).max)
 
