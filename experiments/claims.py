@@ -279,7 +279,8 @@ def reflected(evidence: Evidence) -> Finding:
     traced, one = partial(stage_ms, part="trace", pattern=MIRRORED), {"light_label": "4 bounces"}
     grids, trees = ([label for label, kind in KINDS.items() if kind == own] for own in ("grid", "tree"))
     tables = {grid: evidence.over_rivals({**one, "label": grid}, trees, traced) for grid in grids}
-    found = pd.concat(tables).dropna(how="all")
+    found = pd.concat(tables)
+    found = found[found > 0].dropna(how="all")  # a time lost in the noise of a slow frame is none
     if found.empty:
         raise Lacking("a grid and a tree with mirrors")
     over_fastest = found.max(axis=1)

@@ -50,7 +50,10 @@ def read(folder: Path) -> DataFrame:
     rays = table["mirrored_rays"].where(table["mirrored_rays"] > 0).astype("float64")
     bounces = stage_ms(table, "trace", "bounce ")
     table["primary_ns"] = (stage_ms(table, "trace") - bounces) * 1e6 / table["pixels"].astype("float64")
-    table["mirrored_ns"] = stage_ms(table, "trace", MIRRORED) * 1e6 / rays
+    mirrored = stage_ms(
+        table, "trace", MIRRORED
+    )  # differences of frames: of a slow one they may be less than its noise
+    table["mirrored_ns"] = mirrored.where(mirrored > 0) * 1e6 / rays
     table["mirrored_ns_spread"] = table["mirrored_spread"] * 1e6 / rays
     table["loss"] = table["mirrored_ns"] / table["primary_ns"]
     shares = [table[f"{name}_spread"] / table[f"{name}_ms"] for name in ("mirrored", "traced")]
@@ -88,7 +91,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         for device, own in times
         if len(own)
     ]
-    finding, notes = " ".join(told) or "No grid and tree were measured with mirrors.", [ABOUT] * bool(len(bounced))
+    finding = " ".join(told) or "No grid and tree were measured with mirrors."
+    noisy = done[(done["mirrored_rays"] > 0) & done["mirrored_ns"].isna() & done["mirrored_ms"].notna()]
+    lost = ", ".join(f"{row.title}, {row.label}, {row.light_label}" for row in noisy.itertuples())
+    notes = [ABOUT] * bool(len(bounced)) + [
+        f"Lost in the noise of the frame, and left out: the mirrored rays of {lost}."
+    ] * bool(lost)
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.experiment_records import csv_of, record_of, report_of, write_records
 from PIL import Image
-from shadowbench.experiments import figure2, figure6, figure10
+from shadowbench.experiments import figure2, figure6, figure10, reflection
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document
 from shadowbench.harness.results.disputes import map_path, write_map
@@ -54,6 +54,21 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
     down = [0, *red.any(axis=1).astype(int), 0]
     assert (np.diff(across) == 1).sum() == (np.diff(down) == 1).sum() == 2, "two by two, none with its own caption"
     assert red.sum() > 4 * 300**2
+
+
+def test_a_mirrored_ray_lost_in_the_noise_of_its_frame_is_named_and_left_out(tmp_path):
+    grid, other, tree = *reflection.GRIDS[:2], reflection.TREES[0]
+    for entry, mirrored in ((grid, -0.2), (other, 0.6), (tree, 0.3)):
+        for lighting in reflection.LIGHTINGS[:2]:
+            bounce = [("bounce 1: mirrored rays", "trace", mirrored)] * (lighting.bounces or 0)
+            r = record_of("reflection", entry, "cloth", lighting, passes=[("primary rays", "trace", 1.0), *bounce])
+            none = {"primary": {"pixels": 4}, "shadow": [], "true_errors": 0}
+            counts = [{**none, "bounce": 1, "rays": 1000, "rays_wrong": 0, "reference_errors": None} for _ in bounce]
+            r["frames"][0]["score"]["bounces"] = counts
+            write_records(tmp_path, [r])
+    said = report_of("reflection", tmp_path)
+    assert f"left out: the mirrored rays of Cloth (stand-in), {grid.label or grid.method}, 1 bounce." in said
+    assert "takes 2.00 times as long for a mirrored ray" in said, "of the grid that was told"
 
 
 def distance_records(scene, growth):
