@@ -10,7 +10,7 @@ from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import method_class
 from shadowbench.harness.results.folder import ResultsFolder
-from shadowbench.harness.results.schema import ARCHIVE, read_records
+from shadowbench.harness.results.schema import ARCHIVE, read_records, write_archive
 from shadowbench.harness.runner.planning.experiment import Entry
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -57,6 +57,20 @@ def test_the_same_records_give_the_same_bytes_and_fewer_of_them(tmp_path: Path) 
     one, two = ((tmp_path / name / "records" / ARCHIVE).read_bytes() for name in "ab")
     assert one == two
     assert len(one) < sum(path.stat().st_size for path in (run / "records").iterdir()) / 7
+
+
+def test_an_archive_has_the_digits_that_each_clock_carries(tmp_path: Path) -> None:
+    (record,) = read_records(run_folder(tmp_path / "run"))[:1]
+    frame = dataclasses.replace(
+        record.frames[0], total_ms=[1.2345678] * 2, wall_ms=[1.2345678] * 2, started=[1795799537.5678]
+    )
+    write_archive(
+        tmp_path / "kept" / "records" / ARCHIVE, [dataclasses.replace(record, frames=[frame], load_s=0.0123456)]
+    )
+    (kept,) = read_records(tmp_path / "kept")
+    (frame,) = kept.frames
+    assert (kept.load_s, frame.total_ms, frame.wall_ms) == (0.01235, [1.2345678] * 2, [1.235] * 2)
+    assert frame.started == [1795799537.6]
 
 
 def test_several_runs_become_one_and_the_last_named_wins(tmp_path: Path) -> None:
