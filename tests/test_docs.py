@@ -98,7 +98,7 @@ def test_every_drawn_number_is_that_of_the_records(results, tmp_path):
         text = path.read_text()
         assert documents.drawn(text, results, PARTS, path) == text, f"{path}: shadowbench report results --docs ."
     places = sorted(path.parent for path in (ROOT / "results").glob("*/claims.csv"))
-    assert len(places) > 1
+    assert places
     for place in places:
         for made in claims.write(tmp_path, judged(results, place.name), results.data(place.name)):
             kept = place / made.name
