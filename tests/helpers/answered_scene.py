@@ -60,7 +60,7 @@ def lose(answers: dict[str, np.ndarray], pixel: int | np.ndarray) -> None:
 def lattice_of_rays(faces) -> tuple[Prepared, Moment]:
     """A square of such triangles, seen by 33 x 33 rays on a lattice: some run exactly along its diagonal."""
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
-    prepared = prepare(cases.make_scene(corners, faces, Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3))))
+    prepared = prepare(cases.static_scene(corners, faces, Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3))))
     steps = (np.arange(33, dtype=np.float32) - 16) / 8
     zero = np.zeros(33, dtype=np.float32)
     column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)

@@ -9,11 +9,16 @@ from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 
+def static_scene(vertices, faces, camera: Camera, *lights: Light) -> Scene:
+    vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
+    return Scene("case", "Case", lambda: Geometry.static(vertices, faces), camera, tuple(lights))
+
+
 def ball_on_floor(lights: int = 1) -> Scene:
     """A ball over a square floor (faces 0 and 1), lights above, the camera to one side, sky behind."""
     mesh = joined(quad((-2, 0, -2), (2, 0, -2), (2, 0, 2), (-2, 0, 2)), ball(0.5, (0.0, 0.6, 0.0)))
-    place = tuple(Light((1.0 - 2.0 * i, 2.5, 0.5)) for i in range(lights))
-    return Scene("case", "Case", lambda: Geometry.static(*mesh), Camera((0.3, 1.7, 3.1), (0.0, 0.3, 0.0)), place)
+    place = [Light((1.0 - 2.0 * i, 2.5, 0.5)) for i in range(lights)]
+    return static_scene(*mesh, Camera((0.3, 1.7, 3.1), (0.0, 0.3, 0.0)), *place)
 
 
 def exact_answers(prepared: Prepared, moment: Moment) -> dict[str, np.ndarray]:

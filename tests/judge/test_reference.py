@@ -77,7 +77,9 @@ def test_invalid_triangles_keep_the_ids_of_the_others():
     square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
     odd = np.array([(np.nan, 0, 0.5), (np.inf, 0, 0.5), (-5, -5, 0.5), (0, 0, 0.5), (5, 5, 0.5)])
     faces = np.array([(4, 0, 1), (6, 7, 8), (0, 1, 2), (5, 0, 1), (0, 0, 1), (0, 2, 3), (6, 6, 6)])
-    scene = cases.make_scene(np.concatenate([square, odd]), faces, Camera((0, 0, 3), (0, 0, 0)), Light((0.3, 0.2, 2.0)))
+    scene = cases.static_scene(
+        np.concatenate([square, odd]), faces, Camera((0, 0, 3), (0, 0, 0)), Light((0.3, 0.2, 2.0))
+    )
     prepared = prepare(scene)
     moment = prepared.moment(0, 32, 32)
     assert moment.valid.tolist() == [0, 0, 1, 0, 0, 1, 0]
@@ -87,7 +89,7 @@ def test_invalid_triangles_keep_the_ids_of_the_others():
 
 
 def test_nothing_to_hit():
-    scene = cases.make_scene(
+    scene = cases.static_scene(
         np.zeros((0, 3)), np.zeros((0, 3), dtype=int), Camera((0, 0, 3), (0, 0, 0)), Light((0, 5, 0))
     )
     prepared = prepare(scene)
@@ -119,7 +121,7 @@ def test_no_scale_loses_shadows_or_gains_acne(scale):
     geometry = base.geometry()
     camera = Camera(tuple(scale * x for x in base.camera.eye), tuple(scale * x for x in base.camera.target))
     lights = [Light(tuple(scale * x for x in light.position)) for light in base.lights]
-    prepared = prepare(cases.make_scene(geometry.positions(0) * scale, geometry.faces, camera, *lights))
+    prepared = prepare(cases.static_scene(geometry.positions(0) * scale, geometry.faces, camera, *lights))
     moment = prepared.moment(0, 64, 48)
     bits = cases.exact_answers(prepared, moment)["shadowed"]
     assert bits.sum() > 50

@@ -192,7 +192,7 @@ def test_a_light_without_shadows_must_stay_zero(ball):
 def test_a_scene_without_lights():
     base = cases.ball_on_floor()
     geometry = base.geometry()
-    prepared = prepare(cases.make_scene(geometry.positions(0), geometry.faces, base.camera))
+    prepared = prepare(cases.static_scene(geometry.positions(0), geometry.faces, base.camera))
     moment = prepared.moment(0, 20, 15)
     judge = Judge.of(prepared, moment)
     answers = judge.reference.answers()
@@ -243,7 +243,7 @@ def test_duplicates_are_ties_without_being_disputed():
     base = cases.ball_on_floor()
     geometry = base.geometry()
     faces = np.concatenate([geometry.faces, geometry.faces[:, [1, 2, 0]]])
-    case = AnsweredScene(cases.make_scene(geometry.positions(0), faces, base.camera, *base.lights))
+    case = AnsweredScene(cases.static_scene(geometry.positions(0), faces, base.camera, *base.lights))
     answers = case.answers()
     count = len(geometry.faces)
     moved = answers["triangle"] >= 0
@@ -281,7 +281,7 @@ GRAZED = np.array([(-1, 0, -1e4), (1, 0, 1e4), (0, 1, 0)])
 )
 def test_a_wrong_t_is_wrong_on_slivers_and_far_away_and_a_right_one_right(corners, height, error, wrong) -> None:
     """Of the ray through the middle of the picture, with t off by a share of itself."""
-    scene = cases.make_scene(corners, [(0, 1, 2)], Camera((0, 0, height), (0, 0, -1)), Light((0, 3, 3)))
+    scene = cases.static_scene(corners, [(0, 1, 2)], Camera((0, 0, height), (0, 0, -1)), Light((0, 3, 3)))
     prepared = prepare(scene)
     moment = prepared.moment(0, 1, 1)
     (seen,) = SecondJudge(moment.points, prepared.faces).closest(moment.eye[None], moment.directions(np.array([0])))
