@@ -31,9 +31,7 @@ COLUMNS = [*document.COMMON, "light", "spot", *SPOT, "hit_pixels", "shadow_rays"
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The scene without and with each spot, CSV, and the time that the spot saves: light grid and shadow rays over those of
-    the light that shines everywhere, which comes first.
-    """
+    """The scene under each light, CSV, and what each spot saves of light grid and shadow rays."""
     frames = document.frames(folder)
     table = document.named(frames)
     is_spot = table.reindex(columns=["light.target"])["light.target"].notna()

@@ -56,9 +56,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 
 def launched(done: DataFrame) -> DataFrame:
-    """One row per point whose passes the host launches: one of several frames in a row, one alone from an idle device to an
-    idle device, and the host's time to submit it.
-    """
+    """Of points whose passes the host launches: a frame of several in a row, one alone, the time to submit it."""
     own = done[done["submitted_ms"].notna()]
     alone, submitted = (own[name].map("{:.2f}".format) for name in ("wall_ms", "submitted_ms"))
     rows = {"scene": own["setting"], "method": own["label"], "in a row": own["ms"], "alone": alone}

@@ -91,9 +91,7 @@ def register(name: str) -> None:
 
 
 def wanted(words: list[str]) -> list[str]:
-    """The commands that a command line needs: the one that it names; all, where it names none and is not answered before,
-    as for help, completion and misspelt names.
-    """
+    """The commands that a command line needs: the one it names; all, as for help, completion and misspelt names."""
     first = next((word for word in words if not word.startswith("-")), "")
     if first in COMMANDS:
         return [first]

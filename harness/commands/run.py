@@ -261,9 +261,7 @@ def warnings_of(records: list[Record]) -> list[str]:
 
 
 def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:
-    """What ``--json`` prints: one row per point, and the files written; ``answer``: what the experiment itself says for
-    programs, where it wrote a file of its name.
-    """
+    """What ``--json`` prints: a row per point, the files written, and the experiment's own ``answer``."""
     from ..results.means import point_rows
 
     said = [file for file in files if file.name == f"{options.experiment.name}.json"]

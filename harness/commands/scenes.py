@@ -57,9 +57,7 @@ def scenes(action: str, names: list[str] | None = None, scene_dir: Path | None =
 
 
 def fetch(names: list[str], folder: Path) -> int:
-    """Fetch scenes, one after another: 1 if some must be fetched by hand. Of several it goes on where one fails; raises
-    :class:`UserError` at the end.
-    """
+    """Fetch scenes in turn: 1 if some must be fetched by hand. Raises :class:`UserError` at the end for others."""
     by_hand, failed = False, []
     for name in names:
         try:

@@ -29,9 +29,7 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 #endif
 """)
 def rounded(a: wp.float64, b: wp.float64) -> wp.float64:
-    """a b, rounded. A GPU's compiler would fuse the product with a sum that takes it, and the rounding error of that sum
-    would not be the one computed here.
-    """
+    """a b, rounded: a GPU's compiler would fuse it with a sum, whose error would not be the one computed here."""
 
 
 @wp.func

@@ -128,9 +128,7 @@ def current_name(name: str) -> str:
 
 
 def present_settings(name: str, settings: dict[str, str]) -> dict[str, str]:
-    """The settings of a record as its method names them now (``present_settings`` of its class); as they are where it has
-    none, or cannot be imported here.
-    """
+    """A record's settings as its method names them now (``present_settings``); as they are where it cannot say."""
     if not settings or name not in method_names():
         return settings
     try:

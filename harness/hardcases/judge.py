@@ -99,9 +99,7 @@ class Judged:
         return len(triangle) + int((triangle >= 0).sum()) * int(self.judge.wanted.sum())
 
     def count(self, answers: Answers, shadows: bool = True) -> tuple[dict[str, int], list[dict[str, Any]], int]:
-        """Counts of the classes other than ok, examples, and wrong shadow bits that do not count as errors.
-        ``shadows``: whether wrong shadow bits count as errors.
-        """
+        """Counts of classes but ok, examples, wrong shadow bits that are no errors; ``shadows``: whether they are."""
         known = digest(answers, shadows)
         if known not in self._counts:
             self._counts[known] = self._count(answers, shadows)

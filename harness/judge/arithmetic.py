@@ -64,9 +64,7 @@ def dot(p: Whole, q: Whole) -> int:
 
 
 def weights(d: Whole, a: Integers, b: Integers, c: Integers) -> Integers:
-    """Numbers in the ratio of the weights of a, b and c at the point where the line through the origin along ``d`` meets
-    their plane.
-    """
+    """Numbers in the ratio of the weights of a, b, c where the line through 0 along ``d`` meets their plane."""
     return dot(d, _cross(c, b)), dot(d, _cross(a, c)), dot(d, _cross(b, a))
 
 

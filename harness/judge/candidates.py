@@ -56,9 +56,7 @@ def build_tree(points: F32, faces: I32, valid: NDArray, device: str, mask: Alpha
 
 
 def in_planes(corners: F32, points: F32) -> Bools:
-    """Which triangles [n, 3, 3] have a point, [3] or one each [n, 3], exactly in their planes, bool [n]: in float64, and in
-    integers where that is uncertain.
-    """
+    """Which triangles [n, 3, 3] have a point, [3] or [n, 3], exactly in their planes, bool [n]; exact if in doubt."""
     points = np.broadcast_to(points, (len(corners), 3))
     with np.errstate(invalid="ignore", over="ignore"):
         a, b, c = (corners[:, k].astype(np.float64) - points.astype(np.float64) for k in range(3))

@@ -286,9 +286,7 @@ def _rounds(candidates: Lists, verdicts: I8, undecided: Verdict) -> Iterator[tup
 
 
 def lowest_duplicates(corners: F32, single: Bools) -> I32:
-    """The lowest index of a triangle with the same three positions, int32 [n]; its own for those that are ``single``.
-    corners [n, 3, 3], single [n]
-    """
+    """The lowest triangle at the same positions, int32 [n]; itself if ``single`` [n]. corners [n, 3, 3]"""
     corners = corners + np.float32(0.0)  # -0 becomes +0
     bits = corners.view(np.uint32).astype(np.uint64)
     mixed = bits[..., 0] * np.uint64(0x9E3779B97F4A7C15)

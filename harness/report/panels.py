@@ -310,9 +310,7 @@ def images(
 
 
 def short(drawing: str) -> str:
-    """The drawing with a class for each style that several elements have, coordinates to a hundredth of a point, and
-    neither indentation nor line ends within elements.
-    """
+    """The drawing with a class per repeated style, coordinates to 0.01 point, and no indentation."""
     styles = Counter(STYLE.findall(drawing)) if RULES in drawing else Counter()
     classes = {style: f"s{i}" for i, style in enumerate(style for style, count in styles.items() if count > 1)}
 

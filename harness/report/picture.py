@@ -197,9 +197,7 @@ def beside(pictures: Sequence[U8]) -> U8:
 
 
 def save_webp(frames: Sequence[U8], path: Path, seconds: float) -> Path:
-    """Write frames, uint8 [height, width, 3] each, as a looping WebP file that lasts ``seconds``. Whole or not at all.
-    Players show a frame for whole milliseconds, at least 10.
-    """
+    """Write frames, uint8 [height, width, 3], as a looping WebP of ``seconds`` (at least 10 ms a frame), or nothing."""
     images = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
     length = max(10, round(1000 * seconds / len(images)))
     with replacing(path, durable=False) as stream:

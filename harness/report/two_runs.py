@@ -257,9 +257,7 @@ def _flags(pairs: Sequence[tuple[Timed, Timed]]) -> dict[str, Any]:
 
 
 def _means(pairs: Mapping[tuple, tuple[Timed, Timed]], repeats: Mapping[tuple, tuple[Timed, Timed]]) -> list[Row]:
-    """A row for each method with its settings, lights, device and size: the geometric mean over its scenes, round by
-    round, over the rounds that all have.
-    """
+    """A row per method, settings, lights, device and size: geometric mean over scenes, round by round."""
     groups: dict[tuple, list[tuple]] = {}
     for entry, pair in pairs.items():
         if min(len(one.rounds) for one in pair) >= ROUNDS:

@@ -67,9 +67,7 @@ class LightFacts(TypedDict, total=False):
 
 
 class SceneFacts(TypedDict, total=False):
-    """Facts of a scene. Old records, and points whose scene could not be made, may lack those that are not required;
-    further ones are passed on unchanged.
-    """
+    """Facts of a scene; old or unmade ones may lack some. Further ones are passed on unchanged."""
 
     name: Required[FileName]
     title: str | None
@@ -86,9 +84,7 @@ class SceneFacts(TypedDict, total=False):
 
 
 class MethodFacts(TypedDict, total=False):
-    """Facts of a method as it ran. Old records, and methods that could not be made, may lack those that are not required;
-    further ones are passed on unchanged.
-    """
+    """Facts of a method as it ran; old or unmade ones may lack some. Further ones are passed on unchanged."""
 
     name: Required[str]
     device: Required[str]
@@ -126,9 +122,7 @@ class Round(TypedDict, total=False):
 
 @dataclass
 class PassTimes:
-    """Samples of one pass, in ms. On CUDA they are differences of prefix graphs, so that noise can make one negative
-    (:meth:`Record.__post_init__` checks them).
-    """
+    """Samples of a pass, ms. On CUDA, as differences of prefix graphs, they may be negative by noise."""
 
     name: str
     part: str

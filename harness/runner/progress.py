@@ -17,9 +17,7 @@ QUIET_S = 10.0  # without a bar, a step is printed if it is of a new kind, or af
 
 
 class Silent:
-    """Receives progress events and prints nothing. A step is one command to one worker. ``more``: what follows and is
-    not in the estimate, such as "then untimed counts".
-    """
+    """Receives progress events, prints nothing. A step: a command to a worker. ``more``: not in the estimate."""
 
     more = ""
 

@@ -103,9 +103,7 @@ class Run:
     # --- one scene ---
 
     def _scene(self, name: str, methods: Described, guessed: float) -> list[Record]:
-        """The records of a scene with every lighting; also updates the estimate of the remaining time, from the seconds that
-        were ``guessed`` of the scene.
-        """
+        """The records of a scene with every lighting; the estimate learns from the ``guessed`` seconds."""
         lightings = self.options.preset.lightings
         self.estimate.begin(guessed, len(lightings) * len(methods))
         jobs: list[Job] = []

@@ -71,9 +71,7 @@ class ClosedParts:
         return low, high, np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1) & ~apart, volume < 0
 
     def flags(self, moment: Moment, shadows: tuple[bool, ...], opened: Bools) -> U8:
-        """The bits of each triangle in a frame, uint8 [triangle_count]. ``shadows``: which lights have them; ``opened``
-        [count]: parts that count as open.
-        """
+        """Bits of triangles, uint8 [triangle_count]. ``shadows``: lights with them; ``opened`` [count]: open parts."""
         flags = moment.valid.copy()
         if moment.points is not self._points:
             self._points, self._measured = moment.points, self._measure(moment.points)

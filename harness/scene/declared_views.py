@@ -133,9 +133,7 @@ def with_path(path: Path, where: str, rule: Callable[[], Any]) -> Any:
 
 
 def camera_of(given: Table, base: Scene) -> Camera:
-    """The camera of a table with the keys :data:`CAMERA`. What it leaves out is as in the camera of the scene that it is
-    ``of``, else as in the scene's own.
-    """
+    """The camera of a table (:data:`CAMERA`); what it leaves out is as in the one it is ``of``, or the scene's."""
     start = _of(given, base.title, "camera", base.cameras) if "of" in given.values else base.camera
     given.values = {**dataclasses.asdict(start), **_lens(given, start)}
     camera: Camera = given.made(Camera)

@@ -104,9 +104,7 @@ class Effects:
         return ("surfaces",) if self.alpha else ()
 
     def switches(self, light: int | None = None, bounce: int = 0) -> Switches:
-        """The switches of the kernels for primary rays, or for shadow rays to ``light``. ``bounce`` > 0: of the kernels
-        for mirrored rays, or for shadow rays from their hits.
-        """
+        """Switches of the kernels for primary rays, or shadow rays to ``light``; ``bounce`` > 0: of mirrored ones."""
         return Switches(
             receivers=light is not None and self.has_receivers(light),
             alpha=self.alpha,

@@ -64,9 +64,7 @@ class Shape:
 
 
 def shape_of(geometry: Geometry, up: Vector | None = None) -> Shape:
-    """Measures a mesh, using at most 8 of its frames. What cannot be hit, and a far small part, do not count. ``up``:
-    its upward direction, where that is known.
-    """
+    """Measures a mesh in at most 8 frames, without what cannot be hit and far specks. ``up``: if known."""
     chosen = np.unique(np.linspace(0, geometry.frame_count - 1, 8).round().astype(int))
     points, corners, far = [np.zeros((0, 3))], np.zeros((0, 3, 3)), 0
     for k in chosen:

@@ -135,9 +135,7 @@ def _dot(p: NDArray[Any], q: NDArray[Any]) -> NDArray[Any]:
 
 
 def _plane(a: F64, b: F64, c: F64) -> tuple[F64, F64]:
-    """Normals [3, n] of triangles, not of unit length, and the product of the largest coordinates of two edges, which no
-    coordinate of them exceeds twice.
-    """
+    """Normals [3, n] of triangles, not of unit length, and the product of two edges' largest coordinates."""
     e, f = b - a, c - a
     normal = np.stack([e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]])
     return normal, np.abs(e).max(axis=0) * np.abs(f).max(axis=0)

@@ -109,9 +109,7 @@ def hit_receives(
 
 @wp.func
 def note_receiver(reached: wp.array(dtype=wp.int32)):
-    """Set ``reached`` (int32 [1], or empty) to 1. All threads write the same value, and hardly any has to: on a CPU they
-    would take the word from one another.
-    """
+    """Set ``reached`` (int32 [1], or empty) to 1 where it is not: on a CPU threads would take the word in turns."""
     if reached.shape[0] == 0:
         return
     if reached[0] == 0:
@@ -164,9 +162,7 @@ def facing_reads(frame: Frame, effects: Effects, light: int) -> tuple[str, ...]:
 
 
 def facing_passes(frame: Frame, effects: Effects, light: int, threads: int) -> list[Pass]:
-    """The pass that finds which triangles may face a light, or none where that is decided for each hit. ``threads``: of a
-    CPU (:func:`..schedule.threads.cpu_threads`).
-    """
+    """The pass that finds triangles that may face a light; none where hits decide. ``threads``: of a CPU."""
     made = facing_reads(frame, effects, light)
     if not made:
         return []

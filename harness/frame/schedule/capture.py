@@ -40,9 +40,7 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
 
 
 def _refuse_early(passes: Sequence[Pass], early: Sequence[Pass]) -> None:
-    """ValueError if an early pass reads the output of another pass, or writes what a pass before it uses, or one of another
-    branch: they run at the same time.
-    """
+    """ValueError if an early pass reads or writes what a pass before it, or of another branch, uses or writes."""
     made = {name for work in passes for name in work.writes}
     for work in early:
         if not made.isdisjoint(work.reads):
@@ -169,9 +167,7 @@ def _join(running: Sequence[tuple[Pass, Any]]) -> None:
 
 
 def _close(running: list[tuple[Pass, Any]]) -> None:
-    """The same, before a condition or a loop: neither can be captured while another stream is open, and what comes after it
-    cannot wait for an event before it.
-    """
+    """The same, before a condition or a loop: these cannot be captured while another stream is open."""
     _join(running)
     running.clear()
 

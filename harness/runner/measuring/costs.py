@@ -45,9 +45,7 @@ def used(
     seconds: float,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Used:
-    """Do some work again and again, for at least so many seconds, from one step of the counter (joules) to another.
-    Raises :class:`MissingError` if the counter stands still.
-    """
+    """Repeat work for so many seconds, from a step of the counter (joules) to another; MissingError if it rests."""
     last, calls, ends = counter(), 0, clock() + PATIENCE * seconds
     begin: Used | None = None
     while clock() < ends:

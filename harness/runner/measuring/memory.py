@@ -66,9 +66,7 @@ def reset_peak_resident() -> None:
 
 
 def peak_resident_bytes() -> int:
-    """Peak resident memory of this process, bytes. On Linux it is read from /proc, which can be reset, unlike the value
-    of getrusage; psutil gives no peak on Linux.
-    """
+    """Peak resident memory of this process, bytes; on Linux from /proc, which can be reset (getrusage cannot)."""
     peak = _status("VmHWM")
     if peak is not None:
         return peak

@@ -26,9 +26,7 @@ from .experiment import Entry, Experiment, Preset
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with ``method.param=value`` settings added to every entry of that method. Raises :class:`UserError` as
-    :func:`describe_method` does for any of them.
-    """
+    """Entries with ``method.param=value`` added to those of the method. Raises as :func:`describe_method`."""
     result, known = list(entries), {entry.method for entry in entries}
     for text in texts:
         method, key, value = _parsed(text)

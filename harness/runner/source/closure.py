@@ -55,9 +55,7 @@ def further_sources(cls: type, files: Mapping[str, Path]) -> dict[str, Path]:
 
 
 def source_files(cls: type, root: Path = ROOT) -> dict[str, Path]:
-    """The file of every module that a method's records depend on. Base classes count wherever they were imported from,
-    so that an edited base makes its subclasses' records stale.
-    """
+    """The files that a method's records depend on; base classes count, wherever they were imported from."""
     places = project(root)
     roots = list(MEASURING)
     for base in cls.__mro__:

@@ -95,9 +95,7 @@ def _corners(path: Path, columns: Columns) -> Column:
 
 
 def _strips(lists: Column) -> I32:
-    """The triangles of strips, each turned like the first of its strip; int32 [triangle_count, 3]. A strip goes on to
-    the end of its list, or to :data:`_RESTART`.
-    """
+    """Triangles of strips, turned like the first of each, int32 [triangle_count, 3]; :data:`_RESTART` ends one."""
     corners = np.insert(lists.values, np.cumsum(lists.counts), _RESTART)
     places = np.arange(len(corners))
     place = places - np.maximum.accumulate(np.where(corners == _RESTART, places, -1)) - 1

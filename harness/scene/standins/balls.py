@@ -62,9 +62,7 @@ def count_of(name: str) -> int | None:
 
 
 def scene(name: str) -> Scene:
-    """The scene of such a name; its triangle count is within 10 % of the number in the name. Raises :class:`UserError`
-    for more triangles than can be indexed.
-    """
+    """The scene of such a name, within 10 % of its count. Raises :class:`UserError` for more than can be indexed."""
     known = read_name(name)
     assert known is not None
     if known.count > MAX_TRIANGLES:

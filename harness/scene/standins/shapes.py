@@ -38,9 +38,7 @@ def transform(
     mesh: Mesh, *, scale: float | Sequence[float] | None = None, rotate: tuple[Sequence[float], float] | None = None,
     translate: Sequence[float] | None = None,
 ) -> Mesh:  # fmt: skip
-    """The mesh moved: ``scale``, then ``rotate``, then ``translate``. ``rotate`` is (axis, degrees), right-handed. A
-    mirror image gets its faces turned: outside stays outside.
-    """
+    """The mesh scaled, then rotated (axis, degrees; right-handed), then moved; mirrored faces are turned."""
     linear = np.eye(3)
     if scale is not None:
         linear = np.diag(np.broadcast_to(np.asarray(scale, dtype=np.float64), 3))
@@ -71,9 +69,7 @@ def rotation(axis: Sequence[float], degrees: float) -> F64:
 
 
 def patch(points: ArrayLike, wrap_u: bool = False, wrap_v: bool = False) -> Mesh:
-    """A surface through points [nu, nv, 3], two triangles per quad, facing along (d/du) x (d/dv). ``wrap_u`` and
-    ``wrap_v`` join the last row or column to the first.
-    """
+    """A surface through points [nu, nv, 3], facing along (d/du) x (d/dv); ``wrap_u``, ``wrap_v`` close it."""
     net = np.asarray(points, dtype=np.float64)
     nu, nv = net.shape[:2]
     i = np.arange(nu if wrap_u else nu - 1)[:, None]

@@ -190,9 +190,7 @@ def aimed(animation: Entry) -> list[tuple[Any, str]]:
 
 
 def _aim(channel: Entry) -> tuple[Any, str] | None:
-    """The node and the path that a channel moves; None for what is not drawn or belongs to no node. Raises
-    :class:`UserError` for a pointer to something else that may be drawn.
-    """
+    """Node and path that a channel moves; None for what is not drawn. Raises :class:`UserError` for odd pointers."""
     target = channel.object("target")
     target.refuse_unknown()
     said, path = target.extension("KHR_animation_pointer"), target.get("path")

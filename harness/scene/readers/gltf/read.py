@@ -96,9 +96,7 @@ def _displaced(vertices: Vertices, weights: Sequence[float] | NDArray) -> Floats
 
 
 def _transformed(points: Floats, matrices: Matrices, result: Floats) -> None:
-    """Write each transform of the points into ``result`` [matrix_count, point_count, 3]. Points that no transform moves
-    stay as they are stored, bit for bit.
-    """
+    """Write transforms of points to ``result`` [matrix_count, point_count, 3]; unmoved ones stay bit for bit."""
     with np.errstate(over="ignore", invalid="ignore"):
         if (matrices == np.eye(4)).all():
             result[:] = points

@@ -122,9 +122,7 @@ class Instancer:
         self.moves = vary(read) or any(prototype.moves for prototype in prototypes)
 
     def placed(self, time: float) -> Placed:
-        """The shapes of all instances, in the instancer's space. Raises :class:`UserError` if the arrays contradict
-        each other or the instances have too many triangles.
-        """
+        """The shapes of all instances, in the instancer's space. Raises :class:`UserError` for arrays that disagree."""
         which = array(self._prim.GetProtoIndicesAttr(), time, np.int64)
         if not len(which):
             return Placed.joined([])

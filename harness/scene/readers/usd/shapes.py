@@ -191,9 +191,7 @@ def bindings(root: Any, predicate: Any) -> dict[str, Skin]:
 
 
 class Skinned(Shape):
-    """A shape after its blend shapes, then its joints, as the library UsdSkel computes them. If it has joints, its positions
-    are in the skeleton's space.
-    """
+    """A shape after blend shapes, then joints, by UsdSkel; with joints, in the skeleton's space."""
 
     def __init__(self, path: Path, rest: Shape, skin: Skin) -> None:
         self._path, self._rest, self._skin, query = path, rest, skin, skin.query
