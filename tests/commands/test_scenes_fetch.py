@@ -11,8 +11,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from helpers import mesh_files as files
+from helpers.mesh_files import zipped
 from helpers.tiny_runs import TETRAHEDRON
-from helpers.zipped import zipped
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue, download

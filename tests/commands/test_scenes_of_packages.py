@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import mesh_files as files
-from helpers.zipped import zipped
+from helpers.mesh_files import zipped
 from shadowbench.harness.commands.scenes import scenes
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue, from_packages

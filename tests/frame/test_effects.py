@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import assert_same
 from helpers.effect_scenes import (
     BEHIND,
     EXACT,
@@ -20,6 +19,7 @@ from helpers.effect_scenes import (
     scene,
     session_of,
 )
+from helpers.small_scenes import assert_same
 from shadowbench.harness.frame import frame as frame_module
 from shadowbench.harness.frame.method import BaseMethod
 from shadowbench.harness.judge.context import Judge

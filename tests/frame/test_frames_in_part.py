@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 import warp as wp
-from helpers.answers import answers_in, assert_same
 from helpers.devices import needs_gpu
 from helpers.effect_scenes import (
     BEHIND,
@@ -21,6 +20,7 @@ from helpers.effect_scenes import (
     session_of,
     session_or_skip,
 )
+from helpers.small_scenes import answers_in, assert_same
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.schedule import capture, passes
 from shadowbench.harness.frame.schedule.needed import live, stale, steps

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers import small_scenes
-from helpers.answers import answers_in, assert_same
 from helpers.mirror_scenes import EXACT, INEXACT, SIZE, answered, hall_of_mirrors, plane_and_ball, with_mirrors
+from helpers.small_scenes import answers_in, assert_same
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.frame import BOUNCED, Frame
 from shadowbench.harness.frame.method import SimpleMethod

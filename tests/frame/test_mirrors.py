@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in, assert_same
 from helpers.method_trials import hard_trials
 from helpers.mirror_scenes import (
     EXACT,
@@ -18,6 +17,7 @@ from helpers.mirror_scenes import (
     plane_and_ball,
     with_mirrors,
 )
+from helpers.small_scenes import answers_in, assert_same
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.answer_files import save_raw, score_raw

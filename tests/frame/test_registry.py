@@ -1,16 +1,21 @@
-"""Methods by name: parameters from text, and a method that comes in someone else's package."""
+"""Methods as the registry finds them; cards with ray tracing units; Warp's headers, precompiled once for all processes."""
 
 import importlib
 import re
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
+import warp as wp
 from helpers.installed_package import declare_methods
 from helpers.right_and_wrong_methods import Point
 from shadowbench.harness.errors import UserError, did_you_mean
 from shadowbench.harness.frame import registry
+from shadowbench.harness.frame.cards import has_ray_tracing_units
+from shadowbench.harness.frame.devices import start_warp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.scene.scene import Camera, Light, Scene
 
@@ -168,3 +173,49 @@ def test_a_method_of_another_package_is_found_and_says_where_it_runs(installed):
 def test_an_entry_point_that_leads_nowhere_is_one_line(installed):
     with pytest.raises(UserError, match=r"'gone': someones_method:Missing cannot be imported"):
         registry.make_method("gone")
+
+
+@pytest.mark.parametrize(
+    ("capability", "name", "has"),
+    [
+        (61, "NVIDIA GeForce GTX 1080", False), (70, "Tesla V100-SXM2-16GB", False),
+        (75, "NVIDIA GeForce RTX 2080 Ti", True), (75, "Quadro RTX 6000", True), (75, "TITAN RTX", True),
+        (75, "Tesla T4", True), (75, "NVIDIA GeForce GTX 1660 Ti", False), (75, "NVIDIA T1000", False),
+        (80, "NVIDIA A100-SXM4-80GB", False), (86, "NVIDIA A10", True), (86, "NVIDIA GeForce RTX 3090", True),
+        (89, "NVIDIA L40S", True), (90, "NVIDIA H100 80GB HBM3", False), (90, "NVIDIA H200", False),
+        (100, "NVIDIA B200", False), (120, "NVIDIA GeForce RTX 5090", True), (87, "Orin", None),
+    ],
+)  # fmt: skip
+def test_ray_tracing_units(capability, name, has):
+    assert has_ray_tracing_units(capability, name) is has
+
+
+@pytest.fixture
+def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty folder of compiled kernels."""
+    with monkeypatch.context() as changed:
+        changed.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
+        start_warp()
+        yield tmp_path
+    start_warp()
+
+
+def compiled(number: int) -> int:
+    """What a kernel that has to be compiled writes: the number."""
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def write_kernel(result: wp.array(dtype=wp.int32)):
+        result[0] = wp.static(number)
+
+    result = wp.zeros(1, dtype=wp.int32, device="cpu")
+    wp.launch(write_kernel, dim=1, outputs=[result], device="cpu")
+    return int(result.numpy()[0])
+
+
+def test_the_copy_lies_beside_the_kernels_and_serves_the_next_one(kernels, capfd):
+    assert compiled(41) == 41
+    (copy,) = kernels.glob("wp_headers_*/*.pch")
+    made = copy.stat().st_mtime_ns
+    assert compiled(42) == 42
+    assert copy.stat().st_mtime_ns == made
+    assert "PCH" not in capfd.readouterr().err

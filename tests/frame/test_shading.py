@@ -4,10 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.answers import assert_same, trace
 from helpers.method_trials import box
 from helpers.mirror_scenes import FLOATING, seen_from_within, with_mirrors
-from helpers.small_scenes import make_scene
+from helpers.small_scenes import assert_same, make_scene, trace
 from PIL import Image
 from shadowbench.harness.commands import render as render_command
 from shadowbench.harness.frame.effects.shading import AMBIENT, HEADLIGHT, REFLECTANCE, SKY_BOTTOM, SKY_TOP, shaded

@@ -11,9 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import assert_same
 from helpers.launched import launched
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.schedule.threads import at_once, cpu_threads, processors, ranges, threads_given

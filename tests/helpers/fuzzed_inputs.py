@@ -44,8 +44,8 @@ from shadowbench.harness.typed_json import checked
 from . import mesh_files
 from .experiment_records import record_of, write_records
 from .fuzzed_bytes import VALUES, changed, damaged
+from .mesh_files import zipped
 from .reader_seeds import seeds
-from .zipped import zipped
 
 READ, REFUSED, STOPPED = "read", "refused", "reader stopped"
 """What may come of a case. A reader that its limits or a signal have stopped is a fault of its own, not of the program."""

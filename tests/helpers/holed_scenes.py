@@ -2,9 +2,8 @@
 
 from functools import cache
 
-from helpers.answers import trace
 from helpers.judged_hard_cases import exact_methods
-from helpers.small_scenes import make_scene
+from helpers.small_scenes import make_scene, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.shapes import ball_on_floor
 from shadowbench.harness.judge.context import Judge

@@ -1,14 +1,21 @@
 """Small mesh files written by hand, byte for byte, for the tests of loading."""
 
+import contextlib
+import io
 import struct
+import tracemalloc
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.scene import shape
+from shadowbench.harness.scene.readers.checks import Loaded
 from shadowbench.harness.scene.readers.load import load
 
-from .gltf_files import Gltf, binary
+from .gltf_samples import Gltf, binary
 
 QUAD = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]], dtype=np.float32)
 FACES = [(0, 1, 2), (0, 2, 3), (0, 1, 4), (1, 2, 4)]
@@ -127,3 +134,26 @@ def refused(path, *words, read=load) -> str:
     for word in words:
         assert word in line
     return line
+
+
+def shape_of(loaded: Loaded) -> shape.Shape:
+    return shape.shape_of(loaded.geometry(), loaded.up)
+
+
+@contextlib.contextmanager
+def traced_memory() -> Iterator[Callable[[], int]]:
+    """In the block the call that it gives tells the most bytes that were held at once since its beginning."""
+    tracemalloc.start()
+    try:
+        yield lambda: tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def zipped(files: Mapping[str, str | bytes], how: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """The bytes of a ZIP file."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", how) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()

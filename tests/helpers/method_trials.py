@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from helpers.answers import Answers, trace
 from helpers.exact_answers import assert_right, exact_answers
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import Answers, make_scene, soup, trace
 from numpy.typing import NDArray
 from shadowbench.harness.hardcases import shapes
 from shadowbench.harness.scene.moment import Moment

@@ -4,9 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.answers import trace
 from helpers.method_trials import box
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import make_scene, soup, trace
 from shadowbench.harness.hardcases.shapes import Mesh, ball, joined, quad
 from shadowbench.harness.judge.reference import embree_installed
 from shadowbench.harness.scene.prepared import Prepared, prepare

@@ -1,6 +1,6 @@
 """The paper's method under drawn settings of its knobs."""
 
-from helpers.answers import trace
+from helpers.small_scenes import trace
 from shadowbench.methods.perspective_spherical.parameters import (
     BALANCING,
     CLAMPS,

@@ -13,8 +13,7 @@ from shadowbench.harness.scene.scene import Scene
 from shadowbench.harness.scene.views import view
 
 from .fuzzed_inputs import READ, refusal
-from .loaded_shapes import shape_of
-from .traced_memory import traced_memory
+from .mesh_files import shape_of, traced_memory
 
 ROOM = 1 << 19
 """What a reader may hold beside ten times the file: its own tables and buffers, whatever the file."""

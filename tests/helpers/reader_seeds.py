@@ -11,8 +11,7 @@ from shadowbench.harness.scene.readers import usd
 from . import mesh_files as files
 from . import threemf_files as threemf
 from .gltf_samples import FACES, POINTS, draco, everything, packed
-from .usd_figure import skinned
-from .usd_stages import mesh, moved_by
+from .usd_stages import mesh, moved_by, skinned
 
 MIXED = [(0, 1, 2, 3), (0, 1, 4), (0, 1, 2, 3, 4)]
 CONCAVE = [(0, 3, 0), (0, 0, 0), (4, 0, 0), (4, 3, 0), (3, 3, 0), (3, 1, 0), (1, 1, 0), (1, 3, 0)]

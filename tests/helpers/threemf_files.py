@@ -4,7 +4,7 @@ import zipfile
 
 from helpers import mesh_files as files
 
-from .zipped import zipped
+from .mesh_files import zipped
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"

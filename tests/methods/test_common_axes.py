@@ -1,10 +1,14 @@
-"""Axes of vectors (``axes.py``), and their casts, sums and largest coordinates (``vectors.py``), as Python runs them."""
+"""Axes of vectors (``axes.py``), and their casts, sums and largest coordinates (``vectors.py``), as Python runs them;
+and how much room a list (``common/pairs.py``) gets that did not suffice, or only just.
+"""
 
 import numpy as np
 import pytest
 import warp as wp
+from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.vectors import largest, to_float32, to_float64, total
 from shadowbench.methods.common.axes import axes_along, brought_nearer, longest_axis
+from shadowbench.methods.common.pairs import PAIR_BYTES, SPARE, grown
 
 
 @pytest.mark.parametrize("kind", [wp.vec3f, wp.vec3d])
@@ -47,3 +51,31 @@ def test_axes_along_a_direction_are_a_rotation(seed):
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(np.cross(axes[1], axes[0]), axes[2], atol=1e-15)
     assert axes[2, 1] >= 0 or abs(forward[1]) > 0.8, "y points up"
+
+
+AMPLE = 1 << 30
+
+
+@pytest.mark.parametrize(("needed", "capacity", "room"), [(0, 0, 0), (1, 1, 1), (1600, 1600, 1600), (1600, 1599, 3157)])
+def test_a_list_whose_need_is_always_the_same_has_room_for_it(needed, capacity, room):
+    assert grown(needed, capacity, AMPLE, "pairs") == room
+
+
+@pytest.mark.parametrize(
+    ("needed", "capacity", "room"),
+    [(0, 0, 0), (1, 1, 1), (1600, 2400, 2400), (1600, 2399, 4624), (1_325_773, 1_756_272, 2_984_012)],
+)
+def test_what_another_run_of_the_frame_may_need_is_there(needed, capacity, room):
+    """The last: 1,970,326 pairs were seen after 1,325,773. A run that needs so much more asks for no more room."""
+    assert grown(needed, capacity, AMPLE, "pairs", varies=True) == room
+    assert room >= needed + needed // SPARE
+    if room > capacity:
+        assert grown(needed + needed // SPARE, room, AMPLE, "pairs", varies=True) == room
+
+
+def test_what_fits_is_not_rejected_for_want_of_room_to_spare():
+    memory = 1000 * PAIR_BYTES
+    assert grown(990, 1000, memory, "pairs", varies=True) == 1000
+    assert grown(990, 500, memory, "pairs", varies=True) == 1000
+    with pytest.raises(CapacityRejected, match="needs 1,001 pairs"):
+        grown(1001, 1000, memory, "pairs", varies=True)

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import Answers, assert_same, trace
 from helpers.method_trials import TRIALS, assert_exact, assert_misses, assert_nearly, moving, random_trial
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import Answers, assert_same, make_scene, soup, trace
 from helpers.streams import trial
 from helpers.tuned_trees import tuned
 from shadowbench.harness.errors import CapacityRejected, UserError

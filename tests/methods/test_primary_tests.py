@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.small_scenes import make_scene, soup
+import warp as wp
+from helpers.effect_scenes import BEHIND, POINT, SPOT, all_mirrors, scene, session_or_skip
+from helpers.small_scenes import assert_same, make_scene, soup
 from helpers.streams import trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.shapes import plane
 from shadowbench.harness.scene.prepared import prepare
-from shadowbench.harness.scene.scene import Light
+from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.methods.perspective_spherical.light import placement
+from shadowbench.methods.trees.trace import tree_rays
 
 WIDTH, HEIGHT = 40, 30
 TRIANGLES = 60
@@ -89,3 +93,48 @@ def test_a_tree_tests_what_its_shadow_rays_meet(prepared, precision, device):
 def test_both_triangles_of_a_leaf_are_counted(device):
     square = make_scene(*plane(2, 0, 1), [(0.0, 0.0, 4.0)], (0.0, 0.0, 3.0))
     assert (counted(square, "bvh2", None, device) == 2).all()
+
+
+SIZE = 96, 64
+METHODS = [
+    ("bvh2", {}),
+    ("bvh2", {"precision": "float32"}),
+    ("hybrid", {"shadows": "tree"}),
+    ("perspective_spherical", {}),
+    ("perspective_spherical", {"clamp": "scene", "light_map": "cube"}),
+    ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3"}),
+]
+AWAY = Light((0.0, 5.0, 0.0), spot=Spot((0.0, 1.0, 0.0), 10.0))
+SCENES = {
+    "spots": {"lights": (SPOT, BEHIND, AWAY)},
+    "facing": {"lights": (POINT, BEHIND), "facing": True},
+    "facing spots": {"lights": (SPOT, BEHIND), "facing": True},
+    "mirrored": {"lights": (SPOT, POINT), "mirror": all_mirrors, "bounces": 1},
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("method", "settings"), METHODS, ids=str)
+def test_a_method_marks_the_receivers_that_the_harness_marks(method, settings, name, device, monkeypatch):
+    prepared = scene(**SCENES[name])
+    moment = prepared.moment(0, *SIZE)
+    monkeypatch.setattr(tree_rays, "marks_receivers", lambda cuda, effects: True)
+    monkeypatch.setattr(placement, "marks_receivers", lambda cuda: True)
+    marked = session_or_skip(method, settings, prepared, device, SIZE)
+    by_harness = Session(make_method("uniform_grid", {}), prepared, *SIZE, device)
+    wanted, found = by_harness.answers(moment), marked.answers(moment)
+    np.testing.assert_array_equal(marked.frame.receivers.numpy(), by_harness.frame.receivers.numpy())
+    assert 0 < marked.frame.receivers.numpy()[0].sum() < (wanted["triangle"] >= 0).sum()
+    if settings.get("precision") != "float32":
+        assert_same(found, wanted)
+    passes = [work.name for work in marked.all_passes]
+    assert "light 0: receivers" not in passes
+    assert not [work.name for work in marked.all_passes if work.only_if is not None and "bounce" not in work.name]
+
+
+@pytest.mark.skipif(wp.is_cuda_available(), reason="a GPU has no pass for receivers")
+@pytest.mark.parametrize(("method", "settings"), METHODS, ids=str)
+def test_on_a_cpu_a_light_that_reaches_nothing_is_left_out(method, settings):
+    session = Session(make_method(method, settings), scene((AWAY, POINT)), *SIZE, "cpu")
+    conditional = [work.name for work in session.all_passes if work.only_if is not None]
+    assert [name for name in conditional if name.startswith("light 0: shadow rays")]

@@ -6,13 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.answers import assert_same
 from helpers.closed_meshes import rays_along_an_edge, rays_through_vertices
 from helpers.drawn_examples import CLOSED, exact_hits, some
 from helpers.lattice_examples import CULLING, Example, answers_of, fresh_method, true_errors
 from helpers.method_trials import box
 from helpers.paper_knobs import answers_of as knob_answers
-from helpers.small_scenes import make_scene
+from helpers.small_scenes import assert_same, make_scene
 from hypothesis import given
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

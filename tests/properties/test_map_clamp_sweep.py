@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.answers import assert_same
 from helpers.judged_hard_cases import EVERYTHING
 from helpers.real_scenes import MESHES, needs_real
+from helpers.small_scenes import assert_same
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

@@ -1,16 +1,17 @@
-"""Tables and pictures: what a person sees must say what was measured, how wrong it was, and what it stands for."""
+"""``shadowbench report`` of Table 1 and ``shadowbench show``: tables, bars and notes; the same records, the same files."""
 
 import re
 
 import pandas as pd
 import pytest
-from helpers.experiment_records import write_records
-from helpers.table1_records import METHODS, SCENES, record, score
+from helpers.experiment_records import METHODS, SCENES, record, score, write_records
 from shadowbench.experiments import table1
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document, numbers, panels
 from shadowbench.harness.report import paper_table1 as paper
 from shadowbench.harness.results.record import Record
-from shadowbench.harness.results.schema import checked
+from shadowbench.harness.results.schema import checked, newest
 from shadowbench.harness.results.table import table_of
 
 
@@ -244,3 +245,59 @@ def test_times_of_two_runs_stand_apart_and_none_is_best(records, tmp_path):
     table1.draw(tmp_path, quiet=True)
     text = (tmp_path / "table1.md").read_text()
     assert "were measured in 2 runs, which are not compared" in text
+
+
+@pytest.fixture
+def two_scenes():
+    return [record(scene, method) for scene in ("fairy", "bunny") for method in METHODS]
+
+
+def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
+    old = record("bunny", "warp_bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
+    new = record("bunny", "warp_bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
+    other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
+    write_records(tmp_path, [new, old, other])
+    chosen, older = newest(tmp_path)
+    assert {made.key for made in chosen} == {"new", other["key"]}
+    assert older == 1
+    table1.draw(tmp_path, quiet=True)
+    assert (
+        "older records of these points, or of other scenes of their names: 1." in (tmp_path / "table1.md").read_text()
+    )
+
+
+def test_show_draws_again_and_says_what_is_wrong_with_a_folder(two_scenes, tmp_path, capsys):
+    write_records(tmp_path, two_scenes)
+    first = [file.read_bytes() for file in show("table1", tmp_path)]
+    assert "Table 1: build, trace and shadow times" in capsys.readouterr().out
+    assert [file.read_bytes() for file in show("table1", tmp_path, quiet=True)] == first
+    assert capsys.readouterr().out == ""
+    for name, folder, said in (
+        ("tabel1", tmp_path, "did you mean table1"),
+        ("table1", tmp_path / "elsewhere", "no such folder"),
+        ("table1", tmp_path / "records", "no records"),
+        ("figure2", tmp_path, "its records belong to table1, not to figure2; run shadowbench show table1 "),
+    ):
+        with pytest.raises(UserError, match=said):
+            show(name, folder)
+
+
+def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(two_scenes, tmp_path):
+    folder, out = write_records(tmp_path / "kept", two_scenes), tmp_path / "out"
+    table1.draw(folder, quiet=True)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for path in (folder / "table1.md", folder):
+        path.chmod(0o555)
+    files = show("table1", folder, quiet=True, out=out)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    assert {file.parent for file in files} == {out}
+    for name in ("table1.csv", "table1.md", "table1.svg"):
+        assert (out / name).read_bytes() == before[folder / name]
+    assert sorted(path.name for path in out.iterdir()) == ["table1.csv", "table1.md", "table1.svg"], "no link stays"
+    folder.chmod(0o755)
+    (folder / "records" / "torn.json").write_text("{")
+    with pytest.raises(UserError, match=re.escape(str(folder / "records" / "torn.json"))):
+        show("claims", folder, quiet=True, out=out)
+    (folder / "records" / "torn.json").unlink()
+    with pytest.raises(UserError, match="has records of its own"):
+        show("table1", folder, quiet=True, out=folder)

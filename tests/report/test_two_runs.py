@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers.experiment_records import record_of, write_records
-from helpers.table1_records import score
+from helpers.experiment_records import record_of, score, write_records
 from shadowbench.harness.report import two_runs
 from shadowbench.harness.results.throttled import throttled
 from shadowbench.harness.runner.planning.experiment import Entry

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
+from helpers.mesh_files import traced_memory
 from helpers.tiny_runs import options
-from helpers.traced_memory import traced_memory
 from shadowbench.harness import files
 from shadowbench.harness.commands.compare import compare
 from shadowbench.harness.commands.keep import keep

@@ -5,8 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.experiment_records import write_records
-from helpers.table1_records import METHODS, SCENES, record, score
+from helpers.experiment_records import METHODS, SCENES, record, score, write_records
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results import points, samples, tidy
 from shadowbench.harness.results.table import COUNTS, NUMBERS, TEXTS, stage_ms

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import mesh_files as files
-from helpers.loaded_shapes import shape_of
+from helpers.mesh_files import shape_of
 from helpers.real_scenes import REAL, needs_real
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.hardcases import shapes

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from helpers import mesh_files as files
-from helpers.gltf_files import CORNERS, SQUARE, Gltf, binary, bounds, square
+from helpers.gltf_samples import CORNERS, SQUARE, Gltf, binary, bounds, square
 from helpers.mesh_files import refused, written
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

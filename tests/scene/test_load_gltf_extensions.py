@@ -5,8 +5,7 @@ import sys
 import meshopt
 import numpy as np
 import pytest
-from helpers.gltf_files import CORNERS, SQUARE, Gltf, bounds, square
-from helpers.gltf_samples import DRACO, FACES, POINTS, draco, instanced, packed
+from helpers.gltf_samples import CORNERS, DRACO, FACES, POINTS, SQUARE, Gltf, bounds, draco, instanced, packed, square
 from helpers.mesh_files import refused
 from shadowbench.harness.scene.readers.load import load
 

@@ -5,9 +5,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from helpers.mesh_files import refused, written
+from helpers.mesh_files import refused, written, zipped
 from helpers.usd_stages import HEAD, bounds, mesh, moved_by, needs_usd
-from helpers.zipped import zipped
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.readers.checks import Wanted

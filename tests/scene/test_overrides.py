@@ -1,15 +1,20 @@
-"""Lightings of an experiment: distances in radii, several lights, spots, frames for a moving light; count maps."""
+"""Lightings of an experiment: distances in radii, several lights, spots, paths of a moving light; count maps."""
 
 import dataclasses
 import json
+import math
 
 import numpy as np
 import pytest
 from helpers.tiny_runs import write_scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from shadowbench.harness.results.disputes import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.light_paths import Orbit, spread
 from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import prepare, under
+from shadowbench.harness.scene.scene import Light
 from shadowbench.harness.scene.spotlight import CONE, RECTANGLE, spot_row
 
 
@@ -118,3 +123,61 @@ def test_maps_keep_every_count(tmp_path):
     assert (read_map(tmp_path / "maps" / "a.png") == counts).all()
     with pytest.raises(ValueError, match="do not fit"):
         write_map(tmp_path / "b.png", counts + 1)
+
+
+LIGHT = Light((3.0, 2.0, 1.0), shadows=False, color=(1.0, 0.5, 0.25), intensity=4.0)
+finite = st.floats(-100, 100)
+
+
+def at(path, share, light=LIGHT):
+    (moved,) = path.at((light,), share)
+    return np.array(moved.position)
+
+
+def test_a_quarter_of_an_orbit_is_right_handed():
+    assert np.allclose(at(Orbit((0.0, 0.0, 0.0)), 0.25, Light((1.0, 5.0, 0.0))), [0, 5, -1])
+
+
+@given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), st.floats(0, 1), st.floats(-3, 3))
+@settings(derandomize=True, max_examples=60, deadline=None)
+def test_an_orbit_keeps_radius_and_height(centre, axis, share, turns):
+    if np.linalg.norm(axis) < 1e-3:
+        return
+    before, after = np.array(LIGHT.position) - centre, at(Orbit(centre, axis, turns), share) - centre
+    unit = np.array(axis) / np.linalg.norm(axis)
+    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before), abs=1e-9)
+    assert after @ unit == pytest.approx(before @ unit, abs=1e-9)
+
+
+def test_an_orbit_begins_and_ends_where_the_light_is():
+    path = Orbit((1.0, 1.0, 1.0), (0.2, 1.0, 0.3), 2.0)
+    assert np.allclose(at(path, 0.0), LIGHT.position)
+    assert np.allclose(at(path, 1.0), LIGHT.position)
+
+
+def test_a_moved_light_keeps_all_else():
+    (moved,) = Orbit((0.0, 0.0, 0.0)).at((LIGHT,), 0.3)
+    assert moved == LIGHT.moved(moved.position)
+    assert moved.position != LIGHT.position
+
+
+def test_several_lights_from_one():
+    lights = spread(LIGHT, (0.0, 0.0, 0.0), 4)
+    assert len(lights) == 4
+    assert sum(light.intensity for light in lights) == pytest.approx(4.0)
+    places = np.array([light.position for light in lights])
+    assert np.allclose(places[0], LIGHT.position)
+    assert np.allclose(places[2], [-3, 2, -1])
+    gaps = np.linalg.norm(places - np.roll(places, 1, axis=0), axis=1)
+    assert np.allclose(gaps, math.sqrt(10) * math.sqrt(2))
+    assert all(not light.shadows and light.color == LIGHT.color for light in lights)
+    about_z = spread(LIGHT, (0.0, 0.0, 0.0), 2, (0.0, 0.0, 1.0))
+    assert np.allclose(about_z[1].position, [-3, -2, 1])
+
+
+@pytest.mark.parametrize(
+    "wrong", [lambda: at(Orbit((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.5), lambda: spread(LIGHT, (0.0, 0.0, 0.0), 0)]
+)
+def test_a_path_that_leads_nowhere_is_refused(wrong):
+    with pytest.raises(ValueError, match="must be"):
+        wrong()

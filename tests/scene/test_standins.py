@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from helpers.mesh_checks import areas, edge_faults
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -18,6 +18,24 @@ from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Geometry
 from shadowbench.harness.scene.standins import bodies, bunny_dragon, cloth, fairy, implicit, shapes
 from shadowbench.harness.scene.standins.motion import Swing
+from shadowbench.harness.scene.standins.shapes import Mesh
+
+
+def edge_faults(faces: NDArray[np.integer]) -> int:
+    """How many directed edges lack a single partner the other way: 0 if closed and consistently oriented."""
+    count = int(faces.max()) + 1 if len(faces) else 0
+    start, end = faces.astype(np.int64).ravel(), np.roll(faces, -1, axis=1).astype(np.int64).ravel()
+    forward, backward = np.sort(start * count + end), np.sort(end * count + start)
+    repeated = int((forward[1:] == forward[:-1]).sum())
+    alone = np.setdiff1d(forward, backward, assume_unique=repeated == 0)
+    return repeated + len(alone)
+
+
+def areas(mesh: Mesh) -> NDArray[np.float64]:
+    """Area of each triangle in square metres, float64 [triangle_count]."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
 
 TABLE_1 = dict(zip(PAPER, (174_000, 82_000, 252_000, 284_000, 92_000, 1_087_716), strict=True))
 """Triangles in the paper's Table 1."""

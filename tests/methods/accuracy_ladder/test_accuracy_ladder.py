@@ -4,9 +4,8 @@
 
 import numpy as np
 import pytest
-from helpers.answers import trace
 from helpers.method_trials import expected, lattice
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import make_scene, soup, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases.shapes import joined, moved
 

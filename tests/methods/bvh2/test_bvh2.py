@@ -5,7 +5,6 @@ import functools
 from typing import Any
 
 import pytest
-from helpers.answers import Answers, assert_same, trace
 from helpers.drawn_examples import EXAMPLES, some
 from helpers.effect_scenes import all_mirrors
 from helpers.holed_scenes import SIZE as HOLED_SIZE
@@ -13,7 +12,7 @@ from helpers.holed_scenes import holed
 from helpers.lattice_examples import Example, true_errors
 from helpers.method_trials import assert_exact, assert_nearly, random_trial
 from helpers.mirror_scenes import answered, hall_of_mirrors
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import Answers, assert_same, make_scene, soup, trace
 from helpers.tuned_trees import tuned
 from hypothesis import given
 from hypothesis import strategies as st

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.answers import trace
 from helpers.method_trials import assert_exact
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import make_scene, soup, trace
 from shadowbench.harness.frame.registry import make_method
 
 NAME = "coherent_grid"

@@ -6,11 +6,10 @@ import sys
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import trace
 from helpers.holed_scenes import SIZE, answers_of, holed
 from helpers.method_trials import TRIALS, assert_lit, assert_misses, assert_nearly
 from helpers.mirror_scenes import answered, hall_of_mirrors, plane_and_ball
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import make_scene, soup, trace
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

@@ -7,7 +7,9 @@ the project knows of memory that a library holds, shaders as further sources, la
 import importlib
 import re
 import sys
+from enum import IntFlag
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -15,7 +17,6 @@ import pytest
 from helpers.holed_scenes import holed
 from helpers.installed_package import declare_methods
 from helpers.mirror_scenes import hall_of_mirrors
-from helpers.recorded_slangpy import Recording, recorded
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame import registry
@@ -28,6 +29,46 @@ from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.methods import driver
 from shadowbench.methods.driver import device, memory
 from shadowbench.methods.rays.offset import SHADOW_END
+
+SIZES = {"acceleration_structure_size": 1000, "scratch_size": 64, "update_scratch_size": 32}
+
+
+class Flags(IntFlag):
+    none, allow_update, prefer_fast_trace, prefer_fast_build = 0, 1, 4, 8
+
+
+class Recording:
+    """What slangpy was asked for. ``arguments``: of each root object; ``memory``: of each buffer; ``builds``: in order."""
+
+    def __init__(self) -> None:
+        self.arguments: list[dict] = []
+        self.memory: list[np.ndarray] = []
+        self.slangpy, self.device = MagicMock(), MagicMock()
+        self.slangpy.AccelerationStructureBuildFlags = Flags
+        self.slangpy.AccelerationStructureBuildDesc = lambda facts: SimpleNamespace(**facts)
+        self.slangpy.ShaderCursor.side_effect = lambda root: self.arguments.append({}) or self.arguments[-1]
+        self.device.get_acceleration_structure_sizes.return_value = SimpleNamespace(**SIZES)
+        self.device.create_buffer.side_effect = self._buffer
+
+    def _buffer(self, size: int, usage: object) -> SimpleNamespace:
+        self.memory.append(np.zeros(size, dtype=np.uint8))
+        return SimpleNamespace(device_address=self.memory[-1].ctypes.data, size=size)
+
+    @property
+    def builds(self) -> list:
+        encoder = self.device.create_command_encoder.return_value
+        return [call.kwargs for call in encoder.build_acceleration_structure.call_args_list]
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch, device: object, memory: object) -> Recording:
+    """A recording in the place of slangpy and of what ``device`` and ``memory``, modules of the method, make with it."""
+    made = Recording()
+    monkeypatch.setitem(sys.modules, "slangpy", made.slangpy)
+    monkeypatch.setattr(device, "device_of", lambda api, alias: made.device)
+    monkeypatch.setattr(device, "pipeline_of", lambda api, alias, holes: ("program", "pipeline", "table"))
+    monkeypatch.setattr(memory.SharedMemory, "submit", lambda self, encoder, reads=(), writes=(): encoder.finish())
+    return made
+
 
 SHADERS = Path(device.__file__).with_name("rays.slang").read_text(encoding="utf-8")
 OWN = Path(driver.__file__).parent

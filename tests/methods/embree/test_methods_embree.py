@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from helpers.answers import assert_same, trace
 from helpers.method_trials import assert_lit, assert_nearly, lattice, moving, random_trial
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup, trace
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

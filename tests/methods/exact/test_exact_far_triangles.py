@@ -20,14 +20,10 @@ DISTANCE = 2.0**20
 
 @wp.kernel
 def fan_kernel(
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
-    beyond: wp.array(dtype=wp.vec3d),
-    rings: wp.array2d(dtype=wp.vec3f),
-    weld: wp.array2d(dtype=wp.int32),
-    hits: wp.array(dtype=wp.int32),
+    origins: wp.array(dtype=wp.vec3f), directions: wp.array(dtype=wp.vec3f), beyond: wp.array(dtype=wp.vec3d),
+    rings: wp.array2d(dtype=wp.vec3f), weld: wp.array2d(dtype=wp.int32), hits: wp.array(dtype=wp.int32),
     shadows: wp.array(dtype=wp.int32),
-):
+):  # fmt: skip
     """Triangles of each fan that the ray hits, and that cut the segment from ``beyond`` to the ray's origin."""
     i = wp.tid()
     a = wp.vec3f(0.0, 0.0, 0.0)

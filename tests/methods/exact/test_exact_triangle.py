@@ -17,12 +17,9 @@ COUNT = 20_000
 
 @wp.kernel
 def distance_kernel(
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
-    corners: wp.array2d(dtype=wp.vec3f),
-    weld: wp.array(dtype=wp.vec3i),
-    found: wp.array(dtype=wp.float64),
-):
+    origins: wp.array(dtype=wp.vec3f), directions: wp.array(dtype=wp.vec3f), corners: wp.array2d(dtype=wp.vec3f),
+    weld: wp.array(dtype=wp.vec3i), found: wp.array(dtype=wp.float64),
+):  # fmt: skip
     i = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     found[i] = hit_distance(Ray(origins[i], directions[i]), triangle, weld[i])
@@ -92,12 +89,9 @@ def spare_kernel(triangles: wp.array(dtype=wp.int32), spare: wp.array(dtype=wp.i
 
 @wp.kernel(enable_backward=False)
 def order_kernel(
-    triangles: wp.int32,
-    t: wp.array2d(dtype=wp.float64),
-    name: wp.array2d(dtype=wp.int32),
-    ordered: wp.array(dtype=wp.bool),
-    by_keys: wp.array(dtype=wp.bool),
-):
+    triangles: wp.int32, t: wp.array2d(dtype=wp.float64), name: wp.array2d(dtype=wp.int32),
+    ordered: wp.array(dtype=wp.bool), by_keys: wp.array(dtype=wp.bool),
+):  # fmt: skip
     i = wp.tid()
     ordered[i] = nearer_of(triangles, t[i, 0], name[i, 0], t[i, 1], name[i, 1])
     spare = spare_bits(triangles)

@@ -1,10 +1,11 @@
-"""Which cells a triangle is listed in (``grids/pairs.py``): all that it meets, and few others."""
+"""Which cells a triangle is listed in (``grids/pairs.py``, ``grids/binning.py``); rays through the cells of one grid
+(``grids/walk.py``, ``grids/cells.py``); and where a grid lies (``grids/build.py``, ``grids/grid.py``).
+"""
 
 import numpy as np
 import pytest
-from helpers.answers import trace
 from helpers.method_trials import TRIALS, assert_exact, lattice, listed, random_trial
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import answers_in, assert_same, make_scene, soup, trace
 from shadowbench.harness.hardcases.shapes import joined, moved
 
 NAME = "uniform_grid"
@@ -48,3 +49,35 @@ def test_large_triangles_take_the_queue_and_change_nothing():
     session, _, _ = trace(NAME, {"density": "60"}, prepared, 16, 16)
     assert session.method.counters()["large triangles"] >= 2
     assert_exact(NAME, {"density": "60"}, prepared, 16, 16)
+
+
+def test_counted_tests_are_those_of_the_cells_walked():
+    """One cell: every ray that enters it tests every triangle, and counting changes no answer."""
+    vertices, faces = soup(5, 30, size=0.1)
+    prepared = make_scene(vertices, faces, [(0.0, 0.0, 9.0)], (0.0, 0.0, 0.05), fov=120.0)
+    session, _, before = trace(NAME, {"density": "0.001"}, prepared, 16, 16)
+    primary, _ = session.method.tests_per_pixel()
+    assert (primary == 30).all()
+    counters = session.method.counters()
+    assert counters["primary tests"] == 30 * 256
+    assert 0 < counters["shadow tests"] < 30 * 256
+    assert_same(answers_in(session), before)
+
+
+def test_walks_through_many_cells_find_what_one_cell_holds():
+    """From within the grid; the middle pixel's ray runs along an axis."""
+    prepared = make_scene(*soup(5, 600, size=0.05), [(0.0, 0.0, 9.0), (0.1, 0.2, 0.3)], (0.0, 0.0, 0.05), fov=120.0)
+    (one, _, expected), (many, _, got) = (
+        trace(NAME, {"density": density}, prepared, 17, 17) for density in ("0.001", "100")
+    )
+    assert_same(got, expected)
+    assert many.method.counters()["primary tests"] < one.method.counters()["primary tests"] / 4
+
+
+@pytest.mark.parametrize("extent", [(1, 1, 1), (1, 1, 0), (1, 0, 0), (1000, 1, 1), (1, 1000, 1e-3), (1e-6, 1e-6, 1)])
+def test_cells_never_exceed_what_was_made_room_for(extent):
+    vertices, faces = soup(9, 200, size=0.1)
+    flat = vertices * np.asarray(extent) + np.eye(3)[np.arange(len(vertices)) % 3] * 1e-4
+    session, _, _ = trace(NAME, {"density": "5"}, make_scene(flat, faces, [(0.0, 0.0, 5.0)]), 4, 4)
+    counters = session.method.counters()
+    assert 100 <= counters["cells"] <= 1000

@@ -5,10 +5,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in, assert_same, trace
 from helpers.effect_scenes import POINT, scene
 from helpers.mirror_scenes import answered, hall_of_mirrors
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import answers_in, assert_same, make_scene, soup, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare

@@ -4,9 +4,8 @@ miss nothing, nor do leaves; bounded depth and memory.
 
 import numpy as np
 import pytest
-from helpers.answers import assert_same, trace
 from helpers.method_trials import TRIALS, random_trial
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods import kdtree

@@ -7,10 +7,9 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import assert_same
 from helpers.launched import launched
 from helpers.paper_knobs import answers_of
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup
 from shadowbench.harness.frame.geometry import filled
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case

@@ -4,11 +4,10 @@
 
 import numpy as np
 import pytest
-from helpers.answers import assert_same
 from helpers.exact_answers import assert_right, exact_answers
 from helpers.method_trials import box
 from helpers.paper_knobs import answers_of, drawn
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS
 
 

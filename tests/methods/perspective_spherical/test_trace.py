@@ -4,9 +4,8 @@ bits of those that do not, and what they count adds up.
 
 import pytest
 import warp as wp
-from helpers.answers import assert_same
 from helpers.paper_knobs import answers_of
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.light.rectangle import make_clamp_kernel
 from shadowbench.methods.perspective_spherical.light.tiles import make_bound_kernel

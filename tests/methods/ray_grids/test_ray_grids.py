@@ -4,9 +4,8 @@ it.
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in, assert_same, trace
 from helpers.method_trials import assert_exact, random_trial
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import answers_in, assert_same, make_scene, soup, trace
 from helpers.streams import trial
 
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.answers import trace
 from helpers.devices import needs_gpu
 from helpers.method_trials import TRIALS, assert_misses, box, expected, lattice
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import make_scene, soup, trace
 from shadowbench.harness.hardcases.shapes import joined, moved
 from shadowbench.harness.scene.prepared import under
 from shadowbench.harness.scene.scene import Light

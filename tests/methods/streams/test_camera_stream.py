@@ -1,15 +1,17 @@
-"""Boxes of pixels (``screen.py``), and their rows and columns cut to a triangle: no pixel that it may cover is cut
-off, and groups hold all.
+"""Pixels against triangles (``camera/pixels.py``), as ``reads.py`` reads them; boxes of pixels (``screen.py``) and their
+rows (``camera/stream.py``, ``camera/rows.py``): no pixel that may be covered is cut off, and words order hits.
 """
 
 import numpy as np
 import pytest
 import warp as wp
+from helpers.launched import launched
 from helpers.small_scenes import make_scene, soup
 from shadowbench.harness.frame.frame import Frame
 from shadowbench.harness.frame.geometry import Camera, Mesh, filled
 from shadowbench.methods.common.reads import corners_at, direction_at
-from shadowbench.methods.streams.camera.pixels import Candidate, edge_planes, least_edge, sign_bound
+from shadowbench.methods.exact.triangle import spare_bits
+from shadowbench.methods.streams.camera.pixels import Candidate, edge_planes, hit_word, index_of, least_edge, sign_bound
 from shadowbench.methods.streams.camera.stream import box_of, ends_of_line, lines_of, queue_rows
 from shadowbench.methods.streams.queues import COUNTERS, ITEMS, Queue
 
@@ -86,3 +88,57 @@ def test_lines_and_groups_hold_every_pixel_that_may_be_covered(size):
         assert sorted(held) == list(range(low, high + 1)) if x1 >= x0 and y1 >= y0 else not held
     assert some > 0
     assert set(items[:, 3]) == {0, 1} or size != 1.0
+
+
+COLUMNS, ROWS = 32, 24
+
+
+@wp.kernel(enable_backward=False)
+def edges_kernel(camera: Camera, mesh: Mesh, least: wp.array3d(dtype=wp.float32), bound: wp.array(dtype=wp.float32)):
+    i, y, x = wp.tid()
+    planes = edge_planes(camera.eye[0], corners_at(mesh, i))
+    least[i, y, x] = least_edge(planes, direction_at(camera, x, y))
+    bound[0] = sign_bound(camera.tangents)
+
+
+@wp.kernel(enable_backward=False)
+def words_kernel(
+    triangles: wp.int32, inverse: wp.array(dtype=wp.float64), index: wp.array(dtype=wp.int32),
+    words: wp.array(dtype=wp.uint64), back: wp.array(dtype=wp.int32),
+):  # fmt: skip
+    k = wp.tid()
+    spare = spare_bits(triangles)
+    words[k] = hit_word(inverse[k], index[k], spare)
+    back[k] = index_of(words[k], spare)
+
+
+@pytest.mark.parametrize("size", [0.2, 1.0, 30.0])
+def test_certain_signs_are_those_of_float64(size):
+    vertices, faces = soup(3, 60, size=size)
+    prepared = make_scene(vertices, faces, [], eye=(0.3, -0.2, 4.0))
+    moment = prepared.moment(0, COLUMNS, ROWS)
+    frame = Frame(prepared, COLUMNS, ROWS, 0, "cpu")
+    frame.load(moment)
+    shape = len(faces), ROWS, COLUMNS
+    found, (margin,) = launched(edges_kernel, shape, [frame.camera, frame.mesh], [shape, 1])
+    directions = (moment.column[None] + moment.row[:, None]).astype(np.float64)
+    a, b, c = (moment.points[prepared.faces[:, k]].astype(np.float64) - moment.eye for k in range(3))
+    side = np.sign(np.einsum("ij,ij->i", np.cross(b - a, c - a), a))
+    edges = np.stack([np.cross(p, q) * side[:, None] for p, q in ((a, b), (b, c), (c, a))])
+    inside = np.einsum("kij,yxj->iyxk", edges, directions).min(axis=-1)
+    assert (inside[found > margin] > 0).all()
+    assert (inside[found < -margin] < 0).all()
+    sure = np.abs(found) > margin
+    assert sure.mean() > 0.9
+    assert (found[sure] > 0).any()
+    assert (found[sure] < 0).any()
+
+
+@pytest.mark.parametrize("triangles", [3, 70_000, 2**24 - 1])
+def test_a_nearer_hit_and_of_ties_the_lower_index_has_the_larger_word(triangles):
+    rng = np.random.default_rng(triangles)
+    inverse = np.repeat(np.sort(np.exp2(rng.uniform(-60, 60, 200))), 2)
+    index = np.stack([rng.integers(1, triangles, 200), np.zeros(200)], axis=1).astype(np.int32).ravel()
+    words, back = launched(words_kernel, 400, [triangles, inverse, index], [400, 400])
+    assert (back == index).all()
+    assert (np.diff(words.astype(object)) > 0).all()

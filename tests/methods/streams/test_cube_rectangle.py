@@ -9,9 +9,8 @@ import pytest
 import warp as wp
 from helpers.exact_answers import assert_right, exact_answers
 from helpers.launched import launched
-from helpers.lights_of_session import lights_of_session
 from helpers.small_scenes import make_scene, soup
-from helpers.streams import trial
+from helpers.streams import lights_of_session, trial
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods.streams import settings

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import answers_in, assert_same
 from helpers.launched import launched
 from helpers.second_judge import Flat, exactly
+from helpers.small_scenes import answers_in, assert_same
 from shadowbench.harness.frame.geometry import Corners
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

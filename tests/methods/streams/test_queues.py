@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import assert_same, trace
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup, trace
 from helpers.streams import on_gpu_side, trial
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method

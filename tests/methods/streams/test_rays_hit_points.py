@@ -2,10 +2,9 @@
 
 import numpy as np
 import warp as wp
-from helpers.answers import trace
 from helpers.launched import launched
-from helpers.lights_of_session import lights_of_session
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import make_scene, soup, trace
+from helpers.streams import lights_of_session
 from numpy.typing import NDArray
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.common.pixels import thread_count, tile_pixel

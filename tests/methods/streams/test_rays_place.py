@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import assert_same, trace
 from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
-from helpers.lights_of_session import placings_of_session
-from helpers.small_scenes import soup
-from helpers.streams import trial
+from helpers.small_scenes import assert_same, soup, trace
+from helpers.streams import placings_of_session, trial
 from shadowbench.harness.frame.effects.receivers import reached_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import assert_same, trace
 from helpers.launched import launched
-from helpers.lights_of_session import placings_of_session
 from helpers.method_trials import box
-from helpers.small_scenes import make_scene, soup
-from helpers.streams import trial
+from helpers.small_scenes import assert_same, make_scene, soup, trace
+from helpers.streams import placings_of_session, trial
 from numpy.typing import NDArray
 from shadowbench.harness.scene.overrides import perforated
 from shadowbench.harness.scene.prepared import Prepared, prepare

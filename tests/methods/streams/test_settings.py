@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from helpers.experiment_records import write_records
+from helpers.experiment_records import record, write_records
 from helpers.streams import trial
-from helpers.table1_records import record
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method, present_settings
 from shadowbench.harness.results import tidy

@@ -4,9 +4,8 @@
 
 import numpy as np
 import pytest
-from helpers.answers import assert_same, trace
 from helpers.method_trials import TRIALS, listed, random_trial
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import assert_same, make_scene, soup, trace
 from shadowbench.harness.hardcases.shapes import joined, quad
 
 NAME = "two_level_grid"

@@ -4,9 +4,8 @@ every setting.
 
 import numpy as np
 import pytest
-from helpers.answers import answers_in, assert_same, trace
 from helpers.method_trials import assert_exact
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import answers_in, assert_same, make_scene, soup, trace
 from helpers.streams import trial
 from shadowbench.harness.scene.prepared import Prepared
 

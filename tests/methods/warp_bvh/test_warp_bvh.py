@@ -7,10 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from helpers.answers import answers_in, assert_same, trace
 from helpers.launched import launched
 from helpers.method_trials import assert_exact, assert_nearly
-from helpers.small_scenes import make_scene, soup
+from helpers.small_scenes import answers_in, assert_same, make_scene, soup, trace
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
