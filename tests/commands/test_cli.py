@@ -87,14 +87,11 @@ def test_debug_shows_where_it_came_from(monkeypatch):
         cli.main()
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "said"),
-    [
-        (KeyboardInterrupt(), cli.INTERRUPTED, "shadowbench: interrupted; run the same command again to continue\n"),
-        (MemoryError("1 EiB"), 2, "not enough memory (1 EiB); choose a smaller --size or scene"),
-        (OSError(28, "No space left on device", "/a/file"), 2, "/a/file: No space left on device"),
-    ],
-)
+@pytest.mark.parametrize(("error", "code", "said"), [
+    (KeyboardInterrupt(), cli.INTERRUPTED, "shadowbench: interrupted; run the same command again to continue\n"),
+    (MemoryError("1 EiB"), 2, "not enough memory (1 EiB); choose a smaller --size or scene"),
+    (OSError(28, "No space left on device", "/a/file"), 2, "/a/file: No space left on device"),
+])  # fmt: skip
 def test_what_ends_a_run_is_one_line(call, monkeypatch, scene, tmp_path, error, code, said):
     """Through the whole command line: typer swallows the interruption of a command."""
     monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", lambda *_: raised(error))
@@ -120,8 +117,7 @@ def test_run_show_and_json(call, scene, tmp_path):
         ("warp_bvh", "ok", 2),
         ("embree", "ok", 2),
     ]
-    assert report["points"][1]["built"]["threads"] == 1
-    assert {p["width"] for p in report["points"]} == {16}
+    assert (report["points"][1]["built"]["threads"], {p["width"] for p in report["points"]}) == (1, {16})
     for file in report["files"]:
         assert (tmp_path / file).stat().st_size > 0
     records = sorted((out_folder / "records").iterdir())
@@ -140,17 +136,14 @@ def test_an_unwritable_folder_is_refused(refused_call, scene, tmp_path):
     assert f"{tmp_path / 'file'} is a file; name a folder" in err
 
 
-@pytest.mark.parametrize(
-    ("given", "read"),
-    [
-        ("run table1 --scene a b --json", "run table1 --scene a --scene b --json"),
-        ("run table1 --method a --set a.b=1 a.c=2", "run table1 --method a --set a.b=1 --set a.c=2"),
-        ("run --scene a table1", "run --scene a table1"),
-        ("run table1 --out x --scene a", "run table1 --out x --scene a"),
-        ("verify a b --method c d --json", "verify a b --method c --method d --json"),
-        ("list methods --json", "list methods --json"),
-    ],
-)
+@pytest.mark.parametrize(("given", "read"), [
+    ("run table1 --scene a b --json", "run table1 --scene a --scene b --json"),
+    ("run table1 --method a --set a.b=1 a.c=2", "run table1 --method a --set a.b=1 --set a.c=2"),
+    ("run --scene a table1", "run --scene a table1"),
+    ("run table1 --out x --scene a", "run table1 --out x --scene a"),
+    ("verify a b --method c d --json", "verify a b --method c --method d --json"),
+    ("list methods --json", "list methods --json"),
+])  # fmt: skip
 def test_several_values_after_one_flag(given, read):
     assert spread_values(given.split()) == read.split()
 

@@ -26,15 +26,10 @@ def loaded(names, *words) -> str:
     return done.stderr.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("words", "names"),
-    [
-        (["--version"], SLOW | {"numpy", "trimesh", "rich"}),
-        (["list", "methods"], SLOW | {"pxr", "trimesh"}),
-        (["list", "experiments"], SLOW | {"pxr", "trimesh"}),
-        (["list", "scenes"], SLOW | {"trimesh"}),
-    ],
-)
+@pytest.mark.parametrize(("words", "names"), [
+    (["--version"], SLOW | {"numpy", "trimesh", "rich"}), (["list", "methods"], SLOW | {"pxr", "trimesh"}),
+    (["list", "experiments"], SLOW | {"pxr", "trimesh"}), (["list", "scenes"], SLOW | {"trimesh"}),
+])  # fmt: skip
 def test_a_short_answer_imports_nothing_slow(words, names):
     assert loaded(names, *words) == "[]"
 
@@ -92,14 +87,11 @@ def test_lists_are_as_wide_as_the_terminal(call, kind, told, monkeypatch):
     assert max(map(len, text.splitlines())) <= 80
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("One thing. Another.", "One thing."),
-        ("By Wald et al. 2006, on\nthe CPU.\n\nMore.", "By Wald et al. 2006, on the CPU."),
-        ("No full stop", "No full stop"),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("One thing. Another.", "One thing."),
+    ("By Wald et al. 2006, on\nthe CPU.\n\nMore.", "By Wald et al. 2006, on the CPU."),
+    ("No full stop", "No full stop"),
+])  # fmt: skip
 def test_the_first_sentence_of_a_docstring(text, said):
     assert registry.first_sentence(text) == said
 

@@ -70,15 +70,10 @@ def test_names_that_cannot_be_are_refused(name, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("class", "this is a keyword of Python"),
-        ("Class", "of lower-case letters"),
-        ("7up", "a letter first"),
-        ("a" * 65, "at most 64 long"),
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    ("class", "this is a keyword of Python"), ("Class", "of lower-case letters"), ("7up", "a letter first"),
+    ("a" * 65, "at most 64 long"),
+])  # fmt: skip
 def test_a_name_that_cannot_be_one_says_why(name, said, tmp_path):
     with pytest.raises(UserError, match=said):
         new_method(name, tmp_path / "mine")

@@ -100,17 +100,14 @@ def _duration(image, number) -> int:
     return round(image.info["duration"])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "give --out FILE.png for a picture, or --animate FILE.webp"),
-        (["--animate", "a.gif"], "animations are WebP files"),
-        (["--animate", "a.webp", "--frames", "1"], "an animation has at least 2"),
-        (["--animate", "a.webp", "--seconds", "nan"], "give a number between 0 and 3600"),
-        (["--animate", "a.webp", "--size", "16000x16000", "--frames", "9"], "too many pixels"),
-        (["cloth", "--out", "a.png"], "--out shows one scene"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "said"), [
+    ([], "give --out FILE.png for a picture, or --animate FILE.webp"),
+    (["--animate", "a.gif"], "animations are WebP files"),
+    (["--animate", "a.webp", "--frames", "1"], "an animation has at least 2"),
+    (["--animate", "a.webp", "--seconds", "nan"], "give a number between 0 and 3600"),
+    (["--animate", "a.webp", "--size", "16000x16000", "--frames", "9"], "too many pixels"),
+    (["cloth", "--out", "a.png"], "--out shows one scene"),
+])  # fmt: skip
 def test_what_render_cannot_write_is_one_line(refused_call, scene, arguments, said):
     assert said in refused_call("render", scene, *arguments, "--method", "embree")
 

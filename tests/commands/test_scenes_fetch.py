@@ -149,8 +149,7 @@ def test_originals_take_the_place_of_stand_ins(tmp_path):
 
 def test_a_cut_file_is_continued_and_replaces_the_stand_in(serve, tmp_path, capsys):
     asked = serve(WHOLE, cuts=(100, 50))
-    assert scenes("fetch", ["sibenik"], tmp_path) == 0
-    assert asked == [None, "bytes=100-", "bytes=150-"]
+    assert (scenes("fetch", ["sibenik"], tmp_path), asked) == (0, [None, "bytes=100-", "bytes=150-"])
     found = catalogue.resolve("sibenik", tmp_path)
     assert (found.stand_in, found.source.file) == (None, "sibenik.obj")
     assert list(recorded(tmp_path / "archives").values()) == [hashlib.sha256(WHOLE).hexdigest()]
@@ -160,8 +159,7 @@ def test_a_cut_file_is_continued_and_replaces_the_stand_in(serve, tmp_path, caps
     asked = serve(WHOLE, cuts=(40, 30, 20))
     with pytest.raises(UserError, match="the same command continues it"):
         scenes("fetch", ["sibenik"], tmp_path / "other")
-    assert scenes("fetch", ["sibenik"], tmp_path / "other") == 0
-    assert asked[-1] == "bytes=90-"
+    assert (scenes("fetch", ["sibenik"], tmp_path / "other"), asked[-1]) == (0, "bytes=90-")
 
 
 @pytest.mark.parametrize(
@@ -204,25 +202,22 @@ def taped(text="", **member):
 packed_tar = taped(TETRAHEDRON * 500)
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (zipped({"../sibenik.obj": TETRAHEDRON}), "leaves its folder"),
-        (zipped({"/tmp/sibenik.obj": TETRAHEDRON}), "leaves its folder"),
-        (zipped({"a\\..\\..\\sibenik.obj": TETRAHEDRON}), "leaves its folder"),
-        (zipped({"sibenik.obj": TETRAHEDRON + "#" * 500_000}), "unpacks to more than 100,000 bytes"),
-        (zipped({f"{i}.txt": "" for i in range(30)}), "more than 20 files"),
-        (zipped({"a/sibenik.obj": TETRAHEDRON, "b/sibenik.obj": TETRAHEDRON}), "holds two files"),
-        (zipped({"other.obj": TETRAHEDRON}), "has no file"),
-        (zipped({"name": ""}).replace(b"name", b"\0ame"), "has no file"),
-        (zipped({"sibenik.obj": "no mesh"}), "sibenik.obj"),
-        (WHOLE[:-30], "no archive but"),
-        (gzip.compress(b"another") + zipped({"sibenik.obj": TETRAHEDRON}), "has no file"),
-        (zipped({"n" * 3000 + "sibenik.obj": ""}).replace(b"n" * 3000, b"m" * 3000, 1), "damaged"),
-        (packed_tar[: len(packed_tar) // 2], "damaged"),
-        (taped(type=tarfile.SYMTYPE, linkname="/etc/passwd"), "a link or no file"),
-    ],
-)
+@pytest.mark.parametrize(("content", "said"), [
+    (zipped({"../sibenik.obj": TETRAHEDRON}), "leaves its folder"),
+    (zipped({"/tmp/sibenik.obj": TETRAHEDRON}), "leaves its folder"),
+    (zipped({"a\\..\\..\\sibenik.obj": TETRAHEDRON}), "leaves its folder"),
+    (zipped({"sibenik.obj": TETRAHEDRON + "#" * 500_000}), "unpacks to more than 100,000 bytes"),
+    (zipped({f"{i}.txt": "" for i in range(30)}), "more than 20 files"),
+    (zipped({"a/sibenik.obj": TETRAHEDRON, "b/sibenik.obj": TETRAHEDRON}), "holds two files"),
+    (zipped({"other.obj": TETRAHEDRON}), "has no file"),
+    (zipped({"name": ""}).replace(b"name", b"\0ame"), "has no file"),
+    (zipped({"sibenik.obj": "no mesh"}), "sibenik.obj"),
+    (WHOLE[:-30], "no archive but"),
+    (gzip.compress(b"another") + zipped({"sibenik.obj": TETRAHEDRON}), "has no file"),
+    (zipped({"n" * 3000 + "sibenik.obj": ""}).replace(b"n" * 3000, b"m" * 3000, 1), "damaged"),
+    (packed_tar[: len(packed_tar) // 2], "damaged"),
+    (taped(type=tarfile.SYMTYPE, linkname="/etc/passwd"), "a link or no file"),
+])  # fmt: skip
 def test_what_must_not_be_unpacked_is_refused(serve, tmp_path, monkeypatch, content, said):
     monkeypatch.setattr(download, "MOST_MEMBERS", 20)
     monkeypatch.setattr(download.unpack, "__defaults__", (100_000,))
@@ -243,8 +238,7 @@ def test_what_is_not_the_archive_pins_nothing(serve, tmp_path):
         with pytest.raises(UserError) as refused:
             scenes("fetch", ["sibenik"], tmp_path)
         assert ("no archive but '<html>" in str(refused.value)) == (content == page)
-        assert recorded(tmp_path / "archives") == {}
-        assert list((tmp_path / "archives").iterdir()) == []
+        assert (recorded(tmp_path / "archives"), list((tmp_path / "archives").iterdir())) == ({}, [])
     serve(WHOLE)
     assert scenes("fetch", ["sibenik"], tmp_path) == 0
     assert list(recorded(tmp_path / "archives").values()) == [hashlib.sha256(WHOLE).hexdigest()]

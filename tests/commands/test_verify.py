@@ -51,8 +51,7 @@ def test_a_wrong_method_fails_unless_it_says_so(capsys, mesh):
     assert (bits["wrong"]["leak"], bits["honest"]["leak"]) == (1, 1)
     assert rows["honest"]["known_inexact"] == "it leaks, and says so"
     assert bits["lazy"]["invalid"] == 24 * 18, "unwritten bits are found"
-    assert scene["triangles"] == len(cases.ball_on_floor().geometry().faces)
-    assert len(scene["sha256"]) == 64
+    assert (scene["triangles"], len(scene["sha256"])) == (len(cases.ball_on_floor().geometry().faces), 64)
 
 
 def test_what_is_being_verified_is_said_on_a_terminal(capsys, mesh, tmp_path, monkeypatch):
@@ -64,8 +63,7 @@ def test_what_is_being_verified_is_said_on_a_terminal(capsys, mesh, tmp_path, mo
 
 def test_one_method_does_not_hide_another(capsys, mesh):
     code, report = run(capsys, "crashing", "greedy", "choosy", "right", scenes=[mesh, mesh], everything=True)
-    assert code == 1
-    assert len(report["scenes"]) == 2
+    assert (code, len(report["scenes"])) == (1, 2)
     rows = {row["method"]: row for row in report["scenes"][1]["methods"]}
     assert (rows["crashing"]["status"], rows["crashing"]["reason"]) == ("failed", "RuntimeError: no such luck")
     assert (rows["greedy"]["status"], rows["greedy"]["reason"]) == ("rejected", "needs 12 pairs")
@@ -108,17 +106,11 @@ def test_triangles_that_cannot_be_hit_are_reported(tmp_path, capsys, broken, wor
     assert words in report["scenes"][0]["warning"]
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"scene": ["nosuch"]}, "nosuch"),
-        ({"method": ["rihgt"]}, "did you mean right"),
-        ({"size": "40"}, "WIDTHxHEIGHT"),
-        ({"frame": 1}, "frames 0 to 0"),
-        ({"device": "cuda:7"}, "cuda:7"),
-        ({"setting": ["right.x=1"]}, "right has no parameter"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"scene": ["nosuch"]}, "nosuch"), ({"method": ["rihgt"]}, "did you mean right"),
+    ({"size": "40"}, "WIDTHxHEIGHT"), ({"frame": 1}, "frames 0 to 0"), ({"device": "cuda:7"}, "cuda:7"),
+    ({"setting": ["right.x=1"]}, "right has no parameter"),
+])  # fmt: skip
 def test_a_wrong_call_is_one_line(mesh, change, message):
     arguments = {"scene": [mesh], "method": ["right"], "size": "24x18", "device": "cpu", **change}
     with pytest.raises(UserError, match=message):
@@ -128,18 +120,13 @@ def test_a_wrong_call_is_one_line(mesh, change, message):
 CHANGED = "repeat {} of the same frame gave different answers: {}"
 
 
-@pytest.mark.parametrize(
-    ("method", "limit", "status", "reason"),
-    [
-        ("steady", 1 << 20, "ok", ""),
-        ("once", None, "failed", CHANGED.format(1, "triangle, t, u, v")),
-        ("slow_start", None, "failed", CHANGED.format(1, "triangle, t")),
-        ("fickle", None, "failed", CHANGED.format(8, "shadowed")),
-        ("greedy", 1 << 20, "rejected", "the limit is 1,048,576"),
-        ("hoards", 1 << 20, "rejected", "the limit is 1,048,576"),
-        ("greedy", None, "ok", ""),
-    ],
-)
+@pytest.mark.parametrize(("method", "limit", "status", "reason"), [
+    ("steady", 1 << 20, "ok", ""), ("once", None, "failed", CHANGED.format(1, "triangle, t, u, v")),
+    ("slow_start", None, "failed", CHANGED.format(1, "triangle, t")),
+    ("fickle", None, "failed", CHANGED.format(8, "shadowed")),
+    ("greedy", 1 << 20, "rejected", "the limit is 1,048,576"),
+    ("hoards", 1 << 20, "rejected", "the limit is 1,048,576"), ("greedy", None, "ok", ""),
+])  # fmt: skip
 def test_methods_that_misbehave_are_found(monkeypatch, capsys, scene, method, limit, status, reason):
     known = {cls.name: Point(cls) for cls in misbehaving_methods.CLASSES}
     monkeypatch.setattr(registry, "_entry_points", lambda: known)
@@ -176,8 +163,7 @@ def test_verify_warns(scene, capsys, away):
     camera = tuple(",".join(map(str, place)) for place in AWAY) if away else None
     assert verify([scene], method=["uniform_grid"], device="cpu", size="16x16", camera=camera, as_json=True) == 0
     (report,) = json.loads(capsys.readouterr().out)["scenes"]
-    assert (FEW in report["warning"]) == away
-    assert (report["hits"] == 0) == away
+    assert ((FEW in report["warning"]), (report["hits"] == 0)) == (away, away)
     verify([scene], method=["uniform_grid"], device="cpu", size="16x16", camera=camera)
     assert ("0 of 256 rays hit anything" in " ".join(capsys.readouterr().out.split())) == away
 
@@ -291,8 +277,7 @@ def test_score_fills_in_what_is_missing_and_nothing_else(capsys, folder):
     (frame,) = read(folder, "right")["frames"]
     assert frame["score"]["check"] == "ok"
     assert frame["unscored"] is None
-    assert frame["total_ms"] == [1.25]
-    assert read(folder, "wrong")["frames"][0]["score"]["shadow"][0]["leak"] == 1
+    assert (frame["total_ms"], read(folder, "wrong")["frames"][0]["score"]["shadow"][0]["leak"]) == ([1.25], 1)
     before = (folder / "records" / "point-right.json").read_bytes()
     assert score(folder, as_json=True) == 1
     report = json.loads(capsys.readouterr().out)

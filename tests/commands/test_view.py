@@ -166,12 +166,11 @@ def test_a_bad_message_gets_one_line_and_the_page_lives_on(scene):
         assert b"WEBP" in server.answer(json.dumps({"method": METHOD, "size": SIZE}))
 
 
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [({"port": 70000}, "--port 70000"), ({"size": "9999x9999"}, "choose fewer"), ({"frame": 7}, "frames 0 to 0"),
-     ({"method": "nobody"}, "no method 'nobody'"), ({"device": "cuda:99"}, "cuda:99"),
-     ({"setting": ["bvh2.nothing=1"]}, "bvh2 has no parameter 'nothing'"), ("port", "cannot listen there")],
-)  # fmt: skip
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"port": 70000}, "--port 70000"), ({"size": "9999x9999"}, "choose fewer"), ({"frame": 7}, "frames 0 to 0"),
+    ({"method": "nobody"}, "no method 'nobody'"), ({"device": "cuda:99"}, "cuda:99"),
+    ({"setting": ["bvh2.nothing=1"]}, "bvh2 has no parameter 'nothing'"), ("port", "cannot listen there"),
+])  # fmt: skip
 def test_what_cannot_be_shown_is_one_line(scene, changed, said):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -65,8 +65,7 @@ def test_a_timed_frame_finds_what_the_one_before_it_left(cloth, device):
         for one in (kept, first):
             assert _played.differing(one.answers(before, this), expected) == 0
             pair = one.keep(before), one.keep(this)
-            assert len(one.samples(*pair, 2)) == 2
-            assert _played.differing(one.timed_answers(*pair), expected) == 0
+            assert (len(one.samples(*pair, 2)), _played.differing(one.timed_answers(*pair), expected)) == (2, 0)
         assert settled(first) == 0
         counts[label] = settled(kept)
     assert counts["at rest"] > counts["1/64 step"] > counts["1 step"]
@@ -75,8 +74,7 @@ def test_a_timed_frame_finds_what_the_one_before_it_left(cloth, device):
 def test_differing_counts_bits():
     given = {"t": np.array([1.0, -0.0, np.nan], np.float32), "shadowed": np.array([[0, 1]], np.uint8)}
     other = {"t": np.array([1.0, 0.0, np.nan], np.float32), "shadowed": np.array([[1, 1]], np.uint8)}
-    assert _played.differing(given, given) == 0
-    assert _played.differing(given, other) == 2
+    assert (_played.differing(given, given), _played.differing(given, other)) == (0, 2)
 
 
 @pytest.mark.slow
@@ -123,17 +121,13 @@ def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
         [float(rows[entry.label, step]["settled"]) for step in coherence.STEPS] for entry in coherence.METHODS[1:]
     )
     assert shares[0] > 0.8
-    assert shares == sorted(shares, reverse=True)
-    assert none == [0.0] * len(coherence.STEPS)
+    assert (shares, none) == (sorted(shares, reverse=True), [0.0] * len(coherence.STEPS))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"methods": ["ray_grids", "bvh2"]}, "--method bvh2: coherence measures ray_grids alone"),
-        ({"scenes": ["mirrored.toml"]}, "mirrored.toml: ray_grids cannot trace it: mirror: "),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"methods": ["ray_grids", "bvh2"]}, "--method bvh2: coherence measures ray_grids alone"),
+    ({"scenes": ["mirrored.toml"]}, "mirrored.toml: ray_grids cannot trace it: mirror: "),
+])  # fmt: skip
 def test_what_coherence_cannot_compare_is_refused_before_it_runs(tmp_path, monkeypatch, wrong, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mirrored.toml").write_text('mesh = "cloth"\n[mirror]\nshare = 0.5\n')

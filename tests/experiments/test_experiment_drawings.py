@@ -119,10 +119,9 @@ def test_a_light_whose_rays_are_traced_with_the_primary_ones_has_no_time_of_its_
     assert [found[n]["ms_per_light"] for n in "12"] == ["", "4.005"]
 
 
-@pytest.mark.parametrize(
-    ("name", "methods"), [("figure10", figure10.METHODS),
-                          ("key_bits", (Entry("sort"),))],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "methods"), [
+    ("figure10", figure10.METHODS), ("key_bits", (Entry("sort"),)),
+])  # fmt: skip
 def test_times_of_one_repeat_have_fewer_digits_and_a_mark(tmp_path, name, methods):
     passes = [("sort pairs", "build", 1.234), ("map rays", "shadow", 1.234), ("shadow rays", "shadow", 1.234),
               ("primary rays", "trace", 1.234), ("light 0: count", "light build", 1.234)]  # fmt: skip

@@ -48,8 +48,7 @@ def test_a_method_with_its_settings_has_one_name_in_all_tables():
 @pytest.mark.parametrize("name", OWN)
 def test_declarations_are_valid(name):
     declared = find_experiment(name)
-    assert declared.name == name
-    assert set(declared.presets) == {"quick", "paper"}
+    assert (declared.name, set(declared.presets)) == (name, {"quick", "paper"})
     for preset in declared.presets.values():
         for entry in preset.methods:
             describe_method(entry, "cpu")
@@ -101,8 +100,7 @@ def test_direct_and_indirect_mapping_trace_with_blocks_of_one_size():
     assert {tile * k for label, (tile, k) in tiles.items() if label != figure2.DIRECT_SMALL} == {16}
     assert tiles[figure2.DIRECT][1] == tiles[figure2.DIRECT_SMALL][1] == 1
     # The other reading of direct mapping: the same sorting tiles, each of them a block.
-    assert tiles[figure2.DIRECT_SMALL][0] == tiles[figure2.INDIRECT][0]
-    assert tiles[figure2.INDIRECT][1] == 2
+    assert (tiles[figure2.DIRECT_SMALL][0], tiles[figure2.INDIRECT][1]) == (tiles[figure2.INDIRECT][0], 2)
 
 
 def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers():
@@ -163,18 +161,15 @@ def test_each_experiment_runs_and_draws(name, tmp_path):
         assert all(len(r.frames) == 8 for r in records)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("scaling", "was not measured along a sweep"), ("crossover", "Nothing was measured."),
-        ("kept_trees", "Nothing was measured."), ("costs", "No energy was measured."),
-        ("reflection", "No grid and tree were measured with mirrors."), ("figure10", "Nothing was measured."),
-        ("soft_shadows", "Nothing was measured."), ("moving", "No place of the light was measured"),
-        ("ablation", "No change to paper-faithful was measured"), ("accuracy", "No point has both a time and a score."),
-        ("frame_time", "Nothing was measured."), ("two_lights", "Two lights were not measured"),
-        ("effects", "No effect was measured"), ("figure6", "No spot was measured"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "said"), [
+    ("scaling", "was not measured along a sweep"), ("crossover", "Nothing was measured."),
+    ("kept_trees", "Nothing was measured."), ("costs", "No energy was measured."),
+    ("reflection", "No grid and tree were measured with mirrors."), ("figure10", "Nothing was measured."),
+    ("soft_shadows", "Nothing was measured."), ("moving", "No place of the light was measured"),
+    ("ablation", "No change to paper-faithful was measured"), ("accuracy", "No point has both a time and a score."),
+    ("frame_time", "Nothing was measured."), ("two_lights", "Two lights were not measured"),
+    ("effects", "No effect was measured"), ("figure6", "No spot was measured"),
+])  # fmt: skip
 def test_nothing_measured_is_said_and_not_drawn(name, said, tmp_path):
     preset = find_experiment(name).presets["quick"]
     made = record_of(name, preset.methods[0], preset.scenes[0], preset.lightings[0], status="rejected")

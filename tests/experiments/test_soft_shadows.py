@@ -105,8 +105,7 @@ def test_a_trial_sorts_unsorted_keys_again_in_every_sample(bits, device):
     assert keys.max() >= 2 ** (bits - 1), "the highest bit is used too"
     assert trial.wrong() > 0, "nothing is sorted yet"
     found = sample_frame(trial, Sampling(samples=3, most=3, stage_samples=2, budget_s=5.0))
-    assert trial.wrong() == 0
-    assert len(found.total_ms) == 3
+    assert (trial.wrong(), len(found.total_ms)) == (0, 3)
     assert [(p["name"], len(p["ms"])) for p in found.passes] == [("copy pairs", 2), ("sort pairs", 2)]
     trial.passes[0].run()  # the copy puts the unsorted pairs back: no sample sorts what is sorted
     assert trial.wrong() > 0
@@ -123,8 +122,7 @@ def test_key_bits_runs_draws_goes_on_and_is_read(tmp_path):
     options = tiny(tmp_path / "out", samples=2, most=2, stage_samples=1, rounds=2)
     measure = EXPERIMENT.measure
     records = measure(options, Silent())
-    assert [r.point["bits"] for r in records] == list(BITS)
-    assert {r.point["pairs"] for r in records} == {256}
+    assert ([r.point["bits"] for r in records], {r.point["pairs"] for r in records}) == (list(BITS), {256})
     assert all(len(r.frames[0].total_ms) == 4 for r in records), "two rounds of two samples"
     orders = [[r.rounds[k]["place"] for r in records] for k in range(2)]
     assert orders[0] != orders[1], "rounds are interleaved in another order each"

@@ -41,25 +41,16 @@ def test_a_ball_is_closed_but_for_its_seam():
     vertices, faces = balls.ball(np.zeros(3), 1.0, np.array([3.0, 5.0, 7.0]), 6, 12)
     _, weld = np.unique(np.round(vertices, 9), axis=0, return_inverse=True)
     edges = [tuple(e) for f in weld.ravel()[faces] for e in itertools.pairwise([*f, f[0]])]
-    assert len(set(edges)) == len(edges)
-    assert {(b, a) for a, b in edges} == set(edges)
+    assert (len(set(edges)), {(b, a) for a, b in edges}) == (len(edges), set(edges))
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("balls-1k", balls.Name(1000)),
-        ("balls-2m-seen5", balls.Name(2_000_000, seen=0.05)),
-        ("balls-300-moving0", balls.Name(300, moving=0.0)),
-        ("balls-1k-seen100-moving30", balls.Name(1000, 1.0, 0.3)),
-        ("balls-1k-swirl150", balls.Name(1000, swirl=1.5)),
-        ("balls-1k-moving30-swirl5", None),
-        ("balls-1k-seen0", None),
-        ("balls-1k-seen101", None),
-        ("balls-1k-moving30-seen5", None),
-        *((name, None) for name in ("ball-1k", "balls-0", "balls-1g", "balls", "balls-1k.ply")),
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    ("balls-1k", balls.Name(1000)), ("balls-2m-seen5", balls.Name(2_000_000, seen=0.05)),
+    ("balls-300-moving0", balls.Name(300, moving=0.0)), ("balls-1k-seen100-moving30", balls.Name(1000, 1.0, 0.3)),
+    ("balls-1k-swirl150", balls.Name(1000, swirl=1.5)), ("balls-1k-moving30-swirl5", None), ("balls-1k-seen0", None),
+    ("balls-1k-seen101", None), ("balls-1k-moving30-seen5", None),
+    *((name, None) for name in ("ball-1k", "balls-0", "balls-1g", "balls", "balls-1k.ply")),
+])  # fmt: skip
 def test_a_name_says_what_the_scene_is(name, said):
     assert balls.read_name(name) == said
 
@@ -109,8 +100,7 @@ def test_the_sweeps_cross_in_one_setting():
 
 def test_named_scenes_or_a_size_leave_the_other_sweeps_out(tmp_path):
     everything = plan_run("scaling", device="cpu", out=tmp_path, methods=["ray_grids"], overrides={"rounds": 1})
-    assert len(everything.preset.also) == 4
-    assert {part.rounds for part in everything.preset.parts()} == {1}
+    assert (len(everything.preset.also), {part.rounds for part in everything.preset.parts()}) == (4, {1})
     assert {len(part.methods) for part in everything.preset.parts()} == {1}
     for one in ({"scenes": ["balls-1k"]}, {"size": "32x32"}):
         assert plan_run("scaling", device="cpu", out=tmp_path, **one).preset.also == ()

@@ -210,11 +210,9 @@ def test_pass_graph_on_a_small_frame():
     assert [p.name for p in kept] == ["build", "trace", "clear", "shadow"]
     assert [p.name for p in live(passes, ("hits",))] == ["build", "trace"]
     assert [p.name for p in stale(kept, {"camera"})] == ["trace", "clear", "shadow"]
-    assert [p.name for p in stale(kept, {"light/0"})] == ["clear", "shadow"]
-    assert stale(kept, set()) == []
+    assert ([p.name for p in stale(kept, {"light/0"})], stale(kept, set())) == (["clear", "shadow"], [])
     reasons = {step.work.name: step.reason for step in steps(kept, {"camera"})}
-    assert reasons["shadow"] == "hits changed"
-    assert reasons["clear"] == "bits is written again"
+    assert (reasons["shadow"], reasons["clear"]) == ("hits changed", "bits is written again")
 
 
 def test_a_pass_that_does_what_several_do_makes_way_for_those_that_are_needed():
@@ -223,10 +221,8 @@ def test_a_pass_that_does_what_several_do_makes_way_for_those_that_are_needed():
     both = joined("both", (trace, shadow), lambda: None)
     assert (both.reads, both.writes) == (("tree", "camera", "light/0"), ("hits", "bits"))
     passes = [build, both]
-    assert live(passes, ("bits",)) == passes
-    assert stale(passes, {"points"}) == passes
-    assert stale(passes, {"camera"}) == [both]
-    assert stale(passes, {"light/0"}) == [shadow]
+    assert (live(passes, ("bits",)), stale(passes, {"points"})) == (passes, passes)
+    assert (stale(passes, {"camera"}), stale(passes, {"light/0"})) == ([both], [shadow])
     assert stale(passes, set()) == []
     assert [step.reason for step in steps(passes, {"light/0"})][1] == "light/0 changed (shadow alone)"
 

@@ -68,8 +68,7 @@ def test_a_name_that_no_file_can_have_is_refused(monkeypatch, name):
 def test_settings_reach_build_and_trace(sample):
     text = {"cells": "12", "padded": "TRUE", "reach": "2.5", "order": "far"}
     method = registry.make_method(sample, text)
-    assert method.build == Build(12, True)
-    assert method.trace == Trace(2.5, "far")
+    assert (method.build, method.trace) == (Build(12, True), Trace(2.5, "far"))
     assert registry.make_method(sample).build == Build()
 
 
@@ -90,18 +89,15 @@ def test_every_parameter_of_a_built_in_method_is_explained(name):
         assert parameter.allowed.startswith("must "), parameter.name
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"cell": "3"}, "sample has no parameter 'cell'; did you mean cells?"),
-        ({"zzzzzz": "3"}, "sample has no parameter 'zzzzzz'; known: cells, order, padded, reach"),
-        ({"cells": "many"}, "sample.cells='many': not a whole number"),
-        ({"cells": "2.5"}, "sample.cells='2.5': not a whole number"),
-        ({"cells": "0"}, "sample.cells='0': cells must be at least 1"),
-        ({"padded": "perhaps"}, "sample.padded='perhaps': not true or false"),
-        ({"reach": ""}, "sample.reach='': not a number"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "said"), [
+    ({"cell": "3"}, "sample has no parameter 'cell'; did you mean cells?"),
+    ({"zzzzzz": "3"}, "sample has no parameter 'zzzzzz'; known: cells, order, padded, reach"),
+    ({"cells": "many"}, "sample.cells='many': not a whole number"),
+    ({"cells": "2.5"}, "sample.cells='2.5': not a whole number"),
+    ({"cells": "0"}, "sample.cells='0': cells must be at least 1"),
+    ({"padded": "perhaps"}, "sample.padded='perhaps': not true or false"),
+    ({"reach": ""}, "sample.reach='': not a number"),
+])  # fmt: skip
 def test_wrong_settings_are_refused(sample, settings, said):
     with pytest.raises(UserError, match=f"^{re.escape(said)}"):
         registry.make_method(sample, settings)
@@ -112,26 +108,20 @@ def test_an_unknown_method_has_a_guess(sample):
         registry.make_method("sampel")
 
 
-@pytest.mark.parametrize(
-    ("method", "settings", "said"),
-    [
-        ("warp_bvh", {"update": "refti"}, "warp_bvh.update='refti': update must be one of .*"),
-        ("uniform_grid", {"density": "1e30"}, "uniform_grid.density='1e30': density must lie between 0 and 1000 .*"),
-    ],
-)
+@pytest.mark.parametrize(("method", "settings", "said"), [
+    ("warp_bvh", {"update": "refti"}, "warp_bvh.update='refti': update must be one of .*"),
+    ("uniform_grid", {"density": "1e30"}, "uniform_grid.density='1e30': density must lie between 0 and 1000 .*"),
+])  # fmt: skip
 def test_what_a_value_may_be_is_said_without_its_type(method, settings, said):
     with pytest.raises(UserError, match=f"^{said}$"):
         registry.make_method(method, settings)
 
 
-@pytest.mark.parametrize(
-    ("word", "known", "hint"),
-    [
-        ("ray_grids", ["uniform_grid"], "; known: uniform_grid"),
-        (".txt", [".stl", ".obj"], "; known: .obj, .stl"),
-        ("unifrm_grid", ["uniform_grid", "ray_grids"], "; did you mean uniform_grid?"),
-    ],
-)
+@pytest.mark.parametrize(("word", "known", "hint"), [
+    ("ray_grids", ["uniform_grid"], "; known: uniform_grid"),
+    (".txt", [".stl", ".obj"], "; known: .obj, .stl"),
+    ("unifrm_grid", ["uniform_grid", "ray_grids"], "; did you mean uniform_grid?"),
+])  # fmt: skip
 def test_only_a_misspelt_name_has_a_guess(word, known, hint):
     assert did_you_mean(word, known) == hint
 
@@ -175,17 +165,14 @@ def test_an_entry_point_that_leads_nowhere_is_one_line(installed):
         registry.make_method("gone")
 
 
-@pytest.mark.parametrize(
-    ("capability", "name", "has"),
-    [
-        (61, "NVIDIA GeForce GTX 1080", False), (70, "Tesla V100-SXM2-16GB", False),
-        (75, "NVIDIA GeForce RTX 2080 Ti", True), (75, "Quadro RTX 6000", True), (75, "TITAN RTX", True),
-        (75, "Tesla T4", True), (75, "NVIDIA GeForce GTX 1660 Ti", False), (75, "NVIDIA T1000", False),
-        (80, "NVIDIA A100-SXM4-80GB", False), (86, "NVIDIA A10", True), (86, "NVIDIA GeForce RTX 3090", True),
-        (89, "NVIDIA L40S", True), (90, "NVIDIA H100 80GB HBM3", False), (90, "NVIDIA H200", False),
-        (100, "NVIDIA B200", False), (120, "NVIDIA GeForce RTX 5090", True), (87, "Orin", None),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("capability", "name", "has"), [
+    (61, "NVIDIA GeForce GTX 1080", False), (70, "Tesla V100-SXM2-16GB", False),
+    (75, "NVIDIA GeForce RTX 2080 Ti", True), (75, "Quadro RTX 6000", True), (75, "TITAN RTX", True),
+    (75, "Tesla T4", True), (75, "NVIDIA GeForce GTX 1660 Ti", False), (75, "NVIDIA T1000", False),
+    (80, "NVIDIA A100-SXM4-80GB", False), (86, "NVIDIA A10", True), (86, "NVIDIA GeForce RTX 3090", True),
+    (89, "NVIDIA L40S", True), (90, "NVIDIA H100 80GB HBM3", False), (90, "NVIDIA H200", False),
+    (100, "NVIDIA B200", False), (120, "NVIDIA GeForce RTX 5090", True), (87, "Orin", None),
+])  # fmt: skip
 def test_ray_tracing_units(capability, name, has):
     assert has_ray_tracing_units(capability, name) is has
 
@@ -216,6 +203,5 @@ def test_the_copy_lies_beside_the_kernels_and_serves_the_next_one(kernels, capfd
     assert compiled(41) == 41
     (copy,) = kernels.glob("wp_headers_*/*.pch")
     made = copy.stat().st_mtime_ns
-    assert compiled(42) == 42
-    assert copy.stat().st_mtime_ns == made
+    assert (compiled(42), copy.stat().st_mtime_ns) == (42, made)
     assert "PCH" not in capfd.readouterr().err

@@ -118,14 +118,10 @@ def test_a_new_plan_frees_the_arrays_of_the_last_one_at_once(name):
 
 
 def test_the_number_of_threads():
-    assert cpu_threads(3, "cpu") == 3
-    assert cpu_threads(0, "cpu") == min(16, processors())
-    assert ranges(10, 3) == [(0, 3), (3, 3), (6, 4)]
-    assert ranges(2, 3) == [(0, 1), (1, 1)]
-    assert ranges(0, 3) == []
+    assert (cpu_threads(3, "cpu"), cpu_threads(0, "cpu")) == (3, min(16, processors()))
+    assert (ranges(10, 3), ranges(2, 3), ranges(0, 3)) == ([(0, 3), (3, 3), (6, 4)], [(0, 1), (1, 1)], [])
     traced = make_method("uniform_grid", {"threads": "2"})
-    assert threads_given(traced.build, traced.trace) == 2
-    assert threads_given(None) == 1
+    assert (threads_given(traced.build, traced.trace), threads_given(None)) == (2, 1)
     with pytest.raises(UserError, match="threads must be 0"):
         make_method("ray_grids", {"threads": "-1"})
 
@@ -174,8 +170,7 @@ def test_every_pixel_has_one_thread(width, height):
     """The first entry is of threads beyond the image's edges."""
     (taken,) = launched(pixels_kernel, thread_count(width, height), [width, height], [1 + width * height])
     spare, *of_pixels = taken.tolist()
-    assert of_pixels == [1] * (width * height)
-    assert spare == thread_count(width, height) - width * height
+    assert (of_pixels, spare) == ([1] * (width * height), thread_count(width, height) - width * height)
 
 
 ROWS = 64
@@ -183,11 +178,9 @@ ROWS = 64
 
 @wp.kernel(enable_backward=False)
 def place_kernel(
-    first: wp.int32,
-    numbers: wp.array(dtype=wp.int32),
-    greatest: wp.array(dtype=wp.int32),
+    first: wp.int32, numbers: wp.array(dtype=wp.int32), greatest: wp.array(dtype=wp.int32),
     words: wp.array2d(dtype=wp.int32),
-):
+):  # fmt: skip
     """In one of ROWS rows: numbers in a list; the greatest number; bounds of numbers that fall. Each changes a word."""
     k = first + wp.tid()
     row = k % wp.static(ROWS)

@@ -91,13 +91,9 @@ def test_sizes_are_measured_once_for_a_mesh_a_moment_is_judged_once_and_never_wh
 
 @wp.kernel(enable_backward=False)
 def digits_kernel(
-    corners: wp.array2d(dtype=wp.vec3f),
-    x: wp.array(dtype=wp.vec3d),
-    o: wp.array(dtype=wp.vec3f),
-    d: wp.array(dtype=wp.vec3f),
-    sides: wp.array2d(dtype=wp.float64),
-    points: wp.array(dtype=wp.vec3d),
-):
+    corners: wp.array2d(dtype=wp.vec3f), x: wp.array(dtype=wp.vec3d), o: wp.array(dtype=wp.vec3f),
+    d: wp.array(dtype=wp.vec3f), sides: wp.array2d(dtype=wp.float64), points: wp.array(dtype=wp.vec3d),
+):  # fmt: skip
     i = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     sides[i, 0] = exact_product(triangle.a, triangle.b, triangle.c, x[i], True)[0]

@@ -59,15 +59,9 @@ class Killed:
     """
 
     def __init__(
-        self,
-        place: Path,
-        seed: int,
-        cluster: bool,
-        found: Kills,
-        scenes: Sequence[str] = SCENES,
-        methods: Sequence[str] = METHODS,
-        haste: int = 1,
-    ):
+        self, place: Path, seed: int, cluster: bool, found: Kills, scenes: Sequence[str] = SCENES,
+        methods: Sequence[str] = METHODS, haste: int = 1,
+    ):  # fmt: skip
         self.place, self.cluster, self.found, self.methods, self.haste = place, cluster, found, methods, haste
         self.random = random.Random(seed)
         self.kinds = ("parent", "worker", "grader", "guard", *(["Dask worker"] if cluster else []))

@@ -30,15 +30,9 @@ def assert_exact(
 
 
 def assert_nearly(
-    name: str,
-    settings: dict[str, str],
-    prepared: Prepared,
-    width: int,
-    height: int,
-    device: str = "cpu",
-    share: float = 0.01,
-    lights: int | None = None,
-) -> Answers:
+    name: str, settings: dict[str, str], prepared: Prepared, width: int, height: int, device: str = "cpu",
+    share: float = 0.01, lights: int | None = None,
+) -> Answers:  # fmt: skip
     """As many as ``share`` of the pixels may have another id or shadow bit than is exact; the rest must agree.
 
     Shadow bits are compared for the first ``lights`` lights only, or for all.

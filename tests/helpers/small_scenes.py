@@ -48,14 +48,9 @@ Answers = dict[str, NDArray]
 
 
 def trace(
-    name: str,
-    settings: dict[str, str],
-    prepared: Prepared,
-    width: int,
-    height: int,
-    device: str = "cpu",
+    name: str, settings: dict[str, str], prepared: Prepared, width: int, height: int, device: str = "cpu",
     limits: Limits | None = None,
-) -> tuple[Session, Moment, Answers]:
+) -> tuple[Session, Moment, Answers]:  # fmt: skip
     """One frame of a method, with the session and the moment it was traced at."""
     session = Session(make_method(name, settings), prepared, width, height, device, limits=limits)
     moment = prepared.moment(0, width, height)

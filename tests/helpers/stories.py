@@ -175,13 +175,9 @@ def lamp_at(light: Light, place: F64, target: F64) -> Light:
 
 
 def draw_story(
-    seed: int,
-    frames: int,
-    still: bool = False,
-    size: tuple[int, int] = SIZE,
-    every: bool = False,
+    seed: int, frames: int, still: bool = False, size: tuple[int, int] = SIZE, every: bool = False,
     effects: bool = False,
-) -> Story:
+) -> Story:  # fmt: skip
     """A story of so many frames.
 
     ``still``: its mesh does not move, for trees that are built once. ``every``: no event comes twice before every other

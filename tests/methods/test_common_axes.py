@@ -15,8 +15,7 @@ from shadowbench.methods.common.pairs import PAIR_BYTES, SPARE, grown
 @pytest.mark.parametrize("axis", range(3))
 def test_the_largest_coordinate_and_the_sum_count_no_sign(kind, axis):
     values = np.roll([-4.0, 1.0, -2.0], axis)
-    assert float(largest(kind(*values))) == 4.0
-    assert float(total(kind(*values))) == 7.0
+    assert (float(largest(kind(*values))), float(total(kind(*values)))) == (4.0, 7.0)
 
 
 def test_casts_round_once_and_to_float32_only():
@@ -36,9 +35,7 @@ def test_a_light_is_brought_nearer_along_its_direction():
     near = brought_nearer(place, most)
     assert most / 4 < float(largest(near)) <= most
     share = np.array(place) / np.array(near)
-    assert len(set(share)) == 1
-    assert np.log2(share[0]) % 2 == 0
-    assert brought_nearer(near, most) == near
+    assert (len(set(share)), np.log2(share[0]) % 2, brought_nearer(near, most)) == (1, 0, near)
     assert np.isinf(brought_nearer(wp.vec3f(wp.INF, 1.0, 0.0), most)[0])
 
 

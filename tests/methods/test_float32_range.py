@@ -38,12 +38,9 @@ def missed(no: wp.bool) -> wp.int32:
 
 @wp.kernel(enable_backward=False)
 def ray_kernel(
-    camera: Camera,
-    o: wp.array(dtype=wp.vec3f),
-    d: wp.array(dtype=wp.vec3f),
-    corners: wp.array2d(dtype=wp.vec3f),
+    camera: Camera, o: wp.array(dtype=wp.vec3f), d: wp.array(dtype=wp.vec3f), corners: wp.array2d(dtype=wp.vec3f),
     verdicts: wp.array2d(dtype=wp.int32),
-):
+):  # fmt: skip
     """Verdicts of :data:`RAY_TESTS` on a ray whose direction is a pixel's, (x, y, -1): of the first two on its line."""
     i = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
@@ -65,11 +62,9 @@ def turned(p: wp.vec3f) -> wp.vec3f:
 
 @wp.kernel(enable_backward=False)
 def segment_kernel(
-    h: wp.array(dtype=wp.vec3f),
-    light: wp.array(dtype=wp.vec3f),
-    corners: wp.array2d(dtype=wp.vec3f),
+    h: wp.array(dtype=wp.vec3f), light: wp.array(dtype=wp.vec3f), corners: wp.array2d(dtype=wp.vec3f),
     verdicts: wp.array2d(dtype=wp.int32),
-):
+):  # fmt: skip
     """Verdicts of :data:`SEGMENT_TESTS` on the open segment from a hit point to a light."""
     i = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])

@@ -40,8 +40,7 @@ def test_a_hot_kernel_takes_no_more_than_recorded(label):
 
 def test_growth_is_reported():
     before = Use(60, 0, 1000)
-    assert grown(before, Use(64, 16, 1096)) == []
-    assert len(grown(before, Use(65, 17, 1097))) == 3
+    assert (grown(before, Use(64, 16, 1096)), len(grown(before, Use(65, 17, 1097)))) == ([], 3)
 
 
 def test_a_record_holds_no_kernel_that_is_gone():

@@ -105,8 +105,7 @@ BOUNCE = "bounce 1: mirrored rays"
 def test_every_claim_has_a_verdict_and_says_what_is_missing(tmp_path):
     write_records(tmp_path / "a", [record_of("figure2", figure2.METHODS[0], "buddha")])
     found = judged(tmp_path)
-    assert len(found) == len(CLAIMS)
-    assert {r["verdict"] for r in found.values()} == {claims.UNMEASURED}
+    assert (len(found), {r["verdict"] for r in found.values()}) == (len(CLAIMS), {claims.UNMEASURED})
     assert all("run " in r["numbers"] for r in found.values())
     text = (tmp_path / "claims.md").read_text()
     assert text.count("**not measured**") == len(CLAIMS)
@@ -192,19 +191,16 @@ def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_the
     assert "2.0 times the time for 4 times the pixels (cloth 2.00)" in found["numbers"]
 
 
-@pytest.mark.parametrize(
-    ("times", "verdict", "words"),
-    [
-        # Without balancing (the last of three) the far light is 9 times as slow; with it hardly.
-        ({1.0: (2.0, 3.0, 2.0), 100.0: (4.0, 2.5, 18.0)}, claims.HOLDS, "1 radius 1.00, 100 radii 7.20"),
-        # Balancing helps alike everywhere: where the light stands costs what it did.
-        ({1.0: (2.0, 3.0, 4.0), 100.0: (18.0, 19.0, 36.0)}, claims.FAILS, "9.00 without, 9.00 with it"),
-        # It helps nowhere.
-        ({1.0: (2.0, 3.0, 2.0), 100.0: (18.0, 19.0, 18.0)}, claims.FAILS, "100 radii 1.00"),
-        # It helps, and leaves nine times the time: that is no compensation.
-        ({1.0: (2.0, 3.0, 2.2), 100.0: (18.0, 19.0, 22.0)}, claims.FAILS, "10.00 without, 9.00 with it"),
-    ],
-)
+@pytest.mark.parametrize(("times", "verdict", "words"), [
+    # Without balancing (the last of three) the far light is 9 times as slow; with it hardly.
+    ({1.0: (2.0, 3.0, 2.0), 100.0: (4.0, 2.5, 18.0)}, claims.HOLDS, "1 radius 1.00, 100 radii 7.20"),
+    # Balancing helps alike everywhere: where the light stands costs what it did.
+    ({1.0: (2.0, 3.0, 4.0), 100.0: (18.0, 19.0, 36.0)}, claims.FAILS, "9.00 without, 9.00 with it"),
+    # It helps nowhere.
+    ({1.0: (2.0, 3.0, 2.0), 100.0: (18.0, 19.0, 18.0)}, claims.FAILS, "100 radii 1.00"),
+    # It helps, and leaves nine times the time: that is no compensation.
+    ({1.0: (2.0, 3.0, 2.2), 100.0: (18.0, 19.0, 22.0)}, claims.FAILS, "10.00 without, 9.00 with it"),
+])  # fmt: skip
 def test_load_balancing_is_held_against_none_at_every_distance(tmp_path, times, verdict, words):
     write_records(tmp_path / "a", moved(times) + moved(times, "hits"))
     found = starting(tmp_path, "Load balancing")
@@ -223,14 +219,10 @@ def test_without_an_unbalanced_curve_load_balancing_is_not_measured(tmp_path):
     assert "without load balancing (r = 65536) at two distances is not measured; run figure11" in found["numbers"]
 
 
-@pytest.mark.parametrize(
-    ("times", "verdict"),
-    [
-        ((1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0), claims.HOLDS),
-        ((1.0, 2.0, 1.0, 3.0, 3.0, 3.0, 4.0), claims.OPEN),
-        ((4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0), claims.FAILS),
-    ],
-)
+@pytest.mark.parametrize(("times", "verdict"), [
+    ((1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0), claims.HOLDS), ((1.0, 2.0, 1.0, 3.0, 3.0, 3.0, 4.0), claims.OPEN),
+    ((4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0), claims.FAILS),
+])  # fmt: skip
 def test_key_bits_are_judged_at_equal_numbers_of_pairs(tmp_path, times, verdict):
     write_records(tmp_path / "a", sorted_pairs(64, times) + sorted_pairs(128, times))
     found = starting(tmp_path, "Sorting costs less")

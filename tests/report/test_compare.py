@@ -33,25 +33,17 @@ def test_only_frames_that_both_have_are_compared(tmp_path):
     timed(tree, 2.0, 2.0, 2.0, 2.0)
     del tree["frames"][2:]
     ratios = found(tmp_path, [ours, tree])
-    assert ratios["ours"]["ratio"] == pytest.approx(0.5)
-    assert ratios["ours"]["frames"] == 2
+    assert (ratios["ours"]["ratio"], ratios["ours"]["frames"]) == (pytest.approx(0.5), 2)
     assert ratios["tree"]["ratio"] == 1.0
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda r: r.update(rounds=[{"round": 0, "run": "another"}]),
-        lambda r: r.update(environment="another"),
-        lambda r: r["point"].update(width=128),
-        lambda r: r["scene"].update(lights=[{}, {}]),
-        lambda r: r["scene"].update(arrays_sha256="another"),
-        lambda r: r["scene"].update(title="another"),
-        lambda r: r["method"].update(device="cpu"),
-        lambda r: r["frames"][0].update(frame=7),
-        lambda r: r["method"].update(name="warp_bvh", source_sha256="an older version"),
-    ],
-)
+@pytest.mark.parametrize("change", [
+    lambda r: r.update(rounds=[{"round": 0, "run": "another"}]), lambda r: r.update(environment="another"),
+    lambda r: r["point"].update(width=128), lambda r: r["scene"].update(lights=[{}, {}]),
+    lambda r: r["scene"].update(arrays_sha256="another"), lambda r: r["scene"].update(title="another"),
+    lambda r: r["method"].update(device="cpu"), lambda r: r["frames"][0].update(frame=7),
+    lambda r: r["method"].update(name="warp_bvh", source_sha256="an older version"),
+])  # fmt: skip
 def test_what_is_not_alike_has_no_ratio(tmp_path, change):
     records = two()
     assert "ours" in found(tmp_path / "alike", records)
@@ -103,8 +95,7 @@ def test_any_measure_of_a_pair_is_over_the_common_frames(tmp_path):
     frames = document.frames(write_records(tmp_path, [ours, tree]))
     one, other = compare.pairs(frames, frames["label"] == "tree")
     shadow = (one["shadow_ms"] / other["shadow_ms"])[one["label"] == "ours"]
-    assert list(shadow) == pytest.approx([0.5])
-    assert list(one.index) == list(other.index)
+    assert (list(shadow), list(one.index)) == (pytest.approx([0.5]), list(other.index))
 
 
 @pytest.mark.parametrize(("starts", "said"), [((1, 2, 3, 4), 1), ((1, 3, 2, 4), 0), ((0, 0, 0, 0), 0)])
@@ -162,8 +153,7 @@ def test_versions_of_a_method_in_one_folder_are_not_mixed(tmp_path):
     old, new = pair(1.0, version="old", started=1.0), pair(1.0, "fairy", version="new", started=2.0)
     write_records(tmp_path / "a", old + new)
     (evidence,) = collect(tmp_path).evidence("frame_time")
-    assert list(ours_over_tree(evidence)) == ["fairy"]
-    assert set(evidence.versions.values()) == {"new"}
+    assert (list(ours_over_tree(evidence)), set(evidence.versions.values())) == (["fairy"], {"new"})
 
 
 def test_the_last_version_comes_before_more_frames_and_runs_of_one_version_are_joined(tmp_path):

@@ -12,14 +12,11 @@ from shadowbench.harness.report.numbers import carry
 from shadowbench.harness.runner.planning.experiment import Entry
 
 
-@pytest.mark.parametrize(
-    ("taken", "light", "told"),
-    [
-        (3, "", ""),
-        (1, "", " The budget was spent before the last round: Cloth, grid: 1 of 3."),
-        (1, "two lights", " The budget was spent before the last round: Cloth, grid, two lights: 1 of 3."),
-    ],
-)
+@pytest.mark.parametrize(("taken", "light", "told"), [
+    (3, "", ""),
+    (1, "", " The budget was spent before the last round: Cloth, grid: 1 of 3."),
+    (1, "two lights", " The budget was spent before the last round: Cloth, grid, two lights: 1 of 3."),
+])  # fmt: skip
 def test_points_that_the_budget_left_without_rounds_are_named(taken, light, told):
     row = {"title": "Cloth", "label": "grid", "light_label": light, "rounds": taken, "point.rounds": 3,
            "point.budget_s": 5.0}  # fmt: skip

@@ -276,8 +276,7 @@ def test_the_slider_goes_through_distances_and_frames(visit):
         slider.send_keys(key)
         places.append(text_of(found, ".place output"))
         times.append(float(text_of(found, ".at-place tbody tr:last-child td:last-child").split()[0]))
-    assert places == ["0.1 radii", "1 radius", "10 radii"]
-    assert times == sorted(times)
+    assert (places, times) == (["0.1 radii", "1 radius", "10 radii"], sorted(times))
     assert "at=2" in found.current_url
     found = visit("view=curves&c=figure11&x=frame&at=0")
     assert text_of(found, ".place output") == "frame 0"

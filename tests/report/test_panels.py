@@ -36,28 +36,19 @@ def test_every_method_has_a_look_of_its_own_whatever_else_is_drawn_or_installed(
     assert style.look("somebodys")["color"] in style.COLOURS
 
 
-@pytest.mark.parametrize(
-    ("value", "spread", "form", "text"),
-    [
-        (None, 0.0, "", "-"), (float("nan"), 0.0, "", "-"), (0.01234, 0.0, "", "0.012"), (1.234, 0.0, "", "1.23"),
-        (1234.5, 0.0, "", "1,234"), (-0.0013, 0.0, "ms", "~0"), (0.0, 0.0, "ms", "0.000"), (265.4, 40.0, "", "~270"),
-        (0.3865, 0.0, "", "0.387"), (3.0, 0.0, "count", "3"), (0.5, 0.0, "count", "0.500"), (-0.5, 0.01, "+", "~-0.50"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("value", "spread", "form", "text"), [
+    (None, 0.0, "", "-"), (float("nan"), 0.0, "", "-"), (0.01234, 0.0, "", "0.012"), (1.234, 0.0, "", "1.23"),
+    (1234.5, 0.0, "", "1,234"), (-0.0013, 0.0, "ms", "~0"), (0.0, 0.0, "ms", "0.000"), (265.4, 40.0, "", "~270"),
+    (0.3865, 0.0, "", "0.387"), (3.0, 0.0, "count", "3"), (0.5, 0.0, "count", "0.500"), (-0.5, 0.01, "+", "~-0.50"),
+])  # fmt: skip
 def test_a_number_has_the_digits_and_the_mark_of_its_spread_and_no_exponent(value, spread, form, text):
     assert numbers.carried(value, spread, form) == text
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "labels"),
-    [
-        (0.3, 6.0, ["0.5", "1", "2", "5"]),
-        (0.3, 40.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
-        (0.2, 400.0, ["1", "10", "100"]),
-        (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]),
-        (0.0, 0.0, None),
-    ],
-)
+@pytest.mark.parametrize(("low", "high", "labels"), [
+    (0.3, 6.0, ["0.5", "1", "2", "5"]), (0.3, 40.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
+    (0.2, 400.0, ["1", "10", "100"]), (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]), (0.0, 0.0, None),
+])  # fmt: skip
 def test_logarithmic_axes_have_plain_numbers(low, high, labels):
     axes = Figure().subplots()
     axes.plot([1, 2], [low, high])

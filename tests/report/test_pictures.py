@@ -57,8 +57,7 @@ def test_shading_lights_what_is_lit_and_darkens_what_is_shadowed():
     upper = np.repeat(np.arange(SIZE), SIZE) < SIZE // 2
     moment, answers = answers_to(prepared, marked=upper)
     picture = shade(prepared, moment, answers, lights)
-    assert picture.shape == (SIZE, SIZE, 3)
-    assert picture.dtype == np.uint8
+    assert (picture.shape, picture.dtype) == ((SIZE, SIZE, 3), np.uint8)
     bright = picture.astype(int).sum(axis=2)
     assert bright[: SIZE // 2, : SIZE // 2].max() < 0.8 * bright[SIZE // 2 :, : SIZE // 2].min()
     assert bright[: SIZE // 2, : SIZE // 2].min() > 60, "a shadow is dark, not black"
@@ -82,8 +81,7 @@ def test_pieces_are_connected_through_welded_vertices():
     prepared = prepare(Scene("p", "P", lambda: geometry, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
     label = pieces(prepared)
     # Faces are listed backwards: two that coincide far away, then two that share the vertex (1, 0, 0).
-    assert label[0] == label[1]
-    assert label[2] == label[3]
+    assert (label[0], label[2]) == (label[1], label[3])
     assert label[0] != label[2]
 
 

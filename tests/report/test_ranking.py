@@ -52,17 +52,14 @@ def test_one_sentence_for_the_exact_and_one_for_all(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("others", "end"),
-    [
-        ([made("tree", 2.001)], "tree with 2.02 ms is as fast within the spread of the repeats. No inexact method "
-         "is faster."),
-        ([], "no other exact method was measured. No inexact method is faster."),
-        ([made("one", 1.0, 1)], "The fastest of all is one with 1.01 ms: 1 of its answers is wrong."),
-        ([made("unknown", 1.0, None)], "The fastest of all is unknown with 1.01 ms: its answers were not scored."),
-        ([made("float", 1.0, inexact="float32")], "none of its answers is wrong here, which it does not promise elsewhere."),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("others", "end"), [
+    ([made("tree", 2.001)], "tree with 2.02 ms is as fast within the spread of the repeats. No inexact method "
+     "is faster."),
+    ([], "no other exact method was measured. No inexact method is faster."),
+    ([made("one", 1.0, 1)], "The fastest of all is one with 1.01 ms: 1 of its answers is wrong."),
+    ([made("unknown", 1.0, None)], "The fastest of all is unknown with 1.01 ms: its answers were not scored."),
+    ([made("float", 1.0, inexact="float32")], "none of its answers is wrong here, which it does not promise elsewhere."),
+])  # fmt: skip
 def test_what_is_near_alone_or_unknown_is_said_so(tmp_path, others, end):
     text = said(tmp_path, made("good", 2.0), *others)
     assert text.startswith("Cloth (stand-in): the fastest exact method is good with 2.02 ms a frame; ")

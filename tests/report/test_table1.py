@@ -258,8 +258,7 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
     other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
     write_records(tmp_path, [new, old, other])
     chosen, older = newest(tmp_path)
-    assert {made.key for made in chosen} == {"new", other["key"]}
-    assert older == 1
+    assert ({made.key for made in chosen}, older) == ({"new", other["key"]}, 1)
     table1.draw(tmp_path, quiet=True)
     assert (
         "older records of these points, or of other scenes of their names: 1." in (tmp_path / "table1.md").read_text()

@@ -94,8 +94,7 @@ def test_exit_codes_follow_the_verdicts(call, pair):
     assert code == 1
     assert "6 points: 2 slower, 4 same. 3 geometric means: 1 slower, 2 same." in out
     assert "fails: slower: 2 points, 1 geometric mean" in out
-    assert call(a, b, "--fail-on", "faster")[0] == 0
-    assert call(b, a, "--fail-on", "faster")[0] == 1
+    assert (call(a, b, "--fail-on", "faster")[0], call(b, a, "--fail-on", "faster")[0]) == (0, 1)
     code, out, _ = call(a, b)
     assert code == 0
     assert (
@@ -162,22 +161,12 @@ def test_what_neither_run_could_measure_is_not_measured(call, tmp_path):
     assert "fails: cannot-tell: 1 point" in out
 
 
-@pytest.mark.parametrize(
-    ("in_a", "in_b", "ms", "verdict"),
-    [
-        ({}, {"wrong": 1}, 0.5, "wrong"),
-        ({}, {"wrong": 1}, 1.0, "wrong"),
-        ({}, {"wrong": 1}, 1.5, "slower"),
-        ({"wrong": 3}, {"wrong": 4}, 0.5, "wrong"),
-        ({"wrong": 3}, {"wrong": 3}, 0.5, "faster"),
-        ({"wrong": 3}, {}, 0.5, "faster"),
-        ({}, {"excused": 0.01}, 0.5, "wrong"),
-        (None, {"wrong": 1}, 0.5, "wrong"),
-        ({}, None, 0.5, "can't tell"),
-        ({}, None, 1.5, "slower"),
-        (None, None, 0.5, "faster"),
-    ],
-)
+@pytest.mark.parametrize(("in_a", "in_b", "ms", "verdict"), [
+    ({}, {"wrong": 1}, 0.5, "wrong"), ({}, {"wrong": 1}, 1.0, "wrong"), ({}, {"wrong": 1}, 1.5, "slower"),
+    ({"wrong": 3}, {"wrong": 4}, 0.5, "wrong"), ({"wrong": 3}, {"wrong": 3}, 0.5, "faster"),
+    ({"wrong": 3}, {}, 0.5, "faster"), ({}, {"excused": 0.01}, 0.5, "wrong"), (None, {"wrong": 1}, 0.5, "wrong"),
+    ({}, None, 0.5, "can't tell"), ({}, None, 1.5, "slower"), (None, None, 0.5, "faster"),
+])  # fmt: skip
 def test_what_is_faster_because_it_is_wrong_is_never_faster(call, tmp_path, in_a, in_b, ms, verdict):
     """``in_a``, ``in_b``: the answers of each, None: not judged."""
     for name, asked, time in (("a", in_a, 1.0), ("b", in_b, ms)):
@@ -187,8 +176,7 @@ def test_what_is_faster_because_it_is_wrong_is_never_faster(call, tmp_path, in_a
     found = json.loads(out)
     assert {row["verdict"] for row in found["points"]} == {verdict}
     errs = in_b is not None and in_b != {} and in_b != in_a
-    assert (code == 1) == errs
-    assert bool(found["wrong"]) == errs
+    assert ((code == 1), bool(found["wrong"])) == (errs, errs)
     (mean,) = found["geometric_means"]
     assert mean["verdict"] == verdict
     assert (call(tmp_path / "a", tmp_path / "b", "--fail-on", "slower")[0] == 1) == (errs or verdict == "slower")
@@ -214,8 +202,7 @@ def verdict(tmp_path, a, b, again=None):
 
 def test_few_rounds_say_what_to_run(tmp_path):
     row = verdict(tmp_path, made(TREE, 1.0, 1, rounds=8), made(TREE, 2.0, 2))
-    assert row.verdict == two_runs.OPEN
-    assert row.reason == "8 in A of 9 rounds; run with --rounds 9"
+    assert (row.verdict, row.reason) == (two_runs.OPEN, "8 in A of 9 rounds; run with --rounds 9")
 
 
 def test_noise_and_drift_of_the_machine_hide_a_gap(tmp_path):
@@ -233,8 +220,7 @@ def test_a_second_run_of_a_tells_the_spread_between_runs(tmp_path):
     a, b, again = (made(TREE, ms, i) for i, ms in enumerate((1.0, 1.04, 1.06)))
     assert verdict(tmp_path / "alone", a, b).verdict == two_runs.SLOWER
     row = verdict(tmp_path / "again", a, b, again)
-    assert row.verdict == two_runs.OPEN
-    assert row.spread == pytest.approx(0.06, abs=0.01)
+    assert (row.verdict, row.spread) == (two_runs.OPEN, pytest.approx(0.06, abs=0.01))
 
 
 def test_a_lower_clock_counts_as_throttled_where_no_reason_is_reported(tmp_path):
@@ -276,14 +262,11 @@ def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_re
     assert len(json.loads(call(a, b, "--json")[1])["left_out"]) == 18
 
 
-@pytest.mark.parametrize(
-    ("change", "said", "allow"),
-    [
-        (lambda r, f: f["gpus"][0].update(name="Another"), "machine: A GPU and A CPU (2 cores) in A, Another", "machine"),
-        (lambda r, f: f["gpus"][0]["smi"].update(driver_version="2"), "driver: 1 in A, 2 in B", "driver"),
-        (lambda r, f: r["scene"].update(arrays_sha256="x"), "scene Cloth (stand-in): is not the same version", "scene"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "said", "allow"), [
+    (lambda r, f: f["gpus"][0].update(name="Another"), "machine: A GPU and A CPU (2 cores) in A, Another", "machine"),
+    (lambda r, f: f["gpus"][0]["smi"].update(driver_version="2"), "driver: 1 in A, 2 in B", "driver"),
+    (lambda r, f: r["scene"].update(arrays_sha256="x"), "scene Cloth (stand-in): is not the same version", "scene"),
+])  # fmt: skip
 def test_what_is_not_alike_is_refused_unless_asked(call, refused_call, tmp_path, change, said, allow):
     record, facts = made(TREE, 1.0, 2), copy.deepcopy(FACTS)
     change(record, facts)

@@ -65,8 +65,7 @@ def test_a_folder_is_charged_when_it_goes_on_and_only_then_rewritten(ball, blind
     assert errors(tmp_path, "b") == 0
     grade(ball, tmp_path, "a", ball.right, wrong_maps=True)
     changed = charge_folder(tmp_path)
-    assert set(changed) == {"a", "b"}
-    assert changed["b"].frames[0].score.settled.true_errors == 3
+    assert (set(changed), changed["b"].frames[0].score.settled.true_errors) == ({"a", "b"}, 3)
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
     classes = disputes.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
     assert classes[ball.lost] == Verdict.TRUE
@@ -130,8 +129,7 @@ def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch)
     assert 0 < alone.true_errors < hits  # what a random sample of pixels finds
     both = Run(options(out, [scene], ["steady", "uniform_grid"], **size), Silent()).go()
     found = {record.method["name"]: record.frames[0].score for record in both}
-    assert found["uniform_grid"].true_errors == 0
-    assert found["steady"].true_errors == hits
+    assert (found["uniform_grid"].true_errors, found["steady"].true_errors) == (0, hits)
     assert found["steady"].settled.true_errors == hits - alone.true_errors
     assert both[0] == read_record(out / "records" / f"{both[0].key}.json")
     assert honest.frames[0].score.true_errors == 0

@@ -38,9 +38,7 @@ def files(place: Path) -> set[str]:
 
 def test_a_kept_folder_reads_and_draws_as_the_run_did(tmp_path: Path) -> None:
     run, out = run_folder(tmp_path / "run"), tmp_path / "kept"
-    assert keep([run], out) == 0
-    assert read_records(out) == read_records(run)
-    assert len(read_records(out)) == 3
+    assert (keep([run], out), read_records(out), len(read_records(out))) == (0, read_records(run), 3)
     keep([out], tmp_path / "again")
     assert read_records(tmp_path / "again") == read_records(out)
     found = files(out)
@@ -157,8 +155,7 @@ def test_archives_beside_one_another_are_one_folder(tmp_path: Path) -> None:
     keep([run_folder(tmp_path / "later", scenes=("fairy",))], tmp_path / "more")
     (tmp_path / "more" / "records" / ARCHIVE).rename(tmp_path / "out" / "records" / "later.jsonl.xz")
     both = read_records(tmp_path / "out")
-    assert {record.scene["name"] for record in both} == {"cloth", "fairy"}
-    assert len(both) == 6
+    assert ({record.scene["name"] for record in both}, len(both)) == ({"cloth", "fairy"}, 6)
     assert ResultsFolder(tmp_path / "out").record(both[-1].key) == both[-1]
 
 

@@ -57,16 +57,11 @@ def finished_event(frames=(0,), score=None):
 def test_rounds_are_joined_in_their_order_and_nothing_is_dropped():
     whole = made([round_event(1, [5.0, 6.0]), round_event(0, [1.0, 2.0]), finished_event()])
     (frame,) = whole.frames
-    assert frame.total_ms == [1.0, 2.0, 5.0, 6.0]
-    assert frame.wall_ms == [1.5, 2.5, 5.5, 6.5]
-    assert frame.round == [0, 0, 1, 1]
-    assert frame.stage_round == [0, 0, 1, 1]
-    assert frame.passes[3] == PassTimes("any hit", "shadow", [4.0] * 4)
-    assert frame.regrown == 1
-    assert frame.counters == {"tests": 5}
-    assert (whole.status, whole.peak_rss_bytes, whole.load_s) == ("ok", 101, 0.25)
-    assert whole.method["built"] == {"kind": "lbvh"}
-    assert whole.stopped_by == "samples"
+    assert (frame.total_ms, frame.wall_ms) == ([1.0, 2.0, 5.0, 6.0], [1.5, 2.5, 5.5, 6.5])
+    assert (frame.round, frame.stage_round) == ([0, 0, 1, 1], [0, 0, 1, 1])
+    assert (frame.passes[3], frame.regrown) == (PassTimes("any hit", "shadow", [4.0] * 4), 1)
+    assert (frame.counters, whole.status, whole.peak_rss_bytes, whole.load_s) == ({"tests": 5}, "ok", 101, 0.25)
+    assert (whole.method["built"], whole.stopped_by) == ({"kind": "lbvh"}, "samples")
 
 
 def test_what_the_host_does_is_joined_by_round_and_has_columns():
@@ -102,11 +97,9 @@ def test_statistics_of_a_point():
     # Medians of 10 11 12 14 15 16 and of the same plus 2; their mean.
     assert row["total_ms"] == 14.0
     assert row["iqr_ms"] == np.subtract(*np.percentile([10, 11, 12, 14, 15, 16], [75, 25]))
-    assert row["between_ms"] == 4.0
-    assert (row["frames"], row["samples"]) == (2, 6)
+    assert (row["between_ms"], row["frames"], row["samples"]) == (4.0, 2, 6)
     parts = [row[f"{part}_ms"] for part in ("build", "trace", "light_build", "shadow")]
-    assert parts == [1.0, 2.0, 3.0, 4.0]
-    assert row["stage_gap"] == (10.0 - 14.0) / 14.0
+    assert (parts, row["stage_gap"]) == ([1.0, 2.0, 3.0, 4.0], (10.0 - 14.0) / 14.0)
 
 
 def test_a_journal_is_on_the_disk_line_by_line(tmp_path):
@@ -115,8 +108,7 @@ def test_a_journal_is_on_the_disk_line_by_line(tmp_path):
     journal.append({"event": "prepared", "compile_s": 1.5})
     journal.append(round_event(0, [1.0]))
     again = Journal(path)
-    assert again.events == journal.events
-    assert list(again.rounds()) == [0]
+    assert (again.events, list(again.rounds())) == (journal.events, [0])
     assert again.first("prepared")["compile_s"] == 1.5
     assert again.first("finished") is None
     again.remove()
@@ -154,8 +146,7 @@ def test_a_journal_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch)
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
         journal.append(round_event(0, [1.0]))
-    assert journal.path.read_bytes() == before
-    assert [e["event"] for e in journal.events] == ["prepared"]
+    assert (journal.path.read_bytes(), [e["event"] for e in journal.events]) == (before, ["prepared"])
 
 
 def test_a_write_is_whole_or_not_at_all(tmp_path, monkeypatch):
@@ -164,8 +155,7 @@ def test_a_write_is_whole_or_not_at_all(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.EIO, "broken")))
     with pytest.raises(OSError, match="broken"):
         files.write_atomic(path, {"a": 2})
-    assert json.loads(path.read_text()) == {"a": 1}
-    assert list(tmp_path.iterdir()) == [path]
+    assert (json.loads(path.read_text()), list(tmp_path.iterdir())) == ({"a": 1}, [path])
 
 
 def test_not_a_number_is_never_written(tmp_path):

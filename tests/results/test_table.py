@@ -88,8 +88,7 @@ def test_parts_are_missing_where_no_pass_was_timed(records, tmp_path):
     table = tidy(place)
     (row,) = table[(table["key"] == records[0]["key"]) & (table["frame"] == frame["frame"])].to_dict("records")
     assert all(np.isnan(row[f"{part}_ms"]) for part in ("build", "trace", "light_build", "shadow"))
-    assert row["total_ms"] == np.median(frame["total_ms"])
-    assert stage_ms(table, "trace").isna().sum() == 1
+    assert (row["total_ms"], stage_ms(table, "trace").isna().sum()) == (np.median(frame["total_ms"]), 1)
     own = samples(place).query("key == @records[0]['key'] and frame == @frame['frame']")
     assert set(own["part"]) == {"frame", "wall"}
 
@@ -100,8 +99,7 @@ def test_samples_in_long_form(records, tmp_path):
     steps = sum(len(step["ms"]) for f in frames for step in f["passes"])
     assert len(found) == sum(2 * len(f["total_ms"]) for f in frames) + steps
     whole = found[(found["part"] == "frame") & (found["frame"] == 1)]
-    assert list(whole["ms"]) == frames[1]["total_ms"]
-    assert list(whole["round"]) == frames[1]["round"]
+    assert (list(whole["ms"]), list(whole["round"])) == (frames[1]["total_ms"], frames[1]["round"])
     assert set(found["part"]) == {"frame", "wall", "build", "trace", "light build", "shadow"}
 
 
@@ -109,9 +107,7 @@ def test_only_the_newest_record_of_an_entry_counts(tmp_path):
     old = record("bunny", "warp_bvh", key="old", rounds=[{"round": 0, "noted": 100.0, "run": "a"}])
     new = record("bunny", "warp_bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0, "run": "b"}])
     table = tidy(write_records(tmp_path, [new, old]))
-    assert set(table["key"]) == {"new"}
-    assert set(table["run"]) == {"b"}
-    assert table.attrs["older"] == 1
+    assert (set(table["key"]), set(table["run"]), table.attrs["older"]) == ({"new"}, {"b"}, 1)
 
 
 def test_an_empty_folder_is_refused(tmp_path):

@@ -33,11 +33,10 @@ def small(tmp_path):
     return written(tmp_path, "a.obj", files.obj())
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [("a.ply", files.ply_binary()), ("a.obj", files.obj()), ("a.stl", files.stl_binary()), ("a.glb", files.glb()),
-     pytest.param("a.usda", files.USDA.encode(), marks=needs_usd)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "content"), [
+    ("a.ply", files.ply_binary()), ("a.obj", files.obj()), ("a.stl", files.stl_binary()), ("a.glb", files.glb()),
+    pytest.param("a.usda", files.USDA.encode(), marks=needs_usd),
+])  # fmt: skip
 def test_the_same_arrives_as_is_read_here(tmp_path, name, content):
     path = written(tmp_path, name, content)
     one, other = apart.load(path), here.load(path)
@@ -119,14 +118,11 @@ def test_a_lack_of_memory_here_is_not_the_readers(small, fresh, monkeypatch):
     assert fresh._process is None, "its answer would be taken for the next one's"
 
 
-@pytest.mark.parametrize(
-    ("variable", "limit", "patience", "line"),
-    [
-        (apart.MEMORY, "0.005", 100, f"needs more than 0.005 GiB of memory to read; make it smaller, or set {apart.MEMORY}"),
-        (apart.TIME, "1", 100, f"takes more than 1 s to read; make it smaller, or set {apart.TIME}"),
-        (apart.TIME, "9", 0, f"takes more than 0 s to read; make it smaller, or set {apart.TIME} to a higher limit"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("variable", "limit", "patience", "line"), [
+    (apart.MEMORY, "0.005", 100, f"needs more than 0.005 GiB of memory to read; make it smaller, or set {apart.MEMORY}"),
+    (apart.TIME, "1", 100, f"takes more than 1 s to read; make it smaller, or set {apart.TIME}"),
+    (apart.TIME, "9", 0, f"takes more than 0 s to read; make it smaller, or set {apart.TIME} to a higher limit"),
+])  # fmt: skip
 def test_memory_and_time_are_limited_and_the_line_names_the_way_out(
     small, fresh, monkeypatch, variable, limit, patience, line
 ):

@@ -77,8 +77,7 @@ def test_meshes_of_several_rates_are_named(folder):
 def test_what_rests_and_what_moves_stand_together(folder, pattern):
     scene = resolve(declared(folder, 'file = "room.obj"', f'file = "{pattern}"', 'file = "quad.ply"'))
     geometry = scene.geometry()
-    assert geometry.frame_count == 5
-    assert geometry.motion.vertices == (4, 9)
+    assert (geometry.frame_count, geometry.motion.vertices) == (5, (4, 9))
     for k in range(5):
         points = geometry.positions(k)
         assert np.array_equal(points[:4], ROOM)
@@ -95,8 +94,7 @@ def test_bodies_of_meshes_are_told_apart(folder):
     scene = resolve(declared(folder, 'file = "room.obj"', *meshes, 'file = "quad.ply"'))
     motion, parts = scene.geometry().motion, [resolve(f"balls-1k-moving{share}").geometry() for share in (40, 80)]
     own = [len(np.unique(part.motion.bodies)) for part in parts]
-    assert motion.kind == "rigid"
-    assert len(np.unique(motion.bodies)) == 1 + sum(own)
+    assert (motion.kind, len(np.unique(motion.bodies))) == ("rigid", 1 + sum(own))
     resting = len(resolve(str(folder / "room.obj")).geometry().faces)
     assert set(motion.bodies[:resting]) == set(motion.bodies[-2:]) == {0}
     first = motion.bodies[resting : resting + len(parts[0].faces)]
@@ -146,25 +144,22 @@ def test_what_was_left_out_of_each_is_named(folder):
     )
 
 
-@pytest.mark.parametrize(
-    ("mesh", "words"),
-    [
-        ("", r"meshes\[0\]: add its file"),
-        ("file = 3", r"meshes\[0\]: add its file"),
-        ('file = "absent.ply"', r"meshes\[0\]: absent\.ply: no such file"),
-        ('file = "wave"\nframes = "3"', r"meshes\[0\]\.frames: '3': write A:B:STEP"),
-        ('name = "x"', r"meshes\[0\]: unknown key 'name'"),
-        ('frames = "0:3"', r"quad\.ply: has one frame, 0"),
-        ("transform = 2", r"transform must be a table"),
-        ("transform = {turn = 2}", r"transform: unknown key 'turn'"),
-        ('transform = {scale = "2"}', r"transform\.scale must be a number"),
-        ("transform = {rotate = 90}", r"transform\.rotate must be three numbers"),
-        ("transform = {scale = 1e37, translate = [1e37, 0, 0]}", "too large for float32 rays"),
-        ("transform = {matrix = [[1, 0, 0, 0]]}", "four rows of four numbers"),
-        ("transform = {scale = 1, matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}", "give either a matrix"),
-        ("transform = {matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,1,1]]}", "its last row must be 0, 0, 0, 1"),
-    ],
-)
+@pytest.mark.parametrize(("mesh", "words"), [
+    ("", r"meshes\[0\]: add its file"),
+    ("file = 3", r"meshes\[0\]: add its file"),
+    ('file = "absent.ply"', r"meshes\[0\]: absent\.ply: no such file"),
+    ('file = "wave"\nframes = "3"', r"meshes\[0\]\.frames: '3': write A:B:STEP"),
+    ('name = "x"', r"meshes\[0\]: unknown key 'name'"),
+    ('frames = "0:3"', r"quad\.ply: has one frame, 0"),
+    ("transform = 2", r"transform must be a table"),
+    ("transform = {turn = 2}", r"transform: unknown key 'turn'"),
+    ('transform = {scale = "2"}', r"transform\.scale must be a number"),
+    ("transform = {rotate = 90}", r"transform\.rotate must be three numbers"),
+    ("transform = {scale = 1e37, translate = [1e37, 0, 0]}", "too large for float32 rays"),
+    ("transform = {matrix = [[1, 0, 0, 0]]}", "four rows of four numbers"),
+    ("transform = {scale = 1, matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}", "give either a matrix"),
+    ("transform = {matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,1,1]]}", "its last row must be 0, 0, 0, 1"),
+])  # fmt: skip
 def test_mistakes_name_the_mesh(folder, mesh, words):
     mesh = f'file = "quad.ply"\n{mesh}' if mesh and "file" not in mesh else mesh
     with pytest.raises(UserError, match=words) as caught:

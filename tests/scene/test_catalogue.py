@@ -43,8 +43,7 @@ def put(folder: Path, name: str, points=files.QUAD, content=None) -> Path:
 def test_a_stand_in_says_that_it_is_one(name):
     """Without building its geometry."""
     scene = catalogue.resolve(name)
-    assert scene.name == name
-    assert scene.title == f"{TITLES[name]} (stand-in)"
+    assert (scene.name, scene.title) == (name, f"{TITLES[name]} (stand-in)")
     assert "stand-in for the " in scene.stand_in
     assert "\n" not in scene.stand_in
     assert scene.source.kind == "procedural"
@@ -95,8 +94,7 @@ def test_numbered_frames_are_an_animation(tmp_path):
     put(tmp_path, "cloth_notes.ply", content=b"not a frame")
     scene = catalogue.resolve("cloth", tmp_path)
     prepared = prepare(scene)
-    assert prepared.frame_count == 2
-    assert scene.source.file == "cloth_092.ply..cloth_093.ply (2 files)"
+    assert (prepared.frame_count, scene.source.file) == (2, "cloth_092.ply..cloth_093.ply (2 files)")
     assert scene.source.sha256 == hashlib.sha256(b"".join(contents)).hexdigest()
     assert (prepared.points(1)[0] - prepared.points(0)[0] == 1).all()
 
@@ -115,19 +113,16 @@ def test_folders_that_are_none(tmp_path, monkeypatch):
         catalogue.resolve("cloth")
 
 
-@pytest.mark.parametrize(
-    ("name", "line"),
-    [
-        ("sibenk", "no scene or file 'sibenk'; did you mean sibenik?"),
-        ("zzz", "known: balls-300k, buddha, bunny, bunny_dragon, cloth, conference, fairy, sibenik"),
-        ("absent.ply", "absent.ply: no such file"),
-        ("some/where", "some/where: no such file"),
-        ("x" * 5000, "no scene or file"),
-        ("", "the name of the scene is empty"),
-        ("balls-900000000000m", "balls-900000000000m: too many triangles; name balls-134217728 at most"),
-        (f"balls-{'9' * 5000}", "no scene or file"),
-    ],
-)
+@pytest.mark.parametrize(("name", "line"), [
+    ("sibenk", "no scene or file 'sibenk'; did you mean sibenik?"),
+    ("zzz", "known: balls-300k, buddha, bunny, bunny_dragon, cloth, conference, fairy, sibenik"),
+    ("absent.ply", "absent.ply: no such file"),
+    ("some/where", "some/where: no such file"),
+    ("x" * 5000, "no scene or file"),
+    ("", "the name of the scene is empty"),
+    ("balls-900000000000m", "balls-900000000000m: too many triangles; name balls-134217728 at most"),
+    (f"balls-{'9' * 5000}", "no scene or file"),
+])  # fmt: skip
 def test_unknown_names(name, line):
     with pytest.raises(UserError) as caught:
         catalogue.resolve(name)
@@ -279,11 +274,10 @@ def lit_and_shadowed(scene: Scene, size: int = 48) -> tuple[float, float, float]
 
 
 @needs_real
-@pytest.mark.parametrize(
-    ("name", "seen"),
-    [("sibenik", 0.99), ("cloth", 0.2), ("cornell_box.ply", 0.1), ("embree_tree.ply", 0.1), ("teapot.ply", 0.1),
-     ("samba_seq.npz", 0.1), ("dragon_100k.ply", 0.1)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "seen"), [
+    ("sibenik", 0.99), ("cloth", 0.2), ("cornell_box.ply", 0.1), ("embree_tree.ply", 0.1), ("teapot.ply", 0.1),
+    ("samba_seq.npz", 0.1), ("dragon_100k.ply", 0.1),
+])  # fmt: skip
 def test_the_views_of_real_files_show_light_and_shadow(name, seen):
     scene = catalogue.resolve(REAL / name if "." in name else name, REAL)
     assert scene.stand_in is None

@@ -229,17 +229,14 @@ def test_an_axis_of_its_own_scale_is_wide(power, expected) -> None:
     assert wide(make_scene(points * (1, 1, 2.0**power), faces, [(1.0, 2.5, 2.0**power)])) is expected
 
 
-@pytest.mark.parametrize(
-    ("light", "expected"),
-    [
-        ((0, 0, 0), False),
-        ((0, 0, 1e-17), True),
-        ((0, 0, 1e-44), True),
-        ((0, 0, 1e-9), False),
-        ((0, 1, 1), False),
-        ((1e-30, 1, 1), True),  # float64 takes it for a point of the plane
-    ],
-)
+@pytest.mark.parametrize(("light", "expected"), [
+    ((0, 0, 0), False),
+    ((0, 0, 1e-17), True),
+    ((0, 0, 1e-44), True),
+    ((0, 0, 1e-9), False),
+    ((0, 1, 1), False),
+    ((1e-30, 1, 1), True),  # float64 takes it for a point of the plane
+])  # fmt: skip
 def test_a_light_beside_a_plane_by_less_than_float64_knows_is_wide(light, expected) -> None:
     tilted = np.array([(8, 1, 9), (-8, 7, -1), (-7, -9, -16)], dtype=np.float64)  # z = x + y
     assert wide(with_triangle(tilted, lights=[light])) is expected

@@ -83,8 +83,7 @@ def test_everything_declared_is_in_the_scene(folder):
     assert scene.lights[1].color == (1.0, 0.5, 0.2)
     effects = Effects.of(scene)
     assert effects.shadows == (True, True, False)
-    assert effects.names() == ("shadows", "receivers", "directional", "alpha", "mirror")
-    assert effects.bounces == 2
+    assert (effects.names(), effects.bounces) == (("shadows", "receivers", "directional", "alpha", "mirror"), 2)
     prepared = prepare(scene)
     assert prepared.alpha is not None
     assert prepared.alpha.triangles.tolist() == [1, 0, 1, 0, 1, 0]
@@ -103,8 +102,7 @@ def test_an_orthographic_camera_is_declared_by_its_height(folder):
 
 def test_what_is_not_declared_stays(folder):
     plain, declared = resolve(folder / "roof.obj"), resolve(declare(folder, 'mesh = "roof.obj"'))
-    assert declared.camera == plain.camera
-    assert declared.lights == plain.lights
+    assert (declared.camera, declared.lights) == (plain.camera, plain.lights)
     assert declared.title == "roof.obj (scene.toml)"
     assert declared.source.sha256 != plain.source.sha256
     np.testing.assert_array_equal(prepare(declared).points(0)[0], prepare(plain).points(0)[0])
@@ -271,8 +269,7 @@ def test_plan_of_a_moving_and_of_a_still_scene(scene):
             label: [step["name"] for step in method["passes"] if step["after"][label]["runs"]]
             for label in found["changes"]
         }
-        assert runs["nothing"] == []
-        assert runs["geometry"] == [step["name"] for step in method["passes"]]
+        assert (runs["nothing"], runs["geometry"]) == ([], [step["name"] for step in method["passes"]])
         assert all(name.startswith("light 0") for name in runs["light 0"])
         builds = [s["name"] for s in method["passes"] if s["part"] == "build" and s["after"]["camera"]["runs"]]
         assert bool(builds) == (method["method"] == "perspective_spherical")

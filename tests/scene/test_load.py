@@ -29,8 +29,7 @@ def test_meshes_are_read_as_they_are(tmp_path, name):
     make = WRITERS[name]
     loaded = load(written(tmp_path, name, make()))
     assert np.array_equal(loaded.frames[0], files.QUAD)
-    assert loaded.faces.tolist() == [list(face) for face in files.FACES]
-    assert loaded.faces.dtype == np.int32
+    assert (loaded.faces.tolist(), loaded.faces.dtype) == ([list(face) for face in files.FACES], np.int32)
     assert loaded.geometry().frame_count == 1
     polygons = load(written(tmp_path, name, make(polygons=[(0, 1, 2, 3, 4), (0, 1, 2), (0, 1, 2, 3)])))
     assert polygons.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 1, 2], [0, 2, 3]]
@@ -59,17 +58,12 @@ def test_a_git_lfs_pointer_is_called_what_it_is(tmp_path, suffix):
         resolve(path)
 
 
-@pytest.mark.parametrize(
-    ("suffix", "words"),
-    [
-        ("abc", ("Alembic (.abc) is not read", "Blender", "USD")),
-        ("FBX", ("FBX (.fbx) is not read", "FBX2glTF", ".glb")),
-        ("pbrt", ("pbrt", ".toml")),
-        ("mtl", ("materials of an OBJ file", "give the .obj file")),
-        ("plx", ("did you mean .ply?",)),
-        ("txt", ("known:", ".stl, .toml, .usd")),
-    ],
-)
+@pytest.mark.parametrize(("suffix", "words"), [
+    ("abc", ("Alembic (.abc) is not read", "Blender", "USD")),
+    ("FBX", ("FBX (.fbx) is not read", "FBX2glTF", ".glb")), ("pbrt", ("pbrt", ".toml")),
+    ("mtl", ("materials of an OBJ file", "give the .obj file")), ("plx", ("did you mean .ply?",)),
+    ("txt", ("known:", ".stl, .toml, .usd")),
+])  # fmt: skip
 def test_a_format_that_is_not_read_names_what_converts_it(tmp_path, suffix, words):
     refused(written(tmp_path, f"a.{suffix}", b"x"), *words)
     with pytest.raises(UserError, match=r"is not read|cannot be read"):
@@ -122,9 +116,7 @@ def test_generated_meshes_are_what_trimesh_reads(tmp_path, kind):
 def test_numbers_of_lines():
     values, each = numbers([b"1 2.5 ", b"", b" -3e2\t4 nan", b"5"])
     assert np.array_equal(values, [1, 2.5, -300, 4, np.nan, 5], equal_nan=True)
-    assert each.tolist() == [2, 0, 3, 1]
-    assert numbers([])[1].tolist() == []
-    assert numbers([b""])[1].tolist() == [0]
+    assert (each.tolist(), numbers([])[1].tolist(), numbers([b""])[1].tolist()) == ([2, 0, 3, 1], [], [0])
     lines = [b"1 2"] * 100
     for wrong in (0, 37, 99):
         damaged = [*lines[:wrong], b"1 x", *lines[wrong + 1 :]]

@@ -92,14 +92,11 @@ def test_a_mirrored_node_turns_its_triangles_round(tmp_path):
 POINTS = np.random.default_rng(0).random((5, 3)).astype("f4")
 
 
-@pytest.mark.parametrize(
-    ("mode", "corners", "faces"),
-    [
-        (5, [4, 0, 1, 2, 3], [[4, 0, 1], [0, 2, 1], [1, 2, 3]]),
-        (6, None, [[1, 2, 0], [2, 3, 0], [3, 4, 0]]),
-        *((mode, list(range(count)), []) for mode in (5, 6) for count in range(3)),
-    ],
-)
+@pytest.mark.parametrize(("mode", "corners", "faces"), [
+    (5, [4, 0, 1, 2, 3], [[4, 0, 1], [0, 2, 1], [1, 2, 3]]),
+    (6, None, [[1, 2, 0], [2, 3, 0], [3, 4, 0]]),
+    *((mode, list(range(count)), []) for mode in (5, 6) for count in range(3)),
+])  # fmt: skip
 def test_strips_and_fans(tmp_path, mode, corners, faces):
     made = square()
     made.node(mesh=made.mesh(POINTS, None if corners is None else np.array(corners, "u1"), mode=mode))
@@ -114,8 +111,7 @@ def test_primitives_share_their_vertices_and_what_is_left_out_is_noted(tmp_path)
     strip, lines = ({"attributes": plain["attributes"], "mode": mode, "material": 1} for mode in (5, 1))
     made.head["meshes"][0]["primitives"] = [lines, strip, {"attributes": {}}, {**plain, "material": 0}]
     loaded = load(made.write(tmp_path))
-    assert loaded.faces.tolist() == [[0, 1, 2], [1, 3, 2], [0, 1, 2], [0, 2, 3]]
-    assert len(loaded.frames[0]) == 4
+    assert (loaded.faces.tolist(), len(loaded.frames[0])) == ([[0, 1, 2], [1, 3, 2], [0, 1, 2], [0, 2, 3]], 4)
     assert loaded.notes == (
         "1 primitive of points or lines left out", "1 primitive without positions left out",
         "2 materials and 1 texture left out", "1 material with transparency drawn opaque",
@@ -164,13 +160,10 @@ def test_large_embedded_data_are_no_json(tmp_path, monkeypatch):
     assert len(load(path).faces) == 2
 
 
-@pytest.mark.parametrize(
-    "uri",
-    [
-        "/etc/hostname", "../a.bin", "sub/../../a.bin", "http://host/a.bin", "file:///a.bin", "C:\\a.bin", "..\\a.bin",
-        "%2e%2e/a.bin", "%2Fetc/hostname", "\\\\host\\a.bin",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("uri", [
+    "/etc/hostname", "../a.bin", "sub/../../a.bin", "http://host/a.bin", "file:///a.bin", "C:\\a.bin", "..\\a.bin",
+    "%2e%2e/a.bin", "%2Fetc/hostname", "\\\\host\\a.bin",
+])  # fmt: skip
 def test_files_outside_the_folder_are_not_opened(tmp_path, uri):
     made = square()
     written(tmp_path, "a.bin", bytes(made.data))

@@ -43,11 +43,10 @@ def test_interleaved_attributes(tmp_path):
     refused(made.write(tmp_path), "accessor 0 needs")
 
 
-@pytest.mark.parametrize(
-    ("kind", "normalized", "one"),
-    [("i2", False, 1), ("u2", False, 1), ("i1", True, 127), ("u1", True, 255), ("i2", True, 32767), ("u2", True, 65535),
-     ("i1", True, -128)],
-)  # fmt: skip
+@pytest.mark.parametrize(("kind", "normalized", "one"), [
+    ("i2", False, 1), ("u2", False, 1), ("i1", True, 127), ("u1", True, 255), ("i2", True, 32767),
+    ("u2", True, 65535), ("i1", True, -128),
+])  # fmt: skip
 def test_quantised_positions(tmp_path, kind, normalized, one):
     """The most negative integer is minus one."""
     made = square()
@@ -104,18 +103,11 @@ def test_hidden_nodes(tmp_path):
     refused(made.write(tmp_path), "not true or false")
 
 
-@pytest.mark.parametrize(
-    "where",
-    [
-        lambda head: head,
-        lambda head: head["scenes"][0],
-        lambda head: head["nodes"][0],
-        lambda head: head["meshes"][0],
-        lambda head: head["meshes"][0]["primitives"][0],
-        lambda head: head["accessors"][0],
-        lambda head: head["bufferViews"][0],
-    ],
-)
+@pytest.mark.parametrize("where", [
+    lambda head: head, lambda head: head["scenes"][0], lambda head: head["nodes"][0], lambda head: head["meshes"][0],
+    lambda head: head["meshes"][0]["primitives"][0], lambda head: head["accessors"][0],
+    lambda head: head["bufferViews"][0],
+])  # fmt: skip
 def test_unknown_extensions_are_refused_by_name(tmp_path, where):
     """Wherever they stand, if that is read; one that looks alone is known by its name."""
     made = square()

@@ -91,9 +91,7 @@ def test_what_moves_with_a_node_is_a_body(tmp_path):
     loaded = load(made.write(tmp_path))
     rests, moves, below, rests_too = loaded.bodies.reshape(-1, 2)[:, 0].tolist()
     assert loaded.bodies.tolist() == [rests, rests, moves, moves, below, below, rests_too, rests_too]
-    assert rests == rests_too
-    assert len({rests, moves, below}) == 3
-    assert loaded.geometry().motion.kind == "rigid"
+    assert (rests, len({rests, moves, below}), loaded.geometry().motion.kind) == (rests_too, 3, "rigid")
     assert load(made.write(tmp_path), Wanted((0, 0, 1))).geometry().motion is None
     made.primitive()["targets"] = [{"POSITION": made.accessor(np.ones((4, 3)))}]
     made.animate(weights=(above, [0, 1], [0, 1]))
@@ -184,26 +182,12 @@ def test_joints_of_a_static_mesh_mean_nothing(tmp_path):
 # --- frames ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("keys", "rate"),
-    [
-        ([0, 1], 24),
-        (np.arange(50) / 24, 24),
-        (np.arange(50) / 25, 25),
-        (np.float32(np.arange(5000) / 30), 30),
-        (np.arange(50) / 60, 60),
-        (np.arange(50) / 15, 30),
-        (np.arange(50) / 20, 40),
-        (np.array([0, 2, 3, 11]) / 24, 24),
-        (np.array([0, 2, 3, 11]) / 30, 30),
-        (np.arange(240) * 1001 / 24000, 24000 / 1001),
-        ([0.5, 0.5 + 1 / 24], 24),
-        ([0, 0.3333, 1], 24),
-        ([0, 1 / np.pi, 1], 30),
-        ([0, 1 / np.pi, 1.01], 31 / 1.01),
-        ([5], 30),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("keys", "rate"), [
+    ([0, 1], 24), (np.arange(50) / 24, 24), (np.arange(50) / 25, 25), (np.float32(np.arange(5000) / 30), 30),
+    (np.arange(50) / 60, 60), (np.arange(50) / 15, 30), (np.arange(50) / 20, 40), (np.array([0, 2, 3, 11]) / 24, 24),
+    (np.array([0, 2, 3, 11]) / 30, 30), (np.arange(240) * 1001 / 24000, 24000 / 1001), ([0.5, 0.5 + 1 / 24], 24),
+    ([0, 0.3333, 1], 24), ([0, 1 / np.pi, 1], 30), ([0, 1 / np.pi, 1.01], 31 / 1.01), ([5], 30),
+])  # fmt: skip
 def test_the_rate_of_keys(keys, rate):
     assert own_rate(np.asarray(keys, dtype=np.float64)) == pytest.approx(rate, rel=1e-4)
 
@@ -214,8 +198,7 @@ def test_chosen_frames_and_rates(tmp_path):
     assert (len(every.frames), every.rate, every.notes) == (25, 24, ("animation 0 at 24 frames a second",))
     assert every.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
     some = load(path, Wanted(frames=(3, 11, 4)))
-    assert [frame[0, 0] for frame in some.frames] == pytest.approx([3, 7, 11])
-    assert some.rate == 6
+    assert ([frame[0, 0] for frame in some.frames], some.rate) == (pytest.approx([3, 7, 11]), 6)
     assert some.notes == ("animation 0 at 24 frames a second, 3 of its 25 frames",)
     one = load(path, Wanted(frames=(12, 12, 1)))
     assert [frame[0, 0] for frame in one.frames] == pytest.approx([12])
@@ -248,11 +231,10 @@ def test_an_animation_of_what_is_not_drawn_moves_nothing(tmp_path):
     assert loaded.notes == ("animation 0 left out", moving)
 
 
-@pytest.mark.parametrize(
-    ("pointer", "frames"),
-    [("/nodes/0/translation", 25), ("/materials/0/emissiveFactor", 1),
-     ("/nodes/0/extensions/KHR_node_visibility/visible", 0), (["x"], 0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("pointer", "frames"), [
+    ("/nodes/0/translation", 25), ("/materials/0/emissiveFactor", 1),
+    ("/nodes/0/extensions/KHR_node_visibility/visible", 0), (["x"], 0),
+])  # fmt: skip
 def test_pointers_to_what_animations_move(tmp_path, pointer, frames):
     made = moved(translation=([0, 1], [[0, 0, 0], [5, 0, 0]]))
     target = made.head["animations"][0]["channels"][0]["target"] = {"path": "pointer"}
@@ -323,17 +305,11 @@ def test_the_camera_of_an_animation_is_that_of_its_first_frame(tmp_path):
     assert load(made.write(tmp_path)).cameras["camera"].eye == (7, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("camera", "scale"),
-    [
-        ({"type": "perspective", "perspective": {"yfov": 4}}, 1),
-        ({"type": "perspective", "perspective": {"yfov": "x"}}, 1),
-        ({"type": "perspective"}, 1),
-        ({"type": "orthographic", "orthographic": {"ymag": 0}}, 1),
-        ({}, 1),
-        (PERSPECTIVE, 0),
-    ],
-)
+@pytest.mark.parametrize(("camera", "scale"), [
+    ({"type": "perspective", "perspective": {"yfov": 4}}, 1),
+    ({"type": "perspective", "perspective": {"yfov": "x"}}, 1), ({"type": "perspective"}, 1),
+    ({"type": "orthographic", "orthographic": {"ymag": 0}}, 1), ({}, 1), (PERSPECTIVE, 0),
+])  # fmt: skip
 def test_cameras_that_see_nothing_are_left_out(tmp_path, camera, scale):
     assert load(with_camera(camera, scale=[scale] * 3).write(tmp_path)).cameras == {}
 
@@ -355,8 +331,7 @@ def test_directional_lights_shine_along_the_negative_z_of_their_node(tmp_path):
 def test_spots(tmp_path):
     cone = {"type": "spot", "spot": {"outerConeAngle": math.pi / 6}}
     found = load(with_light(cone, rotation=QUARTER, translation=[4, 0, 0]).write(tmp_path)).lights["light"]
-    assert found.position == (4, 0, 0)
-    assert found.spot.angle == pytest.approx(30)
+    assert (found.position, found.spot.angle) == ((4, 0, 0), pytest.approx(30))
     assert np.allclose(found.spot.direction, [-1, 0, 0])
     spot_row(found.spot)
     assert load(with_light({"type": "spot"}).write(tmp_path)).lights["light"].spot.angle == pytest.approx(45)

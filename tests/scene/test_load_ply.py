@@ -47,30 +47,29 @@ def test_forms_of_obj(tmp_path, form):
     assert loaded.frames[0].tolist() == [[0, 0, 0], [4, 0, 0], [0, 1, 0], [4, 1, 0], [0, 8, 0]]
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (CORNER + OBJ_FACES + "f 1 2 x\n", "line 9: a value is not a number"),
-        (CORNER + "f 1 \\\n 2 3\nf 1 \\\n\\\n2\nf 1 2 3\n", "line 8: a face has 2 vertices, it needs at least 3"),
-        ("# a\\\n" + CORNER + "f 1 2 3 \\\n 4\nf 0 1 2\n", "line 9: a face names vertex 0"),
-        (CORNER + "f 1 2 3\nf 1 2 -6\n", "line 7: a face names vertex -6, but only 5 vertices came before it"),
-        ("v 0 0 0\nf -2 -1 -1\n" + CORNER, "line 2: a face names vertex -2, but only 1 vertices"),
-        ("v 0 0 0\nv 1 0\r\nv 1 1 1\r" + OBJ_FACES, "line 2: a vertex has 2 coordinates instead of 3"),
-        ("v 0 0 0\nv 1-2 0 0\n" + OBJ_FACES, "line 2: a value is not a number"),
-        ("v 0 0 0\nv 1_0 0 0\n" + OBJ_FACES, "line 2: a value is not a number"),
-        (CORNER + "f /1 2 3\n", "line 6: a value is not a number"),
-        (CORNER + "f 1 2 6\n", "line 6: a face names vertex 6, but there are 5"),
-        (CORNER + "f 1 2 1.5\n", "line 6: a value is not a number"),
-        (CORNER + "f 1 2 99999999999999999999\n", "line 6"),
-        (CORNER, "no triangles"),
-        ("", "no triangles"),
-        ("v " + "0 " * MAX_LINE, "line 1 is longer than"),
-        (CORNER + "f 1 2 3" + " \\\n" * 600_000 + "\n", "is longer than"),  # each joined to those before it would take hours
-        (CORNER + "f 1 2 4294967299\n", "line 6: a face names vertex 4294967299, which exceeds int32"),
-        (CORNER + "v\n" + OBJ_FACES, "line 6: a vertex has 0 coordinates"),
-        (CORNER + OBJ_FACES * 30_000 + "f 1 2 3.5\n" + OBJ_FACES, "line 90006: a value is not a number"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "line"), [
+    (CORNER + OBJ_FACES + "f 1 2 x\n", "line 9: a value is not a number"),
+    (CORNER + "f 1 \\\n 2 3\nf 1 \\\n\\\n2\nf 1 2 3\n", "line 8: a face has 2 vertices, it needs at least 3"),
+    ("# a\\\n" + CORNER + "f 1 2 3 \\\n 4\nf 0 1 2\n", "line 9: a face names vertex 0"),
+    (CORNER + "f 1 2 3\nf 1 2 -6\n", "line 7: a face names vertex -6, but only 5 vertices came before it"),
+    ("v 0 0 0\nf -2 -1 -1\n" + CORNER, "line 2: a face names vertex -2, but only 1 vertices"),
+    ("v 0 0 0\nv 1 0\r\nv 1 1 1\r" + OBJ_FACES, "line 2: a vertex has 2 coordinates instead of 3"),
+    ("v 0 0 0\nv 1-2 0 0\n" + OBJ_FACES, "line 2: a value is not a number"),
+    ("v 0 0 0\nv 1_0 0 0\n" + OBJ_FACES, "line 2: a value is not a number"),
+    (CORNER + "f /1 2 3\n", "line 6: a value is not a number"),
+    (CORNER + "f 1 2 6\n", "line 6: a face names vertex 6, but there are 5"),
+    (CORNER + "f 1 2 1.5\n", "line 6: a value is not a number"),
+    (CORNER + "f 1 2 -\n" + OBJ_FACES, "line 6: a value is not a number"),
+    (CORNER + "f 1 2 +", "line 6: a value is not a number"),
+    (CORNER + "f 1 2 99999999999999999999\n", "line 6"),
+    (CORNER, "no triangles"),
+    ("", "no triangles"),
+    ("v " + "0 " * MAX_LINE, "line 1 is longer than"),
+    (CORNER + "f 1 2 3" + " \\\n" * 600_000 + "\n", "is longer than"),  # each joined to those before it would take hours
+    (CORNER + "f 1 2 4294967299\n", "line 6: a face names vertex 4294967299, which exceeds int32"),
+    (CORNER + "v\n" + OBJ_FACES, "line 6: a vertex has 0 coordinates"),
+    (CORNER + OBJ_FACES * 30_000 + "f 1 2 3.5\n" + OBJ_FACES, "line 90006: a value is not a number"),
+])  # fmt: skip
 def test_a_mistake_is_named_by_its_line(tmp_path, text, line):
     refused(written(tmp_path, "a.obj", text), line)
 
@@ -207,16 +206,13 @@ end_header
 """
 
 
-@pytest.mark.parametrize(
-    ("strips", "faces"),
-    [
-        (["8 0 1 2 3 -1 2 3 4"], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
-        (["4 0 1 2 3", "3 2 3 4"], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
-        (["6 0 1 2 3 4 5"], [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]),
-        (["12 -1 0 1 -1 -1 0 1 2 -1 5 4 3"], [[0, 1, 2], [5, 4, 3]]),
-        (["0", "2 0 1", "3 0 1 2"], [[0, 1, 2]]),
-    ],
-)
+@pytest.mark.parametrize(("strips", "faces"), [
+    (["8 0 1 2 3 -1 2 3 4"], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
+    (["4 0 1 2 3", "3 2 3 4"], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
+    (["6 0 1 2 3 4 5"], [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]),
+    (["12 -1 0 1 -1 -1 0 1 2 -1 5 4 3"], [[0, 1, 2], [5, 4, 3]]),
+    (["0", "2 0 1", "3 0 1 2"], [[0, 1, 2]]),
+])  # fmt: skip
 def test_triangle_strips_with_restarts(tmp_path, strips, faces):
     text = STRIP.format(rows=len(strips)) + "\n".join(strips)
     assert load(written(tmp_path, "a.ply", text)).faces.tolist() == faces
@@ -237,52 +233,49 @@ def test_faces_come_before_strips(tmp_path):
 BINARY = files.ply_binary()
 
 
-@pytest.mark.parametrize(
-    ("content", "word"),
-    [
-        (STRIP.format(rows=1) + "3 0 1 6", "vertex 6 (from 0), but there are 6"),
-        (STRIP.format(rows=1) + "2 0 1", "holds no triangles"),
-        (files.ply_binary(polygons=[(0, 1, 5)]), "vertex 5 (from 0), but there are 5"),
-        (files.ply_binary(polygons=[(0, 1, -1)]), "vertex -1"),
-        (files.ply_ascii(polygons=[(0, 1, 5)]), "vertex 5"),
-        (files.ply_binary(vertices=2_000_000_000), "claims 2000000000 of 'vertex'"),
-        (files.ply_binary(faces=2_000_000_000), "claims 2000000000 of 'face'"),
-        (files.ply_ascii(vertices=2_000_000_000), "claims 2000000000"),
-        (files.ply_binary(faces=5), "truncated"),
-        (files.ply_binary(faces=3), "13 bytes remain"),
-        (files.ply_binary(vertices=4), "truncated or its header wrong"),
-        (files.ply_ascii(faces=3), "more rows follow than the header claims: 1"),
-        (files.ply_ascii(faces=5), "claims 5 of 'face', but 4 rows follow"),
-        (files.ply_binary(polygons=[], faces=1, count="uint64") + struct.pack("<Q", 1 << 63), "the data end inside the 1"),
-        (BINARY[:-1], "truncated"),
-        (BINARY[:100], "truncated"),
-        (BINARY[:3], "no end_header"),
-        (b"", "ply"),
-        (b"ply\nend_header\n", "no format"),
-        (files.ply_binary(faces=-1), "negative"),
-        (files.ply_binary(polygons=[(0, 1)]), "face 0 has 2 vertices"),
-        (files.ply_ascii(polygons=[(0, 1, 2), (0, 1)]), "face 1 has 2 vertices"),
-        (files.ply_binary(polygons=[]), "no triangles"),
-        (BINARY.replace(b"float z", b"float w"), "lacks x, y or z"),
-        (BINARY.replace(b"vertex_indices", b"other_indices"), "vertex_indices"),
-        (BINARY.replace(b"list uchar", b"list float"), "not of an integer type"),
-        (BINARY.replace(b"property float x", b"property quad x"), "header line 'property quad x'"),
-        *(
-            (PLAIN.replace(old, new, 1), word)
-            for old, new, word in [
-                ("0.5 0.5 1", "0.5 half 1", "not a number"),
-                ("3 0 1 2\n", "3 0 1.5 2\n", "not a whole number"),
-                ("3 0 2 3\n", "3 0 2 3 255 0 0\n", "row 1 (from 0) of 'face', 7, is not the declared one"),
-                ("1 1 0\n", "1 1 0 9\n", "row 2 (from 0) of 'vertex', 4, is not the declared one"),
-                ("1 1 0\n", "1 1\n", "row 2 (from 0) of 'vertex', 2, is not the declared one"),
-                ("1 1 0\n", "1 1\n0\n", "row 2 (from 0) of 'vertex', 2, is not the declared one"),
-                ("1 1 0\n", "1 1 zero\n", "line 12: a value is not a number"),
-                ("3 0 2 3\n", "2 0 2\n", "face 1 has 2 vertices"),
-                *(("3 0 2 3\n", f"{count} 0 2 3\n", "row 1 (from 0) of 'face', 4, is not the declared one")
-                  for count in (4, -3, 3.5, "nan", 1e300)),
-            ]
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("content", "word"), [
+    (STRIP.format(rows=1) + "3 0 1 6", "vertex 6 (from 0), but there are 6"),
+    (STRIP.format(rows=1) + "2 0 1", "holds no triangles"),
+    (files.ply_binary(polygons=[(0, 1, 5)]), "vertex 5 (from 0), but there are 5"),
+    (files.ply_binary(polygons=[(0, 1, -1)]), "vertex -1"),
+    (files.ply_ascii(polygons=[(0, 1, 5)]), "vertex 5"),
+    (files.ply_binary(vertices=2_000_000_000), "claims 2000000000 of 'vertex'"),
+    (files.ply_binary(faces=2_000_000_000), "claims 2000000000 of 'face'"),
+    (files.ply_ascii(vertices=2_000_000_000), "claims 2000000000"),
+    (files.ply_binary(faces=5), "truncated"),
+    (files.ply_binary(faces=3), "13 bytes remain"),
+    (files.ply_binary(vertices=4), "truncated or its header wrong"),
+    (files.ply_ascii(faces=3), "more rows follow than the header claims: 1"),
+    (files.ply_ascii(faces=5), "claims 5 of 'face', but 4 rows follow"),
+    (files.ply_binary(polygons=[], faces=1, count="uint64") + struct.pack("<Q", 1 << 63), "the data end inside the 1"),
+    (BINARY[:-1], "truncated"),
+    (BINARY[:100], "truncated"),
+    (BINARY[:3], "no end_header"),
+    (b"", "ply"),
+    (b"ply\nend_header\n", "no format"),
+    (files.ply_binary(faces=-1), "negative"),
+    (files.ply_binary(polygons=[(0, 1)]), "face 0 has 2 vertices"),
+    (files.ply_ascii(polygons=[(0, 1, 2), (0, 1)]), "face 1 has 2 vertices"),
+    (files.ply_binary(polygons=[]), "no triangles"),
+    (BINARY.replace(b"float z", b"float w"), "lacks x, y or z"),
+    (BINARY.replace(b"vertex_indices", b"other_indices"), "vertex_indices"),
+    (BINARY.replace(b"list uchar", b"list float"), "not of an integer type"),
+    (BINARY.replace(b"property float x", b"property quad x"), "header line 'property quad x'"),
+    *(
+        (PLAIN.replace(old, new, 1), word)
+        for old, new, word in [
+            ("0.5 0.5 1", "0.5 half 1", "not a number"),
+            ("3 0 1 2\n", "3 0 1.5 2\n", "not a whole number"),
+            ("3 0 2 3\n", "3 0 2 3 255 0 0\n", "row 1 (from 0) of 'face', 7, is not the declared one"),
+            ("1 1 0\n", "1 1 0 9\n", "row 2 (from 0) of 'vertex', 4, is not the declared one"),
+            ("1 1 0\n", "1 1\n", "row 2 (from 0) of 'vertex', 2, is not the declared one"),
+            ("1 1 0\n", "1 1\n0\n", "row 2 (from 0) of 'vertex', 2, is not the declared one"),
+            ("1 1 0\n", "1 1 zero\n", "line 12: a value is not a number"),
+            ("3 0 2 3\n", "2 0 2\n", "face 1 has 2 vertices"),
+            *(("3 0 2 3\n", f"{count} 0 2 3\n", "row 1 (from 0) of 'face', 4, is not the declared one")
+              for count in (4, -3, 3.5, "nan", 1e300)),
+        ]
+    ),
+])  # fmt: skip
 def test_broken_files(tmp_path, content, word):
     refused(written(tmp_path, "a.ply", content), word)

@@ -55,20 +55,17 @@ def test_npz_sequence(tmp_path):
     assert geometry.faces.tolist() == [list(face) for face in files.FACES]
 
 
-@pytest.mark.parametrize(
-    ("arrays", "word"),
-    [
-        ({"V": files.QUAD[None]}, "no array 'F'"),
-        ({"F": np.array(files.FACES)}, "no array 'V'"),
-        ({"V": files.QUAD[None], "F": np.array([[0, 1, 9]])}, "vertex 9"),
-        ({"V": files.QUAD[None], "F": np.array([[0.0, 1.0, 2.0]])}, "save F as integers"),
-        ({"V": files.QUAD[None, :, :2], "F": np.array(files.FACES)}, "save V as floats"),
-        ({"V": np.zeros((0, 5, 3)), "F": np.array(files.FACES)}, "no frames"),
-        ({"V": files.QUAD[None], "F": np.zeros((0, 3), int)}, "no triangles"),
-        ({"V": np.zeros((0, 3)), "F": np.zeros((0, 3), int)}, "no triangles"),
-        ({"V": np.array([{"a": 1}], dtype=object), "F": np.array(files.FACES)}, "V.npy"),
-    ],
-)
+@pytest.mark.parametrize(("arrays", "word"), [
+    ({"V": files.QUAD[None]}, "no array 'F'"),
+    ({"F": np.array(files.FACES)}, "no array 'V'"),
+    ({"V": files.QUAD[None], "F": np.array([[0, 1, 9]])}, "vertex 9"),
+    ({"V": files.QUAD[None], "F": np.array([[0.0, 1.0, 2.0]])}, "save F as integers"),
+    ({"V": files.QUAD[None, :, :2], "F": np.array(files.FACES)}, "save V as floats"),
+    ({"V": np.zeros((0, 5, 3)), "F": np.array(files.FACES)}, "no frames"),
+    ({"V": files.QUAD[None], "F": np.zeros((0, 3), int)}, "no triangles"),
+    ({"V": np.zeros((0, 3)), "F": np.zeros((0, 3), int)}, "no triangles"),
+    ({"V": np.array([{"a": 1}], dtype=object), "F": np.array(files.FACES)}, "V.npy"),
+])  # fmt: skip
 def test_broken_npz_files(tmp_path, arrays, word):
     refused(npz(tmp_path / "a.npz", **arrays), word)
 
@@ -144,20 +141,12 @@ def frames(tmp_path):
     return folder
 
 
-@pytest.mark.parametrize(
-    ("pattern", "name", "numbers"),
-    [
-        ("%04d.ply", "frames", range(7, 13)),
-        ("%d.ply", "frames", range(7, 13)),
-        ("0*.ply", "0", range(7, 13)),
-        ("???[0-9].ply", None, ()),
-        ("????.ply", "frames", range(7, 13)),
-        ("low_%d.ply", "low", range(70, 130, 10)),
-        ("low_*.ply", "low", range(70, 130, 10)),
-        ("low_%02d.ply", "low", range(100, 130, 10)),
-        ("low_%03d.ply", None, ()),
-    ],
-)
+@pytest.mark.parametrize(("pattern", "name", "numbers"), [
+    ("%04d.ply", "frames", range(7, 13)), ("%d.ply", "frames", range(7, 13)), ("0*.ply", "0", range(7, 13)),
+    ("???[0-9].ply", None, ()), ("????.ply", "frames", range(7, 13)), ("low_%d.ply", "low", range(70, 130, 10)),
+    ("low_*.ply", "low", range(70, 130, 10)), ("low_%02d.ply", "low", range(100, 130, 10)),
+    ("low_%03d.ply", None, ()),
+])  # fmt: skip
 def test_a_pattern_stands_for_the_files_of_a_sequence(frames, pattern, name, numbers):
     if not numbers:
         with pytest.raises(UserError, match="no file matches"):
@@ -171,8 +160,7 @@ def test_a_pattern_stands_for_the_files_of_a_sequence(frames, pattern, name, num
 
 def test_a_pattern_in_the_current_folder_and_one_of_several_formats(frames, monkeypatch):
     monkeypatch.chdir(frames)
-    assert resolve("%04d.ply").name == "frames"
-    assert resolve("low_*.ply").name == "low"
+    assert (resolve("%04d.ply").name, resolve("low_*.ply").name) == ("frames", "low")
     written(frames, "low_9.obj", files.obj())
     with pytest.raises(UserError, match=r"matches \.obj and \.ply files; give a pattern of one format"):
         resolve("low_*")
@@ -233,14 +221,12 @@ def waves(folder: Path, count: int = 9) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    ("text", "frames"),
-    [("2:8:3", (2, 8, 3)), ("2:8", (2, 8, 1)), ("5:", (5, None, 1)), (":", (0, None, 1)), ("::4", (0, None, 4)),
-     (":3", (0, 3, 1))],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "frames"), [
+    ("2:8:3", (2, 8, 3)), ("2:8", (2, 8, 1)), ("5:", (5, None, 1)), (":", (0, None, 1)), ("::4", (0, None, 4)),
+    (":3", (0, 3, 1)),
+])  # fmt: skip
 def test_the_frames_of_a_text(text, frames):
-    assert frames_of(text) == frames
-    assert frames_of(Wanted(frames).text()) == frames
+    assert (frames_of(text), frames_of(Wanted(frames).text())) == (frames, frames)
 
 
 @pytest.mark.parametrize("text", ["", "3", "a:b", "1:2:3:4", "-1:4", "4:2", "0:9:0", "1.5:2"])
@@ -251,8 +237,7 @@ def test_other_texts_are_refused(text):
 
 def test_a_command_takes_a_number_or_the_frames_of_a_file():
     seen = ChosenView()
-    assert number_or_frames(None, seen) == (None, seen)
-    assert number_or_frames("7", seen) == (7, seen)
+    assert (number_or_frames(None, seen), number_or_frames("7", seen)) == ((None, seen), (7, seen))
     assert number_or_frames("7:9", seen) == (None, ChosenView(wanted=Wanted((7, 9, 1))))
     with pytest.raises(UserError, match="give a number of frames, or those of a file as A:B:STEP"):
         number_or_frames("x", seen)
@@ -264,8 +249,7 @@ def test_what_is_asked_travels_as_json():
     view = ChosenView(wanted=ASKED)
     assert ChosenView.read(json.loads(json.dumps(view.facts()))) == view
     assert view.changes
-    assert view.text() == ""
-    assert Wanted().facts() == {}
+    assert (view.text(), Wanted().facts()) == ("", {})
 
 
 def test_the_frames_of_a_folder_and_of_an_archive(tmp_path):

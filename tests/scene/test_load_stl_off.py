@@ -163,8 +163,7 @@ OFF = {
 def test_forms_of_off(tmp_path, content):
     loaded = load(written(tmp_path, "a.off", content))
     assert np.array_equal(loaded.frames[0], files.QUAD)
-    assert loaded.faces.tolist() == [list(face) for face in files.FACES]
-    assert loaded.notes == OFF[content]
+    assert (loaded.faces.tolist(), loaded.notes) == ([list(face) for face in files.FACES], OFF[content])
 
 
 def test_objects_are_built_in_the_order_of_the_items(tmp_path):
@@ -176,8 +175,7 @@ def test_objects_are_built_in_the_order_of_the_items(tmp_path):
     assert loaded.faces.tolist() == [[0, 1, 2], *[[5 + i for i in face] for face in files.FACES], [10, 12, 11]]
     expected = [files.QUAD * 2 + [10, 0, 0], files.QUAD, files.QUAD * [-2, 2, 2]]
     assert np.array_equal(loaded.frames[0], np.concatenate(expected))
-    assert loaded.up == (0, 0, 1)
-    assert loaded.notes == ()
+    assert (loaded.up, loaded.notes) == ((0, 0, 1), ())
 
 
 def test_components_are_moved_by_all_above_them(tmp_path):
@@ -226,16 +224,13 @@ LATTICE = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
 BEAMS = mesh(1).replace("</mesh>", f'<b:beamlattice xmlns:b="{LATTICE}"/></mesh>')
 
 
-@pytest.mark.parametrize(
-    ("text", "notes"),
-    [
-        (model(['<basematerials id="9"/>', BEAMS], item(1)), ("beam lattices left out", "materials left out")),
-        (
-            model([mesh(1), mesh(2), group(3, use(1))], item(1)).replace("millimeter", "inch"),
-            ("objects that are not built (2) left out", "unit of length: inch"),
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "notes"), [
+    (model(['<basematerials id="9"/>', BEAMS], item(1)), ("beam lattices left out", "materials left out")),
+    (
+        model([mesh(1), mesh(2), group(3, use(1))], item(1)).replace("millimeter", "inch"),
+        ("objects that are not built (2) left out", "unit of length: inch"),
+    ),
+])  # fmt: skip
 def test_what_is_left_out_and_another_unit_are_noted(tmp_path, text, notes):
     loaded = load(written(tmp_path, "a.3mf", package(text)))
     assert np.array_equal(loaded.frames[0], files.QUAD)

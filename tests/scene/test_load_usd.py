@@ -11,37 +11,34 @@ from shadowbench.harness.scene.readers.load import load
 pytestmark = needs_usd
 
 
-@pytest.mark.parametrize(
-    ("text", "places"),
-    [
-        (mesh("A", kind="over") + mesh("B", moved_by(2)), [2]),
-        (mesh("A", kind="class") + mesh("B", moved_by(2)), [2]),
-        (mesh("A", meta="(active = false)") + mesh("B", moved_by(2)), [2]),
-        (mesh("A", '    token visibility = "invisible"\n') + mesh("B", moved_by(2)), [2]),
-        ('def Scope "S" {\n    token visibility = "invisible"\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [2]),
-        ('def Material "M" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [2]),
-        ('def "Untyped" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [0, 2]),
-        ('def Unheard "Of" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [0, 2]),
-        (mesh("A", '    uniform token purpose = "guide"\n') + mesh("B", moved_by(2)), [2]),
-        (mesh("A", '    uniform token purpose = "proxy"\n') + mesh("B", moved_by(2)), [2]),
-        (mesh("A", '    uniform token purpose = "render"\n') + mesh("B", moved_by(2)), [0, 2]),
-        (
-            'def Xform "G" {\n    uniform token purpose = "guide"\n'
-            + mesh("A")
-            + mesh("C", '    uniform token purpose = "default"\n' + moved_by(1))
-            + "}\n",
-            [1],
-        ),
-        (
-            'def Xform "G" {\n'
-            + moved_by(10)
-            + mesh("A", moved_by(1))
-            + mesh("B", moved_by(2).replace('["', '["!resetXformStack!", "'))
-            + "}\n",
-            [11, 2],
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "places"), [
+    (mesh("A", kind="over") + mesh("B", moved_by(2)), [2]),
+    (mesh("A", kind="class") + mesh("B", moved_by(2)), [2]),
+    (mesh("A", meta="(active = false)") + mesh("B", moved_by(2)), [2]),
+    (mesh("A", '    token visibility = "invisible"\n') + mesh("B", moved_by(2)), [2]),
+    ('def Scope "S" {\n    token visibility = "invisible"\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [2]),
+    ('def Material "M" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [2]),
+    ('def "Untyped" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [0, 2]),
+    ('def Unheard "Of" {\n' + mesh("A") + "}\n" + mesh("B", moved_by(2)), [0, 2]),
+    (mesh("A", '    uniform token purpose = "guide"\n') + mesh("B", moved_by(2)), [2]),
+    (mesh("A", '    uniform token purpose = "proxy"\n') + mesh("B", moved_by(2)), [2]),
+    (mesh("A", '    uniform token purpose = "render"\n') + mesh("B", moved_by(2)), [0, 2]),
+    (
+        'def Xform "G" {\n    uniform token purpose = "guide"\n'
+        + mesh("A")
+        + mesh("C", '    uniform token purpose = "default"\n' + moved_by(1))
+        + "}\n",
+        [1],
+    ),
+    (
+        'def Xform "G" {\n'
+        + moved_by(10)
+        + mesh("A", moved_by(1))
+        + mesh("B", moved_by(2).replace('["', '["!resetXformStack!", "'))
+        + "}\n",
+        [11, 2],
+    ),
+])  # fmt: skip
 def test_what_is_drawn(tmp_path, text, places):
     assert lefts(read(tmp_path, text)) == places
 
@@ -87,9 +84,7 @@ def test_concave_polygons_are_cut_and_holes_left_out(tmp_path):
     corners = loaded.frames[0][loaded.faces[:3]].astype(float)
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
     assert (areas > 0).all()
-    assert areas.sum() == 64.0 - 12.0
-    assert loaded.faces[3].tolist() == [0, 1, 3]
-    assert len(loaded.faces) == 4
+    assert (areas.sum(), loaded.faces[3].tolist(), len(loaded.faces)) == (64.0 - 12.0, [0, 1, 3], 4)
 
 
 def test_notes_say_what_is_left_out_or_approximated(tmp_path):
@@ -151,16 +146,10 @@ SHADER = """def Material "{name}" {{
 """
 
 
-@pytest.mark.parametrize(
-    ("value", "given", "opaque"),
-    [
-        (1, " = 1", True),
-        (1, " = 0.5", False),
-        (1, ".connect = </M.inputs:opacity>", True),
-        (0, ".connect = </M.inputs:opacity>", False),
-        (1, ".connect = </M/T.outputs:a>", False),
-    ],
-)
+@pytest.mark.parametrize(("value", "given", "opaque"), [
+    (1, " = 1", True), (1, " = 0.5", False), (1, ".connect = </M.inputs:opacity>", True),
+    (0, ".connect = </M.inputs:opacity>", False), (1, ".connect = </M/T.outputs:a>", False),
+])  # fmt: skip
 def test_opacities_are_noted(tmp_path, value, given, opaque):
     text = SHADER.format(name="M", value=value, given=given).replace("<M/", "</M/")
     said = "opacities of materials and shapes not read: "
@@ -170,18 +159,15 @@ def test_opacities_are_noted(tmp_path, value, given, opaque):
     assert read(tmp_path, mesh("A", shown)).notes == (() if value else (f"{said}1",))
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        (mesh("A", points=""), "/A: a face names vertex 2, but there are 0"),
-        (mesh("A").replace("[0, 1, 2]", "[0, 1, -2]"), "vertex -2"),
-        (mesh("A").replace("[3]", "[2]"), "/A: face 0 has 2 vertices"),
-        (mesh("A").replace("[3]", "[-1]"), "face 0 has -1 vertices"),
-        (mesh("A").replace("[3]", "[3, 3]"), "6 corners are declared, but there are 3"),
-        ('def BasisCurves "B" {\n}\n', "no visible mesh (1 BasisCurves left out)"),
-        ('def Xform "X" {\n', "a.usda:"),
-    ],
-)
+@pytest.mark.parametrize(("text", "word"), [
+    (mesh("A", points=""), "/A: a face names vertex 2, but there are 0"),
+    (mesh("A").replace("[0, 1, 2]", "[0, 1, -2]"), "vertex -2"),
+    (mesh("A").replace("[3]", "[2]"), "/A: face 0 has 2 vertices"),
+    (mesh("A").replace("[3]", "[-1]"), "face 0 has -1 vertices"),
+    (mesh("A").replace("[3]", "[3, 3]"), "6 corners are declared, but there are 3"),
+    ('def BasisCurves "B" {\n}\n', "no visible mesh (1 BasisCurves left out)"),
+    ('def Xform "X" {\n', "a.usda:"),
+])  # fmt: skip
 def test_stages_that_contradict_themselves(tmp_path, text, word):
     refused(written(tmp_path, "a.usda", HEAD + text), word)
 

@@ -31,42 +31,39 @@ AGAIN = instancer("</B>", "[0]", "[(0, 0, 0)]", name="C")
 FIELD = instancer("</Field/Proto>", "[0, 0, 0]", ROW, inside=mesh("Proto"))
 
 
-@pytest.mark.parametrize(
-    ("text", "places"),
-    [
-        (FIELD, [10, 20, 30]),
-        # a prototype outside is drawn where it stands, too
-        (mesh("P", moved_by(5)) + instancer("</P>", "[0, 0, 0]", ROW), [5, 15, 25, 35]),
-        # unless it lies below an over; its own transform counts, those above it do not
-        (
-            'over "O" {\n' + moved_by(1000) + mesh("P", moved_by(5)) + "}\n" + instancer("</O/P>", "[0, 0, 0]", ROW),
-            [15, 25, 35],
+@pytest.mark.parametrize(("text", "places"), [
+    (FIELD, [10, 20, 30]),
+    # a prototype outside is drawn where it stands, too
+    (mesh("P", moved_by(5)) + instancer("</P>", "[0, 0, 0]", ROW), [5, 15, 25, 35]),
+    # unless it lies below an over; its own transform counts, those above it do not
+    (
+        'over "O" {\n' + moved_by(1000) + mesh("P", moved_by(5)) + "}\n" + instancer("</O/P>", "[0, 0, 0]", ROW),
+        [15, 25, 35],
+    ),
+    (mesh("P", kind="class") + mesh("M") + instancer("</P>", "[0]", "[(9, 0, 0)]"), [0]),
+    (mesh("P", meta="(active = false)") + mesh("M") + instancer("</P>", "[0]", "[(9, 0, 0)]"), [0]),
+    (mesh("M") + instancer("</Nothing>", "[0]", "[(9, 0, 0)]"), [0]),
+    # what lies below an instancer and is no prototype is not drawn
+    (instancer("</Field/P>", "[0]", "[(9, 0, 0)]", inside=mesh("P") + mesh("Q")), [9]),
+    # several prototypes; one is a subtree
+    (
+        instancer(
+            "[</Field/P>, </Field/Two>]",
+            "[1, 0, 1]",
+            ROW,
+            inside=mesh("P") + 'def Xform "Two" {\n' + moved_by(2) + mesh("A") + mesh("B", moved_by(1)) + "}\n",
         ),
-        (mesh("P", kind="class") + mesh("M") + instancer("</P>", "[0]", "[(9, 0, 0)]"), [0]),
-        (mesh("P", meta="(active = false)") + mesh("M") + instancer("</P>", "[0]", "[(9, 0, 0)]"), [0]),
-        (mesh("M") + instancer("</Nothing>", "[0]", "[(9, 0, 0)]"), [0]),
-        # what lies below an instancer and is no prototype is not drawn
-        (instancer("</Field/P>", "[0]", "[(9, 0, 0)]", inside=mesh("P") + mesh("Q")), [9]),
-        # several prototypes; one is a subtree
-        (
-            instancer(
-                "[</Field/P>, </Field/Two>]",
-                "[1, 0, 1]",
-                ROW,
-                inside=mesh("P") + 'def Xform "Two" {\n' + moved_by(2) + mesh("A") + mesh("B", moved_by(1)) + "}\n",
-            ),
-            [12, 13, 20, 32, 33],
-        ),
-        (with_line(FIELD, "int64[] invisibleIds = [1]"), [10, 30]),
-        (FIELD.replace('"Field"', '"Field" (\n    inactiveIds = [0]\n)'), [20, 30]),
-        (with_line(FIELD, "int64[] ids = [7, 8, 9]\n    int64[] invisibleIds = [9, 1]"), [10, 20]),
-        (with_line(FIELD, 'token visibility = "invisible"') + mesh("M"), [0]),
-        (with_line(FIELD, moved_by(100)), [110, 120, 130]),
-        (instancer("</Field/P>", "[]", "[]", inside=mesh("P")) + mesh("M"), [0]),
-        # purpose is inherited by the prototypes
-        (with_line(FIELD, 'uniform token purpose = "proxy"') + mesh("M"), [0]),
-    ],
-)  # fmt: skip
+        [12, 13, 20, 32, 33],
+    ),
+    (with_line(FIELD, "int64[] invisibleIds = [1]"), [10, 30]),
+    (FIELD.replace('"Field"', '"Field" (\n    inactiveIds = [0]\n)'), [20, 30]),
+    (with_line(FIELD, "int64[] ids = [7, 8, 9]\n    int64[] invisibleIds = [9, 1]"), [10, 20]),
+    (with_line(FIELD, 'token visibility = "invisible"') + mesh("M"), [0]),
+    (with_line(FIELD, moved_by(100)), [110, 120, 130]),
+    (instancer("</Field/P>", "[]", "[]", inside=mesh("P")) + mesh("M"), [0]),
+    # purpose is inherited by the prototypes
+    (with_line(FIELD, 'uniform token purpose = "proxy"') + mesh("M"), [0]),
+])  # fmt: skip
 def test_what_instancers_draw(tmp_path, text, places):
     assert lefts(read(tmp_path, text)) == places
 
@@ -141,24 +138,21 @@ def test_generated_instancers_have_the_bounds_of_the_library(tmp_path, seed):
     assert np.allclose(bounds(loaded), bounds_of_library(path, 0.0), atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        (FIELD.replace("[0, 0, 0]\n", "[0, 1, 0]\n", 1), "names prototype 1, but there are 1"),
-        (FIELD.replace("[0, 0, 0]\n", "[0, -1, 0]\n", 1), "names prototype -1"),
-        (FIELD.replace("[0, 0, 0]\n", "[0, 0]\n", 1), "2 instances, but 3 positions"),
-        (with_line(FIELD, "float3[] scales = [(1, 1, 1)]"), "3 instances, but 1 scales"),
-        (with_line(FIELD, "quath[] orientations = [(1, 0, 0, 0)]"), "1 orientations"),
-        (with_line(FIELD, "int64[] ids = [1, 2]"), "3 instances, but 2 ids"),
-        (FIELD.replace(f"    point3f[] positions = {ROW}\n", ""), "3 instances have no positions"),
-        (instancer("</Field>", "[0]", "[(0, 0, 0)]"), "/Field: instances itself"),
-        (
-            instancer("</B/P>", "[0]", "[(0, 0, 0)]", name="A")
-            + instancer("</A>", "[0]", "[(0, 0, 0)]", inside=f'def Xform "P" {{\n{AGAIN}}}\n', name="B"),
-            "instances itself",
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "word"), [
+    (FIELD.replace("[0, 0, 0]\n", "[0, 1, 0]\n", 1), "names prototype 1, but there are 1"),
+    (FIELD.replace("[0, 0, 0]\n", "[0, -1, 0]\n", 1), "names prototype -1"),
+    (FIELD.replace("[0, 0, 0]\n", "[0, 0]\n", 1), "2 instances, but 3 positions"),
+    (with_line(FIELD, "float3[] scales = [(1, 1, 1)]"), "3 instances, but 1 scales"),
+    (with_line(FIELD, "quath[] orientations = [(1, 0, 0, 0)]"), "1 orientations"),
+    (with_line(FIELD, "int64[] ids = [1, 2]"), "3 instances, but 2 ids"),
+    (FIELD.replace(f"    point3f[] positions = {ROW}\n", ""), "3 instances have no positions"),
+    (instancer("</Field>", "[0]", "[(0, 0, 0)]"), "/Field: instances itself"),
+    (
+        instancer("</B/P>", "[0]", "[(0, 0, 0)]", name="A")
+        + instancer("</A>", "[0]", "[(0, 0, 0)]", inside=f'def Xform "P" {{\n{AGAIN}}}\n', name="B"),
+        "instances itself",
+    ),
+])  # fmt: skip
 def test_instancers_that_contradict_themselves(tmp_path, text, word):
     refused(written(tmp_path, "a.usda", HEAD + text), word)
 

@@ -76,8 +76,7 @@ def test_every_layer_that_is_read_counts(tmp_path):
         "root.usda", "branch.usda", "chosen.usda", "clip1.usda", "clip2.usda", "leaf.usda", "manifest.usda",
         "package.usdz", "payload.usda", "under.usda",
     ]  # fmt: skip
-    assert len(loaded.faces) == 7
-    assert [bounds(loaded, k)[1][2] for k in range(2)] == [1, 2]
+    assert (len(loaded.faces), [bounds(loaded, k)[1][2] for k in range(2)]) == (7, [1, 2])
     before = source(loaded.files).sha256
     for name in names(loaded)[1:]:
         file = tmp_path / name
@@ -156,8 +155,7 @@ def test_a_missing_clip_is_refused_or_its_times_are_empty(tmp_path, capfd):
     with pytest.raises(UserError, match=r"clip \./clip2\.usda of </C>; .*--allow-missing"):
         load(path)
     loaded = load(path, Wanted(allow_missing=True))
-    assert bounds(loaded, 0)[1][2] == 1
-    assert bounds(loaded, 1)[1][2] == 0
+    assert (bounds(loaded, 0)[1][2], bounds(loaded, 1)[1][2]) == (1, 0)
     assert "not in all frames: /C" in loaded.notes
     assert "".join(capfd.readouterr()) == ""
 

@@ -34,30 +34,26 @@ RAMP = moved_by(0).replace("= (0, 0.0, 0.0)", ".timeSamples = { 1: (10, 0, 0), 5
 SLIDING = mesh("A", RAMP)
 
 
-@pytest.mark.parametrize(
-    ("said", "wanted", "places", "rate", "note"),
-    [
-        ({}, (), [10, 20, 30, 40, 50], 24, ""),
-        ({"start": 2, "end": 4}, (), [20, 30, 40], 24, "samples at 2 time codes outside 2 to 4 not read"),
-        ({"start": 0, "end": 2}, (), [10, 10, 20], 24, "samples at 1 time codes outside 0 to 2 not read"),
-        ({"start": 3}, (), [30, 40, 50], 24, "samples at 1 time codes outside 3 to 5 not read"),
-        ({"start": 4, "end": 1}, (), [40], None, "samples at 2 time codes outside 4 to 4 not read"),
-        ({"start": 1, "end": 1}, (), [10], None, "samples at 1 time codes outside 1 to 1 not read"),
-        ({"second": 48}, (), [10, 20, 30, 40, 50], 48, ""),
-        ({"second": 24, "rate": 48}, (), [10, 15, 20, 25, 30, 35, 40, 45, 50], 48, ""),
-        ({"second": 24, "rate": 8}, (), [10, 40], 8, "samples at 1 time codes between frames not read"),
-        ({}, (None, False, 6.0), [10, 50], 6, ""),
-        ({"second": "nan"}, (), [10, 20, 30, 40, 50], 24, ""),
-        ({}, ((1, 3, 2),), [20, 40], 12, "2 of 5 frames read"),
-        ({}, ((2, 2, 1),), [30], None, "1 of 5 frames read"),
-        ({}, ((3, None, 1),), [40, 50], 24, "2 of 5 frames read"),
-    ],
-)
+@pytest.mark.parametrize(("said", "wanted", "places", "rate", "note"), [
+    ({}, (), [10, 20, 30, 40, 50], 24, ""),
+    ({"start": 2, "end": 4}, (), [20, 30, 40], 24, "samples at 2 time codes outside 2 to 4 not read"),
+    ({"start": 0, "end": 2}, (), [10, 10, 20], 24, "samples at 1 time codes outside 0 to 2 not read"),
+    ({"start": 3}, (), [30, 40, 50], 24, "samples at 1 time codes outside 3 to 5 not read"),
+    ({"start": 4, "end": 1}, (), [40], None, "samples at 2 time codes outside 4 to 4 not read"),
+    ({"start": 1, "end": 1}, (), [10], None, "samples at 1 time codes outside 1 to 1 not read"),
+    ({"second": 48}, (), [10, 20, 30, 40, 50], 48, ""),
+    ({"second": 24, "rate": 48}, (), [10, 15, 20, 25, 30, 35, 40, 45, 50], 48, ""),
+    ({"second": 24, "rate": 8}, (), [10, 40], 8, "samples at 1 time codes between frames not read"),
+    ({}, (None, False, 6.0), [10, 50], 6, ""),
+    ({"second": "nan"}, (), [10, 20, 30, 40, 50], 24, ""),
+    ({}, ((1, 3, 2),), [20, 40], 12, "2 of 5 frames read"),
+    ({}, ((2, 2, 1),), [30], None, "1 of 5 frames read"),
+    ({}, ((3, None, 1),), [40, 50], 24, "2 of 5 frames read"),
+])  # fmt: skip
 def test_frames_and_rate(tmp_path, said, wanted, places, rate, note):
     loaded = read_at(tmp_path, SLIDING, *wanted, **said)
     assert np.allclose(lefts_of(loaded), places)
-    assert loaded.rate == rate
-    assert loaded.notes == ((note,) if note else ())
+    assert (loaded.rate, loaded.notes) == (rate, (note,) if note else ())
 
 
 @pytest.mark.parametrize("said", [{"end": 1e18}, {"end": 9, "second": 1, "rate": 1e9}])
@@ -87,8 +83,7 @@ def test_what_is_visible_at_some_times_vanishes_and_appears(tmp_path):
     blinks = '    token visibility.timeSamples = { 1: "inherited", 2: "invisible", 3: "inherited" }\n'
     text = f'def Scope "S" {{\n{blinks}{mesh("A", moved_by(5))}}}\n{mesh("B")}'
     loaded = read_at(tmp_path, text)
-    assert [bounds(loaded, k)[1][0] for k in range(3)] == [6, 1, 6]
-    assert len(loaded.faces) == 2
+    assert ([bounds(loaded, k)[1][0] for k in range(3)], len(loaded.faces)) == ([6, 1, 6], 2)
     assert loaded.notes == ("not in all frames: /S/A",)
     first = read_at(tmp_path, text, (1, 2, 1))
     assert [bounds(first, k)[1][0] for k in range(2)] == [1, 6]
@@ -108,8 +103,7 @@ def test_topology_that_changes_is_padded(tmp_path):
 """
     loaded = read_at(tmp_path, text + mesh("B", moved_by(-5)))
     there = [int(np.isfinite(frame[loaded.faces]).all(axis=(1, 2)).sum()) for frame in loaded.frames]
-    assert there == [2, 3, 3]
-    assert [bounds(loaded, k)[1] for k in range(3)] == [[1, 1, 0], [8, 1, 0], [2, 2, 0]]
+    assert (there, [bounds(loaded, k)[1] for k in range(3)]) == ([2, 3, 3], [[1, 1, 0], [8, 1, 0], [2, 2, 0]])
     assert loaded.notes == ("topology changes, so that padded triangles vanish and appear: /Fluid",)
 
 
@@ -209,8 +203,7 @@ def test_a_camera_that_moves_is_that_of_the_first_frame(tmp_path):
     moves = moved_by(0).replace("= (0, 0.0, 0.0)", ".timeSamples = { 1: (10, 0, 0), 3: (30, 0, 0) }")
     loaded = read(tmp_path, M + f'def Camera "Eye" {{\n{moves}}}\n', head)
     assert np.allclose(loaded.cameras["Eye"].eye, (20, 0, 0))
-    assert loaded.notes == ("moving cameras read at the first frame: 1",)
-    assert len(loaded.frames) == 1
+    assert (loaded.notes, len(loaded.frames)) == (("moving cameras read at the first frame: 1",), 1)
 
 
 @pytest.mark.parametrize(
@@ -218,8 +211,7 @@ def test_a_camera_that_moves_is_that_of_the_first_frame(tmp_path):
 )
 def test_cameras_without_a_meaning_are_not_offered(tmp_path, more):
     loaded = read(tmp_path, M + f'def Camera "Eye" {{\n{more}}}\n')
-    assert loaded.cameras == {}
-    assert loaded.notes == ("cameras not offered: 1 (Camera)",)
+    assert (loaded.cameras, loaded.notes) == ({}, ("cameras not offered: 1 (Camera)",))
 
 
 def test_a_distant_light_is_a_direction(tmp_path):
@@ -227,8 +219,7 @@ def test_a_distant_light_is_a_direction(tmp_path):
     light = read(tmp_path, M + f'def DistantLight "Sun" {{\n{turned(-90, more=values)}}}\n').lights["Sun"]
     assert light.directional
     assert np.allclose(light.position, (0, 1, 0))
-    assert light.color == (1, 0.5, 0)
-    assert light.intensity == 6
+    assert (light.color, light.intensity) == ((1, 0.5, 0), 6)
     assert light.spot is None
 
 
@@ -241,16 +232,13 @@ AREA = ("lights with an area: 1; each shines from its middle unless it is given 
 POINT = ("lights with an extent read as points: 1",)
 
 
-@pytest.mark.parametrize(
-    ("kind", "more", "shape", "size"),
-    [
-        ("SphereLight", "    float inputs:radius = 0.25\n", "sphere", 0.5),
-        ("DiskLight", "    float inputs:radius = 2\n", "disc", 4.0),
-        ("RectLight", "    float inputs:width = 3\n    float inputs:height = 0.5\n", "rectangle", (3.0, 0.5)),
-        ("SphereLight", "", "sphere", 1.0),
-        ("RectLight", "", "rectangle", (1.0, 1.0)),
-    ],
-)
+@pytest.mark.parametrize(("kind", "more", "shape", "size"), [
+    ("SphereLight", "    float inputs:radius = 0.25\n", "sphere", 0.5),
+    ("DiskLight", "    float inputs:radius = 2\n", "disc", 4.0),
+    ("RectLight", "    float inputs:width = 3\n    float inputs:height = 0.5\n", "rectangle", (3.0, 0.5)),
+    ("SphereLight", "", "sphere", 1.0),
+    ("RectLight", "", "rectangle", (1.0, 1.0)),
+])  # fmt: skip
 def test_lights_with_an_extent_have_an_area(tmp_path, kind, more, shape, size):
     """Radius, width and height are those of the prim, or the ones that the format says where it has none."""
     light, notes = lamp(tmp_path, kind, moved_by(1, 2, 3), more)
@@ -275,22 +263,18 @@ def test_a_rectangle_lies_as_its_prim_does(tmp_path):
     assert np.ptp(places[:, 2]) == pytest.approx(5, rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("kind", "place", "more", "notes"),
-    [
-        ("CylinderLight", moved_by(1, 2, 3), "", POINT),
-        ("SphereLight", turned(0), "", POINT),  # stretched
-        ("DiskLight", turned(0), "", POINT),
-        ("SphereLight", moved_by(1, 2, 3), "    bool treatAsPoint = 1\n", ()),
-        ("SphereLight", moved_by(1, 2, 3), "    float inputs:radius = 0\n", POINT),
-        ("RectLight", moved_by(1, 2, 3), "    float inputs:width = nan\n", POINT),
-        ("DiskLight", moved_by(1, 2, 3), "    float inputs:radius = 3e38\n", POINT),
-    ],
-)
+@pytest.mark.parametrize(("kind", "place", "more", "notes"), [
+    ("CylinderLight", moved_by(1, 2, 3), "", POINT),
+    ("SphereLight", turned(0), "", POINT),  # stretched
+    ("DiskLight", turned(0), "", POINT),
+    ("SphereLight", moved_by(1, 2, 3), "    bool treatAsPoint = 1\n", ()),
+    ("SphereLight", moved_by(1, 2, 3), "    float inputs:radius = 0\n", POINT),
+    ("RectLight", moved_by(1, 2, 3), "    float inputs:width = nan\n", POINT),
+    ("DiskLight", moved_by(1, 2, 3), "    float inputs:radius = 3e38\n", POINT),
+])  # fmt: skip
 def test_lights_without_a_known_area_are_points(tmp_path, kind, place, more, notes):
     light, told = lamp(tmp_path, kind, place, more)
-    assert (light.position, light.shape) == ((1, 2, 3), "")
-    assert told == notes
+    assert (light.position, light.shape, told) == ((1, 2, 3), "", notes)
 
 
 def test_a_shaped_light_is_a_spot(tmp_path):
@@ -298,12 +282,10 @@ def test_a_shaped_light_is_a_spot(tmp_path):
     cone = "    float inputs:shaping:cone:angle = 30\n    float inputs:shaping:focus = 2\n"
     spot = read(tmp_path, M + f'def SphereLight "Spot" {meta} {{\n{turned(-90, more=cone)}}}\n').lights["Spot"].spot
     assert np.allclose(spot.direction, (0, -1, 0))
-    assert spot.angle == 30
-    assert spot.falloff == 2
+    assert (spot.angle, spot.falloff) == (30, 2)
 
 
 def test_lights_that_are_not_lit_or_have_no_place_are_not_offered(tmp_path):
     text = 'def SphereLight "Off" {\n    token visibility = "invisible"\n}\ndef DomeLight "Sky" {\n}\n'
     loaded = read(tmp_path, M + text)
-    assert loaded.lights == {}
-    assert loaded.notes == ("lights not offered: 1 (DomeLight)",)
+    assert (loaded.lights, loaded.notes) == ({}, ("lights not offered: 1 (DomeLight)",))

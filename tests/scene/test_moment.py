@@ -66,8 +66,7 @@ def test_huge_and_missing_coordinates_neither_move_the_centre_nor_warn():
     prepared = prepare(scene_of(points, faces))
     moment = prepared.moment(0, 4, 4)
     assert (prepared.centre == 0).all()
-    assert moment.valid.tolist() == [1, 0, 0, 0, 0]
-    assert prepared.radius == pytest.approx(np.sqrt(2) / 2)
+    assert (moment.valid.tolist(), prepared.radius) == ([1, 0, 0, 0, 0], pytest.approx(np.sqrt(2) / 2))
 
 
 @given(st.lists(st.tuples(*[st.sampled_from([-1.0, -0.0, 0.0, 1e-45, 1.0, np.inf])] * 3), min_size=1, max_size=40))
@@ -76,8 +75,7 @@ def test_weld_is_brute_force(rows):
     points = np.array(rows)
     single = points.astype(np.float32)
     expected = [min(j for j in range(len(rows)) if (single[j] == single[i]).all()) for i in range(len(rows))]
-    assert weld(points).tolist() == expected
-    assert weld(np.array([[np.nan, 0, 0]] * 2)).tolist() == [0, 1]
+    assert (weld(points).tolist(), weld(np.array([[np.nan, 0, 0]] * 2)).tolist()) == (expected, [0, 1])
     assert weld(np.zeros((0, 3))).tolist() == []
 
 
@@ -141,17 +139,12 @@ def test_directions_are_one_float32_addition_and_axes_right_handed():
         assert np.allclose(np.cross(axes[0], axes[1]), -axes[2], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("camera", "size", "word"),
-    [
-        (Camera((0, 0, 0), (0, 5, 0)), (4, 4), "parallel"),
-        (Camera((0, 0, 0), (0, 0, -1), (0, 0, 0)), (4, 4), "parallel"),
-        (Camera((1, 1, 1), (1, 1, 1)), (4, 4), "different"),
-        (Camera((np.nan, 0, 0), (1, 1, 1)), (4, 4), "finite"),
-        (Camera((0, 0, 0), (0, 0, -1), fov=180.0), (4, 4), "fov"),
-        (CAMERA, (0, 4), "0x4"),
-    ],
-)
+@pytest.mark.parametrize(("camera", "size", "word"), [
+    (Camera((0, 0, 0), (0, 5, 0)), (4, 4), "parallel"),
+    (Camera((0, 0, 0), (0, 0, -1), (0, 0, 0)), (4, 4), "parallel"),
+    (Camera((1, 1, 1), (1, 1, 1)), (4, 4), "different"), (Camera((np.nan, 0, 0), (1, 1, 1)), (4, 4), "finite"),
+    (Camera((0, 0, 0), (0, 0, -1), fov=180.0), (4, 4), "fov"), (CAMERA, (0, 4), "0x4"),
+])  # fmt: skip
 def test_a_camera_that_sees_nothing_is_refused(camera, size, word):
     with pytest.raises(UserError, match=word):
         ray_tables(camera, *size, np.zeros(3))
@@ -164,8 +157,7 @@ def test_an_index_beyond_the_vertices_is_refused():
 
 def test_an_empty_mesh_can_be_prepared():
     prepared = prepare(scene_of(np.zeros((0, 3)), np.zeros((0, 3), int)))
-    assert prepared.moment(0, 2, 2).points.shape == (0, 3)
-    assert prepared.radius == 1.0
+    assert (prepared.moment(0, 2, 2).points.shape, prepared.radius) == ((0, 3), 1.0)
 
 
 def test_lights_follow_their_path_over_the_frames():
@@ -217,8 +209,7 @@ def require_covered_once(points: np.ndarray, outline, frame: np.ndarray, toleran
     a, b, c = points.astype(np.float64)[faces].transpose(1, 0, 2)
     normal = np.cross(frame[0], frame[1])
     own = np.cross(b - a, c - a) / 2 @ normal / (normal @ normal)
-    assert faces.shape == (len(outline) - 2, 3)
-    assert own.sum() == pytest.approx(area_of(outline), rel=tolerance)
+    assert (faces.shape, own.sum()) == ((len(outline) - 2, 3), pytest.approx(area_of(outline), rel=tolerance))
     assert np.abs(own).sum() == pytest.approx(abs(area_of(outline)), rel=tolerance)
 
 
@@ -289,20 +280,15 @@ def test_polygons_keep_their_order_and_their_number_of_triangles(monkeypatch):
     assert own.tolist() == np.concatenate([cut(part) for part in some] * 20).tolist()
 
 
-@pytest.mark.parametrize(
-    "points",
-    [
-        np.full((5, 3), np.nan),
-        np.zeros((5, 3)),
-        np.array([(0, 0, 0), (4, 0, 0), (0, 3, 0), (4, 3, 0), (2, 9, 0)], dtype=float),  # crosses itself
-        np.array([(0, 0, 0), (1e308, 0, 0), (1e308, 1e308, 0), (1e307, 2e307, 0), (0, 1e308, 0)]),
-    ],
-    ids=["nan", "a point", "crossing", "huge"],
-)
+@pytest.mark.parametrize("points", [
+    np.full((5, 3), np.nan),
+    np.zeros((5, 3)),
+    np.array([(0, 0, 0), (4, 0, 0), (0, 3, 0), (4, 3, 0), (2, 9, 0)], dtype=float),  # crosses itself
+    np.array([(0, 0, 0), (1e308, 0, 0), (1e308, 1e308, 0), (1e307, 2e307, 0), (0, 1e308, 0)]),
+], ids=["nan", "a point", "crossing", "huge"])  # fmt: skip
 def test_what_has_no_triangulation_still_has_its_number_of_triangles(points):
     faces = cut(points)
-    assert faces.shape == (3, 3)
-    assert set(faces.ravel()) == set(range(5))
+    assert (faces.shape, set(faces.ravel())) == ((3, 3), set(range(5)))
 
 
 def test_an_index_out_of_range_is_left_to_the_check():
@@ -322,17 +308,14 @@ def piece(seed: int, count: int = 4, faces=FACES, kind=np.float32):
     return np.random.default_rng(seed).random((count, 3), dtype=np.float32).astype(kind), faces.copy()
 
 
-@pytest.mark.parametrize(
-    ("frames", "triangles", "padded", "vanishing"),
-    [
-        ([[piece(0), piece(k)] for k in range(3)], 4, (), ()),
-        ([[piece(0), piece(1)], [piece(0), None]], 4, (), (1,)),
-        ([[one, piece(9)] for one in (piece(0), piece(1, 5, MORE), None, piece(2, faces=FACES[:1]))], 5, (0,), ()),
-        ([[piece(0)], [piece(0, 5, kind=np.float64)]], 2, (0,), ()),  # one more vertex is another topology
-        ([[None, piece(0)], [None, piece(1)]], 2, (), ()),
-        ([[None], [None]], 0, (), ()),
-    ],
-)
+@pytest.mark.parametrize(("frames", "triangles", "padded", "vanishing"), [
+    ([[piece(0), piece(k)] for k in range(3)], 4, (), ()),
+    ([[piece(0), piece(1)], [piece(0), None]], 4, (), (1,)),
+    ([[one, piece(9)] for one in (piece(0), piece(1, 5, MORE), None, piece(2, faces=FACES[:1]))], 5, (0,), ()),
+    ([[piece(0)], [piece(0, 5, kind=np.float64)]], 2, (0,), ()),  # one more vertex is another topology
+    ([[None, piece(0)], [None, piece(1)]], 2, (), ()),
+    ([[None], [None]], 0, (), ()),
+])  # fmt: skip
 def test_each_frame_has_its_triangles(frames, triangles, padded, vanishing):
     fixed = fixed_topology(frames)
     assert (len(fixed.faces), fixed.padded, fixed.vanishing) == (triangles, padded, vanishing)

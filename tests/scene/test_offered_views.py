@@ -49,12 +49,10 @@ def test_the_automatic_view_is_the_default(path):
 
 def test_a_camera_and_lights_are_used_by_name(path):
     scene = seen(path, camera_of="door", light_of=["sun", "lamp"])
-    assert (scene.camera, scene.lights) == (DOOR, (SUN, LAMP))
-    assert seen(path, camera_of="above").camera == ABOVE
+    assert (scene.camera, scene.lights, seen(path, camera_of="above").camera) == (DOOR, (SUN, LAMP), ABOVE)
     assert seen(path, camera_of="door").lights == resolve(path).lights
     wide = view_of(None, 70.0, ["1,2,3"], camera_of="door", light_of=["sun"]).resolved(path)
-    assert wide.camera == replace(DOOR, fov=70.0)
-    assert wide.lights == (SUN, Light((1, 2, 3)))
+    assert (wide.camera, wide.lights) == (replace(DOOR, fov=70.0), (SUN, Light((1, 2, 3))))
 
 
 def test_what_is_named_travels_as_json_and_stands_in_tables():
@@ -125,8 +123,7 @@ def test_a_declaration_uses_and_offers_them(path):
     scene = resolve(written(path.parent, "a.toml", DECLARED.encode()))
     assert scene.camera == replace(DOOR, fov=50.0)
     assert scene.lights == (replace(SUN, shadows=False), Light((0, 1, 0)))
-    assert scene.cameras["far"] == replace(ABOVE, eye=(0, 90, 0))
-    assert scene.cameras["own"].eye == (5, 5, 5)
+    assert (scene.cameras["far"], scene.cameras["own"].eye) == (replace(ABOVE, eye=(0, 90, 0)), (5, 5, 5))
     assert set(scene.cameras) == {"door", "above", "far", "own"}
     assert scene.lamps == {"lamp": LAMP, "sun": SUN, "candle": Light((0, 1, 0)), "light": replace(SUN, shadows=False)}
     assert seen(path.parent / "a.toml", camera_of="far", light_of=["candle"]).camera.height == 4.0
@@ -148,19 +145,16 @@ def test_lights_without_a_name_are_numbered_and_listed(path, capsys):
     assert seen(room, light_of=["light 4"]).lights == (Light((0, 3, 0)),)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ('[camera]\nof = "dor"', r"camera\.of: room\.ply: has no camera 'dor'; did you mean door\?"),
-        ("[camera]\nof = 1", r"camera\.of must be a text in quotes, not 1"),
-        ('[[lights]]\nof = "moon"', r"lights\[0\]\.of: .*has no light 'moon'"),
-        ("[[cameras]]\neye = [0, 0, 1]", r"cameras\[0\]: add its name"),
-        ('[[cameras]]\nname = "a"\n[[cameras]]\nname = "a"', r"cameras\[1\]: the name 'a' is taken"),
-        ('[[cameras]]\nname = "a"\nmoves = true', r"cameras\[0\]: unknown key 'moves'"),
-        ('[camera]\nof = "above"\nfov = 40', r"camera\.fov does not apply to a camera of kind orthographic"),
-        ("[[lights]]\nspot = 3\nposition = [0, 0, 0]", r"lights\[0\]\.spot must be a table"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    ('[camera]\nof = "dor"', r"camera\.of: room\.ply: has no camera 'dor'; did you mean door\?"),
+    ("[camera]\nof = 1", r"camera\.of must be a text in quotes, not 1"),
+    ('[[lights]]\nof = "moon"', r"lights\[0\]\.of: .*has no light 'moon'"),
+    ("[[cameras]]\neye = [0, 0, 1]", r"cameras\[0\]: add its name"),
+    ('[[cameras]]\nname = "a"\n[[cameras]]\nname = "a"', r"cameras\[1\]: the name 'a' is taken"),
+    ('[[cameras]]\nname = "a"\nmoves = true', r"cameras\[0\]: unknown key 'moves'"),
+    ('[camera]\nof = "above"\nfov = 40', r"camera\.fov does not apply to a camera of kind orthographic"),
+    ("[[lights]]\nspot = 3\nposition = [0, 0, 0]", r"lights\[0\]\.spot must be a table"),
+])  # fmt: skip
 def test_mistakes_in_a_declaration(path, text, words):
     with pytest.raises(UserError, match=words):
         resolve(written(path.parent, "a.toml", f'mesh = "room.ply"\n{text}\n'.encode()))
@@ -224,8 +218,7 @@ def test_its_examples_are_read_as_it_says(tmp_path, suffix, content, told):
         r"(\d+) triangles? from \((.*?)\) to \((.*?)\)(?:; noted: (.*))?", told.replace("\n", " ")
     ).groups()
     points = loaded.frames[0][np.unique(loaded.faces)]
-    assert len(loaded.faces) == int(count)
-    assert points.min(axis=0).tolist() == [float(x) for x in low.split(",")]
+    assert (len(loaded.faces), points.min(axis=0).tolist()) == (int(count), [float(x) for x in low.split(",")])
     assert points.max(axis=0).tolist() == [float(x) for x in high.split(",")]
     assert loaded.notes == ((noted,) if noted else ())
 
@@ -247,8 +240,7 @@ def folder(tmp_path):
 def test_its_declarations_are_read(folder):
     several, views = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
     scene = resolve(files.written(folder, "several.toml", several.encode()))
-    assert scene.geometry().frame_count == 10
-    assert len(scene.geometry().faces) == 12
+    assert (scene.geometry().frame_count, len(scene.geometry().faces)) == (10, 12)
     assert np.allclose(scene.geometry().positions(9)[5], (0.9, -0.9, 2.9))
     assert scene.geometry().positions(9)[10].tolist() == [3, 0, 0]
     scene = resolve(files.written(folder, "views.toml", views.encode()))

@@ -26,8 +26,7 @@ def prepared(tmp_path_factory):
 def test_the_default_lighting_changes_nothing_and_has_no_facts(prepared):
     assert Lighting().applied(prepared) is prepared
     assert Lighting().longer(prepared.scene) is prepared.scene
-    assert Lighting().facts() == {}
-    assert Lighting.read({}) == Lighting()
+    assert (Lighting().facts(), Lighting.read({})) == ({}, Lighting())
 
 
 def test_distance_is_in_radii_from_the_middle_in_the_lights_own_direction(prepared):
@@ -67,8 +66,7 @@ def test_a_spot_may_be_a_rectangle_or_fall_off(prepared):
     (light,) = Lighting.read(json.loads(json.dumps(lighting.facts()))).applied(prepared).scene.lights
     assert (light.spot.angle, light.spot.rise, light.spot.falloff) == (7.0, 3.0, 9.0)
     row = spot_row(light.spot)
-    assert row[0] == RECTANGLE
-    assert np.degrees(row[10:]) == pytest.approx([7.0, 3.0])
+    assert (row[0], np.degrees(row[10:])) == (RECTANGLE, pytest.approx([7.0, 3.0]))
 
 
 def test_a_light_becomes_directional_once(prepared):
@@ -163,8 +161,7 @@ def test_a_moved_light_keeps_all_else():
 
 def test_several_lights_from_one():
     lights = spread(LIGHT, (0.0, 0.0, 0.0), 4)
-    assert len(lights) == 4
-    assert sum(light.intensity for light in lights) == pytest.approx(4.0)
+    assert (len(lights), sum(light.intensity for light in lights)) == (4, pytest.approx(4.0))
     places = np.array([light.position for light in lights])
     assert np.allclose(places[0], LIGHT.position)
     assert np.allclose(places[2], [-3, 2, -1])

@@ -67,8 +67,7 @@ def cases(table):
 def test_triangles_and_bounds(name):
     loaded = load(CASES / name)
     triangles, right = READ[name]
-    assert len(loaded.faces) == triangles
-    assert bounds(loaded) == right
+    assert (len(loaded.faces), bounds(loaded)) == (triangles, right)
     if "concave" in name:
         a, b, c = loaded.frames[0][loaded.faces].transpose(1, 0, 2)
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2

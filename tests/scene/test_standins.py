@@ -68,8 +68,7 @@ def test_size_and_topology(name: str) -> None:
     geometry, count = prepared(name).geometry, prepared(name).vertex_count
     assert len(geometry.faces) == PAPER[name].triangles
     assert abs(len(geometry.faces) / TABLE_1[name] - 1) < 0.01
-    assert (geometry.frame_count > 1) == PAPER[name].moves
-    assert geometry.faces.dtype == np.int32
+    assert ((geometry.frame_count > 1), geometry.faces.dtype) == (PAPER[name].moves, np.int32)
     np.testing.assert_array_equal(np.unique(geometry.faces), np.arange(count))
     a, b, c = geometry.faces.T
     assert not ((a == b) | (b == c) | (c == a)).any()
@@ -164,8 +163,7 @@ VOLUMES = {"box": 6.0, "cylinder": 2 * np.pi, "sphere": 4 / 3 * np.pi}
 @pytest.mark.parametrize("shape", sorted(CLOSED))
 def test_shapes_are_closed_and_face_outwards(shape: str) -> None:
     mesh = CLOSED[shape]
-    assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.int32)
-    assert edge_faults(mesh.faces) == 0
+    assert (mesh.vertices.dtype, mesh.faces.dtype, edge_faults(mesh.faces)) == (np.float64, np.int32, 0)
     assert volume_of(mesh) == pytest.approx(VOLUMES[shape], rel=0.01) if shape in VOLUMES else volume_of(mesh) > 0
     assert areas(mesh).min() > 0
 

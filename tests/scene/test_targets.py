@@ -111,25 +111,22 @@ def test_lightings_and_moved_lights_of_experiments():
     assert len(lit.moment(0, 4, 4).lights) == 5
 
 
-@pytest.mark.parametrize(
-    ("declared", "said"),
-    [
-        ('shape = "cube"', "lights[0]: shape 'cube': it is one of rectangle, disc, sphere"),
-        ('shape = "disc"\nsize = -1', "lights[0]: size -1.0: it must be finite and not negative"),
-        ('shape = "disc"\nsize = [1, 2]', "lights[0]: size (1.0, 2.0): give one number, or width and height of a"),
-        ('shape = "rectangle"\nsize = [1, 2, 3]', "give one number, or width and height"),
-        ('shape = "rectangle"\nsize = [1, nan]', "lights[0].size must be finite, not nan"),
-        ('shape = "sphere"\nsamples = 0', "lights[0]: samples 0: give 1 to 1024"),
-        ('shape = "sphere"\nsamples = 2.5', "lights[0].samples must be a whole number, not 2.5"),
-        ('shape = "sphere"\nsamples = "3"', "lights[0].samples must be a whole number, not '3'"),
-        ("samples = 4", "lights[0]: an area needs a shape: rectangle, disc, sphere"),
-        ('shape = "sphere"\ndirectional = true', "a directional light cannot have an area: it stands nowhere"),
-        ("shape = 7", "lights[0]: shape 7: it is one of"),
-        ('shape = "disc"\ntowards = 1', "lights[0].towards must be three numbers"),
-        ('shape = "disc"\nsize = "wide"', "lights[0].size must be a number"),
-        ('shape = "disc"\nsize = 1e39', "lights[0].size (1e+39, 1e+39, 0.0) is outside the range of float32"),
-    ],
-)
+@pytest.mark.parametrize(("declared", "said"), [
+    ('shape = "cube"', "lights[0]: shape 'cube': it is one of rectangle, disc, sphere"),
+    ('shape = "disc"\nsize = -1', "lights[0]: size -1.0: it must be finite and not negative"),
+    ('shape = "disc"\nsize = [1, 2]', "lights[0]: size (1.0, 2.0): give one number, or width and height of a"),
+    ('shape = "rectangle"\nsize = [1, 2, 3]', "give one number, or width and height"),
+    ('shape = "rectangle"\nsize = [1, nan]', "lights[0].size must be finite, not nan"),
+    ('shape = "sphere"\nsamples = 0', "lights[0]: samples 0: give 1 to 1024"),
+    ('shape = "sphere"\nsamples = 2.5', "lights[0].samples must be a whole number, not 2.5"),
+    ('shape = "sphere"\nsamples = "3"', "lights[0].samples must be a whole number, not '3'"),
+    ("samples = 4", "lights[0]: an area needs a shape: rectangle, disc, sphere"),
+    ('shape = "sphere"\ndirectional = true', "a directional light cannot have an area: it stands nowhere"),
+    ("shape = 7", "lights[0]: shape 7: it is one of"),
+    ('shape = "disc"\ntowards = 1', "lights[0].towards must be three numbers"),
+    ('shape = "disc"\nsize = "wide"', "lights[0].size must be a number"),
+    ('shape = "disc"\nsize = 1e39', "lights[0].size (1e+39, 1e+39, 0.0) is outside the range of float32"),
+])  # fmt: skip
 def test_a_wrong_area_is_one_line(mesh, declared, said):
     room = mesh.with_name("room.toml")
     room.write_text(f'mesh = "mesh.obj"\n[[lights]]\nposition = [0, 1, 0]\n{declared}\n')

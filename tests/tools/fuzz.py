@@ -89,14 +89,9 @@ def freeze(example: Example, method: str, note: str, folder: Path = REGRESSIONS)
 
 
 def fuzz(
-    examples: int,
-    seed: int,
-    seconds: float,
-    folder: Path,
-    methods: tuple[str, ...],
-    device: str,
+    examples: int, seed: int, seconds: float, folder: Path, methods: tuple[str, ...], device: str,
     settings: dict[str, dict[str, str]] | None = None,
-) -> int:
+) -> int:  # fmt: skip
     """Run; the number of findings. ``settings`` of every method: in place of those that an example draws."""
     source = random.Random(seed)
     began, findings, done = time.monotonic(), 0, 0

@@ -32,11 +32,9 @@ RECTANGLES = {
 
 @wp.kernel(enable_backward=False)
 def tile_kernel(
-    grid: LightTiles,
-    planes: wp.array2d(dtype=wp.vec3d),
-    out: wp.array2d(dtype=wp.bool),
+    grid: LightTiles, planes: wp.array2d(dtype=wp.vec3d), out: wp.array2d(dtype=wp.bool),
     slopes: wp.array2d(dtype=wp.vec3d),
-):
+):  # fmt: skip
     i, tile = wp.tid()
     column = grid.columns[tile % grid.tiles]
     row = grid.rows[tile // grid.tiles]
@@ -100,13 +98,9 @@ def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
 
 @wp.kernel(enable_backward=False)
 def verdict_kernel(
-    size: wp.float32,
-    lights: wp.array(dtype=wp.vec3f),
-    corners: wp.array2d(dtype=wp.vec3f),
-    hits: wp.array2d(dtype=wp.vec3d),
-    verdicts: wp.array2d(dtype=wp.int32),
-    exact: wp.array2d(dtype=wp.bool),
-):
+    size: wp.float32, lights: wp.array(dtype=wp.vec3f), corners: wp.array2d(dtype=wp.vec3f),
+    hits: wp.array2d(dtype=wp.vec3d), verdicts: wp.array2d(dtype=wp.int32), exact: wp.array2d(dtype=wp.bool),
+):  # fmt: skip
     i, j = wp.tid()
     triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     weld = wp.vec3i(0, 1, 2)

@@ -51,8 +51,7 @@ def test_algorithm_1_as_figure_8_is_described():
     pixels = wp.array([*range(count)] + [0] * count, dtype=wp.int32, device="cpu")  # line 9: each pixel's own number
     wp.utils.radix_sort_pairs(keys, pixels, count, 0, tiles.bit_length())  # line 10, as the method calls it
     a, b = pixels.numpy()[:count], keys.numpy()[:count]
-    assert a.tolist() == [1, 3, 6, 2, 7, 4, 0, 5, 8]
-    assert b.tolist() == [0, 0, 0, 1, 1, 3, 4, 4, 4]
+    assert (a.tolist(), b.tolist()) == ([1, 3, 6, 2, 7, 4, 0, 5, 8], [0, 0, 0, 1, 1, 3, 4, 4, 4])
     chunks = chunks_of(keys, tiles, r, "algorithm-1")
     assert chunks.paper is not None
     assert chunks.paper.arrays.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
@@ -104,8 +103,7 @@ def test_both_balancings_make_the_same_chunks(seed, device):
             assert total <= chunks.capacity
         assert made[0] == made[1]
         counts = np.bincount(ids[ids < tiles], minlength=tiles)
-        assert len(made[0]) - 1 == int(np.ceil(counts / r).sum())
-        assert made[0][-1] == counts.sum()
+        assert (len(made[0]) - 1, made[0][-1]) == (int(np.ceil(counts / r).sum()), counts.sum())
         assert max(np.diff(made[0]), default=0) <= r
 
 

@@ -46,8 +46,7 @@ def test_counters_add_up():
         counts = session.method.counters()
         found.append(counts)
         primary, shadow = session.method.tests_per_pixel()
-        assert counts["primary tests"] == primary.sum()
-        assert counts["shadow tests"] == shadow.sum()
+        assert (counts["primary tests"], counts["shadow tests"]) == (primary.sum(), shadow.sum())
         assert counts["light 0 rays"] == (got["triangle"] >= 0).sum()
         r = int(settings.get("r", 32))
         assert counts["light 0 lanes"] == counts["light 0 chunks"] * r >= counts["light 0 rays"]

@@ -21,13 +21,9 @@ WIDTH, HEIGHT = 61, 83
 
 @wp.kernel(enable_backward=False)
 def ends_kernel(
-    camera: Camera,
-    mesh: Mesh,
-    boxes: wp.array(dtype=wp.vec4i),
-    ends: wp.array3d(dtype=wp.vec2i),
-    may_cover: wp.array3d(dtype=wp.uint8),
-    queue: Queue,
-):
+    camera: Camera, mesh: Mesh, boxes: wp.array(dtype=wp.vec4i), ends: wp.array3d(dtype=wp.vec2i),
+    may_cover: wp.array3d(dtype=wp.uint8), queue: Queue,
+):  # fmt: skip
     """Of triangle i: its box, the ends of every row and of every column, which pixels it may cover (1) or covers (2), and
     its groups.
     """

@@ -64,11 +64,9 @@ def note_kernel(
 
 @wp.kernel(enable_backward=False)
 def ask_kernel(
-    boxes: wp.array(dtype=wp.vec4i),
-    depths: wp.array(dtype=wp.float32),
-    farthest: wp.array(dtype=wp.int32),
+    boxes: wp.array(dtype=wp.vec4i), depths: wp.array(dtype=wp.float32), farthest: wp.array(dtype=wp.int32),
     answers: wp.array(dtype=wp.bool),
-):
+):  # fmt: skip
     i = wp.tid()
     answers[i] = all_rays_end_before(depths[i], farthest, 2, boxes[i], CELLS)
 

@@ -23,11 +23,9 @@ MANY, FEW = 64, 128
 
 @wp.kernel(enable_backward=False)
 def faces_kernel(
-    rectangles: wp.array2d(dtype=wp.int32),
-    cells: wp.vec3i,
-    found: wp.array2d(dtype=wp.int32),
+    rectangles: wp.array2d(dtype=wp.int32), cells: wp.vec3i, found: wp.array2d(dtype=wp.int32),
     along: wp.array(dtype=wp.int32),
-):
+):  # fmt: skip
     i, number = wp.tid()
     found[i, number] = face_in_use(rectangles[i], number)
     along[i] = cells_in_use(rectangles[i], cells)

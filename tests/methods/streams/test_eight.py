@@ -23,12 +23,9 @@ WIDTH, HEIGHT = 19, 7
 
 @wp.kernel(enable_backward=False)
 def found_kernel(
-    rays: wp.array(dtype=wp.vec4f),
-    planes: wp.array(dtype=wp.vec4f),
-    camera: Camera,
-    number: wp.int32,
+    rays: wp.array(dtype=wp.vec4f), planes: wp.array(dtype=wp.vec4f), camera: Camera, number: wp.int32,
     found: wp.array2d(dtype=wp.uint32),
-):
+):  # fmt: skip
     """Rows of ``found``: rays at once, rays one by one, pixels at once, pixels one by one."""
     k = wp.tid()
     o = Occluder()

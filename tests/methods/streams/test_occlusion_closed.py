@@ -44,15 +44,10 @@ def balls():
     return view(mesh, list(LIGHTS), (0, 0, 8), (0, 0, -1), 0.25, (160, 160))
 
 
-@pytest.mark.parametrize(
-    ("method", "settings"),
-    [
-        ("ray_grids", {}),
-        ("ray_grids", {"trial": "groups=split+inline_rays=4"}),
-        ("ray_grids", {"occluders": "last"}),
-        ("hybrid", {"shadows": "grid"}),
-    ],
-)
+@pytest.mark.parametrize(("method", "settings"), [
+    ("ray_grids", {}), ("ray_grids", {"trial": "groups=split+inline_rays=4"}), ("ray_grids", {"occluders": "last"}),
+    ("hybrid", {"shadows": "grid"}),
+])  # fmt: skip
 def test_half_of_a_closed_surface_is_left_out(method, settings, device):
     answers, closed, undecided = traced(balls(), method, settings, device)
     given = {"occluders": settings.get("occluders", "none"), "trial": settings.get("trial", ""), "closed": "false"}
@@ -110,11 +105,9 @@ def test_a_scene_without_closed_surfaces_is_planned_as_ever():
 
 @wp.kernel(enable_backward=False)
 def away_kernel(
-    flags: wp.array(dtype=wp.uint8),
-    light: wp.array(dtype=wp.vec3f),
-    corners: wp.array2d(dtype=wp.vec3f),
+    flags: wp.array(dtype=wp.uint8), light: wp.array(dtype=wp.vec3f), corners: wp.array2d(dtype=wp.vec3f),
     away: wp.array(dtype=wp.bool),
-):
+):  # fmt: skip
     i = wp.tid()
     away[i] = turned_away(flags[i], light[i], Corners(corners[i, 0], corners[i, 1], corners[i, 2]))
 

@@ -61,8 +61,7 @@ def test_what_a_counter_past_31_bits_hands_out_lies_in_no_list(before, place, de
     counts = wp.array([before, before], dtype=wp.int32, device=device)
     places = wp.zeros(2, dtype=wp.int32, device=device)
     wp.launch(places_kernel, dim=1, inputs=[counts], outputs=[places], device=device)
-    assert places.numpy().tolist() == [place, place]
-    assert counts.numpy().tolist() == [before + 1, before + 3]
+    assert (places.numpy().tolist(), counts.numpy().tolist()) == ([place, place], [before + 1, before + 3])
 
 
 def test_a_counter_past_31_bits_is_no_small_need():

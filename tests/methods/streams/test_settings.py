@@ -63,35 +63,26 @@ def test_a_trial_stands_in_place_of_what_is_chosen():
     assert {name: getattr(settings, name) for name in expected} == expected
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("shares=0", "shares must be in 1..16"),
-        ("chunk=257", "chunk must be in 1..256"),
-        ("cells=12", "cells must be a multiple of 8"),
-        ("inline_rays=-2", "inline_rays must be in 0.."),
-        ("region=left", "region must be one of rays, triangles"),
-        ("overlaps=maybe", "overlaps must be true or false"),
-        ("queue=always", "trial must be NAME=VALUE, joined by .*, with names of cells, inline_pixels"),
-        ("cells", "cells must be in 8..8192"),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("shares=0", "shares must be in 1..16"), ("chunk=257", "chunk must be in 1..256"),
+    ("cells=12", "cells must be a multiple of 8"), ("inline_rays=-2", "inline_rays must be in 0.."),
+    ("region=left", "region must be one of rays, triangles"), ("overlaps=maybe", "overlaps must be true or false"),
+    ("queue=always", "trial must be NAME=VALUE, joined by .*, with names of cells, inline_pixels"),
+    ("cells", "cells must be in 8..8192"),
+])  # fmt: skip
 def test_another_trial_is_refused_in_one_line(text, said):
     with pytest.raises(UserError, match=said):
         make_method("visibility_buffer", {"trial": text})
 
 
-@pytest.mark.parametrize(
-    ("former", "present"),
-    [
-        ({}, {}),
-        ({"queue": "auto", "cells": "0", "beside": "-1", "region": "auto"}, {}),
-        ({"queue": "always"}, {"queue": "always"}),
-        ({"region": "rays", "threads": "2"}, {"threads": "2", "trial": "region=rays"}),
-        ({"part": "64", "streamed": "after"}, {"trial": "chunk=64+overlaps=false"}),
-        ({"trial": "region=rays", "occluders": "last"}, {"occluders": "last", "trial": "region=rays"}),
-    ],
-)
+@pytest.mark.parametrize(("former", "present"), [
+    ({}, {}),
+    ({"queue": "auto", "cells": "0", "beside": "-1", "region": "auto"}, {}),
+    ({"queue": "always"}, {"queue": "always"}),
+    ({"region": "rays", "threads": "2"}, {"threads": "2", "trial": "region=rays"}),
+    ({"part": "64", "streamed": "after"}, {"trial": "chunk=64+overlaps=false"}),
+    ({"trial": "region=rays", "occluders": "last"}, {"occluders": "last", "trial": "region=rays"}),
+])  # fmt: skip
 def test_a_record_with_former_settings_has_the_present_ones(former, present):
     assert present_settings("ray_grids", former) == present
     make_method("ray_grids", {key: text for key, text in present.items() if key != "queue"})

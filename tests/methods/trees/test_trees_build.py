@@ -140,12 +140,9 @@ BLOCK = 256
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
-    count: wp.int32,
-    passes: wp.int32,
-    nothing: wp.int32,
-    keys: wp.array(dtype=wp.int32),
+    count: wp.int32, passes: wp.int32, nothing: wp.int32, keys: wp.array(dtype=wp.int32),
     state: wp.array(dtype=wp.int32),
-):
+):  # fmt: skip
     i = wp.tid()
     key = nothing
     if i < count:

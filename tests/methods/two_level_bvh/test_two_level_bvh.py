@@ -42,13 +42,9 @@ def turn(axis: Sequence[float], angle: float) -> NDArray:
 
 
 def moving(
-    meshes: Sequence[Mesh],
-    pose: Callable[[int, int], Pose],
-    frames: int = 3,
-    scale: float = 1.0,
-    camera: Camera = CAMERA,
-    lights: tuple[Light, ...] = LIGHTS,
-) -> Prepared:
+    meshes: Sequence[Mesh], pose: Callable[[int, int], Pose], frames: int = 3, scale: float = 1.0,
+    camera: Camera = CAMERA, lights: tuple[Light, ...] = LIGHTS,
+) -> Prepared:  # fmt: skip
     """Bodies, each in its ``pose(body, frame)``. ``scale``: of all, also of the way to camera and lights."""
     points, faces = joined(*meshes)
     of = np.repeat(np.arange(len(meshes)), [len(mesh[0]) for mesh in meshes])
@@ -122,8 +118,7 @@ def bodies_of(session: Session) -> int:
 @pytest.mark.parametrize("name", SCENES)
 def test_answers_are_exact_as_bodies_move(name, device):
     session = assert_exact_in_frames(SCENES[name](), [0, 1, 2, 1], device=device)
-    assert bodies_of(session) == session.frame.prepared.bodies.max() + 1
-    assert session.regrown == 0
+    assert (bodies_of(session), session.regrown) == (session.frame.prepared.bodies.max() + 1, 0)
 
 
 @pytest.mark.parametrize("scale", [1e-36, 1e-30, 1e-6, 1e6, 1e30, 3e37])

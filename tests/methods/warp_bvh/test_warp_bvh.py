@@ -97,11 +97,9 @@ def visits(prepared: Prepared, indices: np.ndarray, frame: int) -> int:
 
 @wp.kernel(enable_backward=False)
 def visits_kernel(
-    tree: wp.uint64,
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
+    tree: wp.uint64, origins: wp.array(dtype=wp.vec3f), directions: wp.array(dtype=wp.vec3f),
     count: wp.array(dtype=wp.int32),
-):
+):  # fmt: skip
     i = wp.tid()
     boxes = wp.bvh_query_ray(tree, origins[i], directions[i])
     box = wp.int32(0)
