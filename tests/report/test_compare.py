@@ -51,15 +51,6 @@ def test_what_is_not_alike_has_no_ratio(tmp_path, change):
     assert "ours" not in found(tmp_path / "changed", records)
 
 
-def test_runs_in_one_folder_are_named(tmp_path):
-    records = two()
-    frames = document.read(write_records(tmp_path / "one", records))
-    assert compare.apart(frames) == []
-    records[0]["rounds"], records[1]["rounds"] = [{"run": "a"}], [{"run": "b"}]
-    (line,) = compare.apart(document.read(write_records(tmp_path / "two", records)))
-    assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: ours | tree."
-
-
 def test_runs_of_the_same_columns_are_counted_only(tmp_path):
     """Sizes that were measured one by one: each run had all methods, and the line named them three times."""
     records = [*two(), *two()]
@@ -137,15 +128,6 @@ def total(table):
 
 def ours_over_tree(evidence):
     return evidence.ratios({"label": GRIDS.label}, {"label": MESH.label}, total)
-
-
-def test_points_of_two_runs_are_never_compared(tmp_path):
-    """Two folders are two runs; so are two environments in one folder."""
-    write_records(tmp_path / "a", pair(1.0)[:1])
-    write_records(tmp_path / "b", pair(1.0)[1:])
-    assert [ours_over_tree(e) for e in collect(tmp_path).evidence("frame_time")] == [{}, {}]
-    write_records(tmp_path / "c", [changed(r, environment=e) for r, e in zip(pair(1.0, "fairy"), "ef", strict=True)])
-    assert [ours_over_tree(e) for e in collect(tmp_path / "c").evidence("frame_time")] == [{}, {}]
 
 
 def test_versions_of_a_method_in_one_folder_are_not_mixed(tmp_path):

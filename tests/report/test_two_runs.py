@@ -183,13 +183,6 @@ def test_what_is_faster_because_it_is_wrong_is_never_faster(call, tmp_path, in_a
     assert call(tmp_path / "a", tmp_path / "b", "--fail-on", "faster")[0] == (verdict == "faster")
 
 
-def test_a_throttled_run_would_be_called_slower_if_its_rounds_counted(tmp_path):
-    a, b = made(TREE, 1.0, 1), made(TREE, 1.0, 2, rounds=11, throttled=range(11), slow=1.1)
-    for one in b["rounds"]:
-        one["clock"]["gpu"]["clocks_throttle_reasons.active"] = CLEAR
-    assert verdict(tmp_path, a, b).verdict == two_runs.SLOWER
-
-
 def verdict(tmp_path, a, b, again=None):
     from shadowbench.harness.results.schema import read_records
 

@@ -129,12 +129,6 @@ def test_unknown_names(name, line):
     assert line in str(caught.value)
 
 
-def test_any_file_is_a_scene(tmp_path):
-    scene = catalogue.resolve(str(put(tmp_path, "My Mesh.ply")))
-    assert (scene.name, scene.title, scene.stand_in) == ("my_mesh", "My Mesh.ply", None)
-    assert everything_is_seen(scene)
-
-
 @pytest.mark.parametrize(
     ("lost", "note"),
     [

@@ -71,13 +71,6 @@ def test_split_vertices_are_joined_where_they_lie_together_in_the_frame():
     assert (marked(prepared, frame=1) == 1).all(), "closed by the first frame's weld only"
 
 
-def test_a_part_that_is_closed_by_index_stays_closed_whatever_its_vertices_touch():
-    one, other = box(-1, 0), box(0, 1)
-    away = np.concatenate([one[0], other[0] + 2])
-    prepared = scene_of(joined(one, other), away)
-    assert (marked(prepared, frame=1) == 1 | CLOSED).all()
-
-
 def test_bits_say_which_triangles_are_listed_against_the_outward_winding():
     points, faces = ball(1.0, (0, 0, 0))
     assert (marked(scene_of((points, faces))) == 1 | CLOSED).all()
@@ -184,7 +177,6 @@ def test_texture_coordinates_follow_on_another_scene_too() -> None:
         np.testing.assert_array_equal(prepared.alpha.coordinates, points[prepared.faces][..., :2])
 
 
-FROM = (0.3, 0.2, 3.0)
 LAMP = (1.0, 2.5, 0.5)
 ROOF = np.array([(8, 1, 0), (-8, 7, 0), (-7, -9, 0)], dtype=np.float64)
 

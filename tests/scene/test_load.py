@@ -8,36 +8,8 @@ from helpers.mesh_files import refused, written
 from helpers.real_scenes import MESHES, needs_real
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.load import SUFFIXES, load, source
-from shadowbench.harness.scene.readers.text import first_wrong, numbers
-from shadowbench.harness.scene.scene import Camera, Scene
-
-WRITERS = {
-    "a.ply": files.ply_binary,
-    "b.ply": files.ply_ascii,
-    "c.obj": files.obj,
-    "UPPER.OBJ": files.obj,
-    "d.off": files.off,
-}
-ARROW = [(0, 0, 0), (4, -3, 0), (1, 0, 0), (4, 3, 0)]
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_meshes_are_read_as_they_are(tmp_path, name):
-    make = WRITERS[name]
-    loaded = load(written(tmp_path, name, make()))
-    assert np.array_equal(loaded.frames[0], files.QUAD)
-    assert (loaded.faces.tolist(), loaded.faces.dtype) == ([list(face) for face in files.FACES], np.int32)
-    assert loaded.geometry().frame_count == 1
-    polygons = load(written(tmp_path, name, make(polygons=[(0, 1, 2, 3, 4), (0, 1, 2), (0, 1, 2, 3)])))
-    assert polygons.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 1, 2], [0, 2, 3]]
-    concave = load(written(tmp_path, name, make(np.array(ARROW, float), [(1, 2, 3, 0)])))
-    assert concave.faces.tolist() == [[2, 3, 0], [2, 0, 1]]
-    points = np.vstack([files.QUAD, [[np.nan, 0, 0]]])
-    half = load(written(tmp_path, name, make(points, [(0, 1, 2), (0, 1, 5)])))
-    assert prepare(Scene("t", "T", half.geometry, Camera((0, 0, 5), (0, 0, 0)), ())).points(0)[1].tolist() == [1, 0]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-be"])
@@ -111,13 +83,3 @@ def test_generated_meshes_are_what_trimesh_reads(tmp_path, kind):
         path = tmp_path / f"{k}.{kind}"
         mesh.export(path, **{"ascii.ply": {"encoding": "ascii"}, "ascii.stl": {"file_type": "stl_ascii"}}.get(kind, {}))
         agrees_with_trimesh(path)
-
-
-def test_numbers_of_lines():
-    values, each = numbers([b"1 2.5 ", b"", b" -3e2\t4 nan", b"5"])
-    assert np.array_equal(values, [1, 2.5, -300, 4, np.nan, 5], equal_nan=True)
-    assert (each.tolist(), numbers([])[1].tolist(), numbers([b""])[1].tolist()) == ([2, 0, 3, 1], [], [0])
-    lines = [b"1 2"] * 100
-    for wrong in (0, 37, 99):
-        damaged = [*lines[:wrong], b"1 x", *lines[wrong + 1 :]]
-        assert first_wrong(damaged, numbers)[0] == wrong

@@ -46,15 +46,6 @@ def npz(path, **arrays) -> Path:
     return path
 
 
-def test_npz_sequence(tmp_path):
-    frames = np.stack([files.QUAD, files.QUAD + 1, files.QUAD * 2])
-    loaded = load(npz(tmp_path / "a.npz", V=frames, F=np.array(files.FACES)))
-    geometry = loaded.geometry()
-    assert geometry.frame_count == 3
-    assert all(np.array_equal(geometry.positions(k), frames[k]) for k in range(3))
-    assert geometry.faces.tolist() == [list(face) for face in files.FACES]
-
-
 @pytest.mark.parametrize(("arrays", "word"), [
     ({"V": files.QUAD[None]}, "no array 'F'"),
     ({"F": np.array(files.FACES)}, "no array 'V'"),

@@ -34,11 +34,6 @@ def test_rays_of_an_orthographic_camera_are_parallel_and_a_pixel_apart():
     assert moment.max_coordinate[0] >= 8
 
 
-def test_a_mesh_near_the_origin_stays_as_it_is():
-    points = TRIANGLE + [0.4, 0.0, -0.9]
-    assert np.array_equal(prepare(scene_of(points, [[0, 1, 2]])).points(0)[0], points.astype(np.float32))
-
-
 def test_a_far_mesh_keeps_its_detail_with_camera_and_lights():
     far = np.array([1.0e8, -2.0e8, 3.0e8])
     points = TRIANGLE * 0.001 + far

@@ -7,8 +7,6 @@ import math
 import numpy as np
 import pytest
 from helpers.tiny_runs import write_scene
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from shadowbench.harness.results.disputes import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.light_paths import Orbit, spread
@@ -41,16 +39,6 @@ def test_distance_is_in_radii_from_the_middle_in_the_lights_own_direction(prepar
         moved = lit.moment(0, 4, 4).lights[0]
         assert np.allclose(moved, after + prepared.middle, rtol=1e-6)
     assert prepared.scene.lights is own
-
-
-def test_several_lights_stand_evenly_about_the_vertical(prepared):
-    lit = Lighting("four", count=4).applied(prepared)
-    middle = prepared.middle + prepared.centre
-    arms = np.array([np.subtract(light.position, middle) for light in lit.scene.lights])
-    up = np.array(prepared.scene.camera.up) / np.linalg.norm(prepared.scene.camera.up)
-    assert len(arms) == 4
-    assert np.allclose(arms.sum(axis=0), 4 * (arms[0] @ up) * up, atol=1e-9)
-    assert lit.moment(0, 4, 4).lights.shape == (4, 3)
 
 
 def test_a_spot_looks_at_its_target(prepared):
@@ -124,33 +112,11 @@ def test_maps_keep_every_count(tmp_path):
 
 
 LIGHT = Light((3.0, 2.0, 1.0), shadows=False, color=(1.0, 0.5, 0.25), intensity=4.0)
-finite = st.floats(-100, 100)
 
 
 def at(path, share, light=LIGHT):
     (moved,) = path.at((light,), share)
     return np.array(moved.position)
-
-
-def test_a_quarter_of_an_orbit_is_right_handed():
-    assert np.allclose(at(Orbit((0.0, 0.0, 0.0)), 0.25, Light((1.0, 5.0, 0.0))), [0, 5, -1])
-
-
-@given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), st.floats(0, 1), st.floats(-3, 3))
-@settings(derandomize=True, max_examples=60, deadline=None)
-def test_an_orbit_keeps_radius_and_height(centre, axis, share, turns):
-    if np.linalg.norm(axis) < 1e-3:
-        return
-    before, after = np.array(LIGHT.position) - centre, at(Orbit(centre, axis, turns), share) - centre
-    unit = np.array(axis) / np.linalg.norm(axis)
-    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before), abs=1e-9)
-    assert after @ unit == pytest.approx(before @ unit, abs=1e-9)
-
-
-def test_an_orbit_begins_and_ends_where_the_light_is():
-    path = Orbit((1.0, 1.0, 1.0), (0.2, 1.0, 0.3), 2.0)
-    assert np.allclose(at(path, 0.0), LIGHT.position)
-    assert np.allclose(at(path, 1.0), LIGHT.position)
 
 
 def test_a_moved_light_keeps_all_else():
