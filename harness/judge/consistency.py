@@ -27,6 +27,9 @@ BLOCK = 1 << 15  # rays of a block: its temporary arrays fit into a processor's 
 def in_blocks(count: int, work: Callable[[slice], None]) -> None:
     """Call ``work`` on slices of ``count`` rays, on every processor: numpy and Embree release the interpreter's lock."""
     blocks = [slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
+    if len(blocks) < 2:  # starting a thread takes longer
+        list(map(work, blocks))
+        return
     with ThreadPoolExecutor(processors()) as pool:
         list(pool.map(work, blocks))
 
