@@ -21,6 +21,8 @@ from helpers.turns import PARTS, in_turn
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.machine.lock import FOLDER
 
+gc.disable()  # until all tests are imported
+
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
 os.environ[FOLDER] = _turns.name
 
@@ -71,12 +73,14 @@ def begin_with_the_longest(items: list[pytest.Item]) -> None:
     items[:] = arranged + others
 
 
-def pytest_collection_finish() -> None:
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop() -> None:
     """What was imported stays to the end: a search for garbage, which every judged answer begins with, need not visit it."""
     import hypothesis  # noqa: F401  (it looks at who refers to generators as it is imported: frozen ones are not found)
 
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture
