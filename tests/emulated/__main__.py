@@ -7,8 +7,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from emulated.device import install
-
 USAGE = "usage: python tests/emulated [--replace OLD NEW]... COMMAND ... | PROGRAM.py ..."
 
 del sys.argv[0]
@@ -23,6 +21,9 @@ if sys.argv[0].endswith(".py") and not Path(sys.argv[0]).is_file():
 seed = os.environ.get("EMULATED_SEED") or "0"
 if not (seed.isascii() and seed.isdigit()):
     sys.exit(f"EMULATED_SEED is a number from 0 on, not {seed!r}")
+
+from emulated.device import install  # noqa: E402  (a wrong call is told at once: this takes a second)
+
 unseen = install(replaced)
 try:
     if sys.argv[0].endswith(".py"):
