@@ -8,12 +8,11 @@ import shadowbench.harness
 import shadowbench.methods
 import warp as wp
 from helpers.compiled_twins import kernels_with_effects, source_of, with_source
+from helpers.turns import PARTS
 from shadowbench.harness.frame.effects.specialise import named
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.streams.occlusion import rows as light_rows
 from tools.kernel_report import hot_modules, uses_of
-
-EFFECTS = kernels_with_effects()
 
 
 def modules_with_kernels() -> list[str]:
@@ -29,9 +28,10 @@ def modules_with_kernels() -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", modules_with_kernels())
-def test_module_compiles_for_cuda(name):
-    assert uses_of(name)
+@pytest.mark.parametrize("part", range(PARTS))
+def test_modules_compile_for_cuda(part):
+    for name in modules_with_kernels()[part::PARTS]:
+        assert uses_of(name), name
 
 
 def test_a_queue_that_is_read_again_compiles_for_cuda():
@@ -40,8 +40,8 @@ def test_a_queue_that_is_read_again_compiles_for_cuda():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", EFFECTS)
-def test_kernels_with_every_effect_compile_for_cuda(name):
-    kernel = EFFECTS[name]
-    switches = Switches(**dict.fromkeys(named(kernel), True))
-    assert uses_of(with_source(kernel, source_of(kernel), switches).module)
+@pytest.mark.parametrize("part", range(PARTS))
+def test_kernels_with_every_effect_compile_for_cuda(part):
+    for name, kernel in list(kernels_with_effects().items())[part::PARTS]:
+        switches = Switches(**dict.fromkeys(named(kernel), True))
+        assert uses_of(with_source(kernel, source_of(kernel), switches).module), name
