@@ -5,8 +5,10 @@ import signal
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import pytest
+from helpers.waiting import until
 from shadowbench.harness.runner.machine import lock as machine_lock
 from shadowbench.harness.runner.workers import scratch
 from shadowbench.harness.runner.workers.handle import Remote
@@ -85,8 +87,8 @@ def test_a_worker_has_it_and_locks_the_machine_where_all_do(tmp_path, monkeypatc
     worker = Remote("any", tmp_path / "logs" / "any.log")
     process = worker._start()
     try:
-        with open(f"/proc/{process.pid}/environ") as given:
-            assert f"TMPDIR={scratch.folder()}" in given.read().split("\0")
+        given = until(Path(f"/proc/{process.pid}/environ").read_text, "the environment of a process that begins")
+        assert f"TMPDIR={scratch.folder()}" in given.split("\0")
     finally:
         os.kill(process.pid, signal.SIGKILL)
         worker.stop()
