@@ -18,6 +18,7 @@ from helpers.judged_hard_cases import (
     judged,
     settings_of,
 )
+from helpers.turns import PARTS
 from shadowbench.harness.frame.registry import make_method, method_class
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import HardCase
@@ -81,7 +82,7 @@ def test_exact_methods_pass_every_case(name, given, device) -> None:
 def test_methods_in_turn_answer_every_case_and_each_of_them_every_family() -> None:
     for method in range(len(METHODS)):
         assert {family(name) for name in cases_of(method)} == set(families())
-    assert {name for method in range(3) for name in cases_of(method)} == {case.name for case in CASES}
+    assert {name for method in range(PARTS) for name in cases_of(method)} == {case.name for case in CASES}
     assert len(families()) > 130
     for count in {len(settings_of(*one)) for one in METHODS}:
         assert len({setting_of(number, count) for number in range(2 * count)}) == 2 * count

@@ -6,7 +6,7 @@ import re
 from collections import defaultdict
 
 from helpers.kept import kept
-from helpers.turns import in_turn
+from helpers.turns import PARTS, in_turn
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.hardcases import all_cases, find_case
 from shadowbench.harness.hardcases.judge import Judged
@@ -58,10 +58,10 @@ def family(name: str) -> str:
 
 
 def cases_of(method: int) -> list[str]:
-    """The cases that an exact method of this number answers in this turn: of each family a third, of a small one at least
+    """The cases that an exact method of this number answers in this turn: of each family a quarter, of a small one at least
     one.
     """
-    turns = ((names, min(3, len(names))) for names in families().values())
+    turns = ((names, min(PARTS, len(names))) for names in families().values())
     return [name for names, every in turns for i, name in enumerate(names) if in_turn(i + method, every)]
 
 
@@ -74,6 +74,7 @@ OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
         {"light_map": "two-angle", "aimed": "false", "clamp": "view", "tile": "5"},
     ),
     "uniform_grid": ({"density": "100"},),
+    "visibility_buffer": ({"trial": "items=1000+chunks=1000+undecided=1000"},),  # short queues, which grow
     "ray_grids": ({"trial": "inline_cells=0+region=triangles"}, {"trial": "inline_cells=0+spacing=rays"}),
 }
 """Other settings of exact methods, which take other ways to the same answers."""
