@@ -107,6 +107,7 @@ def test_answers_scored_later_are_charged_with_those_scored_before(ball, blind, 
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch):
     """Embree's answers on the disk say that everything misses; so does the method measured first."""
     monkeypatch.setenv("PYTHONPATH", install_misbehaving(tmp_path / "packages"))

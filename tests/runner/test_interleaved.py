@@ -65,6 +65,7 @@ def test_every_lighting_has_its_first_round_before_any_has_its_second(chosen, mo
     assert list((chosen.out / "journal").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_of_lightings_takes_only_the_missing_rounds(chosen):
     with pytest.raises(KeyboardInterrupt):
         Run(chosen, Stops(8)).go()

@@ -262,6 +262,7 @@ def test_answers_of_a_method_that_goes_elsewhere_are_found(package, tmp_path, mo
     assert (tmp_path / "picture.png").exists()
 
 
+@pytest.mark.slow
 def test_several_graders_give_the_scores_of_one(scene, tmp_path):
     """Each point has its score, its answers and its map, and the scene its picture and its reference."""
     pytest.importorskip("embreex", reason="the reference needs Embree")

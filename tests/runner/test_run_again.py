@@ -21,6 +21,7 @@ def finished(scene, tmp_path_factory):
     return chosen, out, record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [lambda whole: None, lambda whole: whole[: len(whole) // 2]])
 def test_a_picture_that_is_gone_or_damaged_is_drawn_again(finished, damage):
     chosen, out, first = finished
