@@ -78,8 +78,10 @@ def plain_number(value: float, _: int = 0) -> str:
 
 
 def plain_log(axes: Any, which: str = "y") -> None:
-    """A logarithmic axis with plain numbers, once all is drawn: 1, 2 and 5 of each power where few powers lie on it."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """A logarithmic axis with plain numbers, once all is drawn: 1, 2 and 5 of each power where few powers lie on it; where
+    fewer than three of these do, numbers at equal distances.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     if not getattr(axes.dataLim, f"{which}1") > 0.0:
         return
@@ -88,6 +90,12 @@ def plain_log(axes: Any, which: str = "y") -> None:
     low, high = axis.get_view_interval()
     powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
     few = 5 if which == "x" and powers > 4 else 99  # labels beside one another take more room
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=few))
+    parts = (1.0, 2.0, 5.0) if powers < 3 else (1.0,)
+    around = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    if sum(low <= part * 10.0**power <= high for part in parts for power in around) > 2:
+        axis.set_major_locator(LogLocator(subs=parts, numticks=few))
+    else:
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+        axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(plain_number if few == 99 else lambda at, _: radii(at)))
     axis.set_minor_formatter(NullFormatter())

@@ -47,7 +47,8 @@ def test_a_number_has_the_digits_and_the_mark_of_its_spread_and_no_exponent(valu
 
 @pytest.mark.parametrize(("low", "high", "labels"), [
     (0.3, 6.0, ["0.5", "1", "2", "5"]), (0.3, 40.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
-    (0.2, 400.0, ["1", "10", "100"]), (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]), (0.0, 0.0, None),
+    (0.8, 1.5, ["0.8", "1", "1.2", "1.4"]), (0.2, 400.0, ["1", "10", "100"]),
+    (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]), (0.0, 0.0, None),
 ])  # fmt: skip
 def test_logarithmic_axes_have_plain_numbers(low, high, labels):
     axes = Figure().subplots()
