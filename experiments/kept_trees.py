@@ -104,7 +104,7 @@ def by_age(rows: DataFrame) -> DataFrame:
 
 
 def pays(curve: DataFrame) -> str:
-    """Up to which age a kept tree takes less time than a rebuilt one, scene by scene, as a sentence."""
+    """Up to which age a kept tree takes less time than a rebuilt one, scene by scene, as a sentence; "" of none."""
     told = []
     for title, own in curve[curve["what"] == TIME].groupby("title", sort=False):
         loses = own[own["times"] >= 1.0]["age"]
@@ -115,8 +115,22 @@ def pays(curve: DataFrame) -> str:
         else:
             told.append(f"{title}, until it is {numbered(int(loses.min()), 'frame')} old")
     if not told:
-        return "Nothing was measured."
+        return ""
     return f"A kept tree takes less time than one rebuilt each frame: {'; '.join(told)}."
+
+
+def stays(still: DataFrame) -> str:
+    """How a static tree compares with a rebuilt one where the geometry does not move, by what does; "" of none."""
+    axes = ["title", "what"]
+    both = [still[still["label"] == entry.label] for entry in (STATIC[1], REBUILT)]
+    own = both[0].merge(both[1], on=axes, suffixes=("", "_base"))
+    ratio, around = compare.over(own["total_ms"], own["spread"], own["total_ms_base"], own["spread_base"])
+    told = own.assign(text=numbers.carry(ratio, around))
+    said = [
+        f"on {title} {numbers.listed(group['text'] + ' (' + group['what'] + ')')}"
+        for title, group in told.groupby("title", sort=False)
+    ]
+    return f"A static tree's frame over a rebuilt one's, by what has moved: {'; '.join(said)}." if said else ""
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -138,9 +152,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         "Geometry that does not move, ms by what has moved":
             document.cross_table(still, {"title": "scene", "label": "method"}, "what", "ms"),
     }  # fmt: skip
+    finding = " ".join(filter(None, [pays(curve), stays(still)])) or "Nothing was measured."
     notes = [ABOUT] + ["A static tree, and one that reads no input that moved, is not made anew."] * bool(len(still))
     return document.write(
-        folder, EXPERIMENT, table, COLUMNS, pays(curve), tables, [picture], quiet, notes, rows=rows, apart=lightings
+        folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes, rows=rows, apart=lightings
     )
 
 
