@@ -34,6 +34,9 @@ ROOMS = ("sibenik", "conference")
 COLUMNS = [*document.COMMON, "room", *AXES, "memory_bytes", "fastest_exact", "fastest"]
 EXACT, EVERY = "exact", "all, exact or not"
 
+Turn = list[tuple[float, list[str]]]
+"""Values of an axis that follow one another, and the methods that are the fastest at each: one of them at all."""
+
 
 def settings(
     base: Preset, sides: Iterable[int], names: Iterable[str], counts: Iterable[int] = (1,)
@@ -155,22 +158,40 @@ def over_lights(preposition: str, groups: Iterable[tuple[Any, DataFrame]]) -> li
 
 
 def over(line: DataFrame, axis: str, name: str) -> str:
-    """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value. A
-    winner by less than the spread, over the winner before it, is no change. ``name``: of the axis in the sentence.
+    """Which exact method is the fastest along an axis, as "up to 4 lights A, from 8 B"; "" where there is one value. What
+    ties with the fastest is the fastest, too: a method stays it until another one is told from it, and its ties are
+    counted. ``name``: of the axis in the sentence.
     """
     if line[axis].nunique() < 2:
         return ""
-    turns: list[tuple[float, str]] = []
+    turns: list[Turn] = []
     for row in winners(line).sort_values(axis).to_dict("records"):
-        same = turns and turns[-1][1] in (row["label"], row["next"] if not row["told"] else row["label"])
-        if not same:
-            turns.append((row[axis], row["label"]))
+        best = [row["label"]] if row["told"] else [row["label"], row["next"]]
+        if not turns or not common([*turns[-1], (row[axis], best)]):
+            turns.append([])
+        turns[-1].append((row[axis], best))
     low, high = (counted(axis, value) for value in (line[axis].min(), line[axis].max()))
     span = f"from {low} to {high} {name}"
     if len(turns) == 1:
-        return f"{span} {turns[0][1]} stays the fastest exact method"
-    later = ", ".join(f"from {counted(axis, value)} {label}" for value, label in turns[1:])
-    return f"{span} the fastest exact method is first {turns[0][1]}, {later}"
+        return f"{span} {common(turns[0])[0]} stays the fastest exact method{ties(turns[0])}"
+    told = [f"{common(turn)[0]}{ties(turn)}" for turn in turns]
+    later = ", ".join(
+        f"from {counted(axis, turn[0][0])} {text}" for turn, text in zip(turns[1:], told[1:], strict=True)
+    )
+    return f"{span} the fastest exact method is first {told[0]}, {later}"
+
+
+def common(turn: Turn) -> list[str]:
+    """The methods that are the fastest, or tie with it, at every value of a turn."""
+    return [label for label in turn[0][1] if all(label in best for _, best in turn)]
+
+
+def ties(turn: Turn) -> str:
+    """In how many of a turn's values its method ties, and with what: " (in 2 of 7 a tie with B)"; "" where in none."""
+    first = common(turn)[0]
+    others = [label for _, best in turn for label in best if label != first]
+    named = numbers.listed(dict.fromkeys(others))
+    return f" (in {len(others)} of {len(turn)} a tie with {named})" if others else ""
 
 
 def of_balls(done: DataFrame) -> str:
@@ -186,7 +207,9 @@ def of_balls(done: DataFrame) -> str:
     wins = [{label: methods[label] for label in ([first] if told else [first, then])} for first, then, told in ends]
     times = [dict(zip(own["label"], own["total_ms"], strict=True)) for _, own in right.groupby([*AXES], sort=False)]
     told = ranking.most_wins(wins, times, len(best), "setting")
-    wrong = Counter(every.loc[~every["exact"], "label"])
+    first = best.set_index([*AXES])[["total_ms", "spread"]].reindex(pd.MultiIndex.from_frame(every[[*AXES]]))
+    ahead = first["total_ms"].to_numpy() - every["total_ms"] > np.hypot(first["spread"].to_numpy(), every["spread"])
+    wrong = Counter(every.loc[~every["exact"] & ahead, "label"])
     beaten = [f"{label}, which is not exact, is faster in {n}" for label, n in wrong.most_common()]
     return f"{told} {'; '.join(beaten)}." if beaten else told
 

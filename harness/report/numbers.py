@@ -92,11 +92,16 @@ def means(table: DataFrame, ratio: str, by: str) -> list[tuple[str, str]]:
 
 
 def ends(table: DataFrame, ratio: str, by: str, one: str, other: str, lacking: str) -> str:
-    """The form ``one`` of name and mean of the least, and ``other`` of those of the greatest where there are two."""
-    found = means(table, ratio, by)
-    if not found:
+    """The form ``one`` of name and mean of the least, and ``other`` of those of the greatest where they differ. Means
+    that read the same are one: "a or b".
+    """
+    found: dict[str, list[str]] = {}
+    for name, text in means(table, ratio, by):
+        found.setdefault(text, []).append(name)
+    told = [(" or ".join(names), text) for text, names in found.items()]
+    if not told:
         return lacking
-    return one.format(*found[0]) + (other.format(*found[-1]) if len(found) > 1 else "")
+    return one.format(*told[0]) + (other.format(*told[-1]) if len(told) > 1 else "")
 
 
 def over(table: DataFrame) -> str:

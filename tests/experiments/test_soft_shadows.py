@@ -53,8 +53,9 @@ def test_an_area_that_the_experiment_sets_itself_is_refused(given):
     plan_run("two_lights", "quick", "cpu", view=ChosenView(light_size=2.0))
 
 
-@pytest.mark.parametrize(("tree", "words"), [(2.0, "not up to 16 on "), (-2.5, "at 1 already on ")])
-def test_a_tree_that_never_or_always_wins_is_said(tmp_path, tree, words):
+@pytest.mark.parametrize(("tree", "words"), [(2.0, "not up to 16 on "), (-2.5, "at 1 already on "),
+                                             (0.5, " (by 31 % of the frame at most) on ")])  # fmt: skip
+def test_a_tree_that_never_or_always_or_later_wins_is_said(tmp_path, tree, words):
     if tree < 0:  # a tree that takes less than the grids from the beginning
         made = [r for r in records(0.0)]
         for one in made:
@@ -196,13 +197,19 @@ def test_ways_to_have_a_tree(tmp_path):
 
 def test_a_tree_that_does_not_move(tmp_path):
     made = [
-        record_of("kept_trees", entry, "conference", lighting, ms=ms)
+        record_of("kept_trees", entry, "conference", lighting, ms=2 * ms if entry is STATIC[0] else ms)
         for entry in STATIC
         for lighting, ms in zip(LIGHTINGS, (3.0, 1.0, 2.0), strict=True)
     ]
     text = report_of("kept_trees", tmp_path, [*trees(0.25), *made])
     assert "| Conference (stand-in) | BVH2 static | 3.03 | 1.01 | 2.02 |" in text
     assert "tree of frame 15: no record" not in text
+    said = "A static tree's frame over a rebuilt one's, by what has moved: on Conference (stand-in) "
+    said += "0.500 (everything), 0.500 (light) and 0.500 (camera)."
+    assert said in text
+    other = report_of("kept_trees", tmp_path / "still", made)
+    assert said in other
+    assert "A kept tree takes" not in other
     assert METHODS[-1].label in text
 
 

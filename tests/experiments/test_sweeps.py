@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from shadowbench.experiments import scaling
+from shadowbench.experiments import crossover, scaling
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.planning.experiment import find_experiment
@@ -144,3 +144,35 @@ def test_the_exponent_is_that_of_the_power_law():
     assert abs(exponent - 0.5) < half
     assert np.isnan(growth(x[:1], [1.0])).all()
     assert np.isnan(growth(x[:2], [1.0, 3.0])).tolist() == [False, True]
+
+
+def swept_lights(*settings):
+    """Points of exact methods at 1, 2, 4 ... lights: in each setting times by label, of which a spread of 0.1 ms tells."""
+    rows = [
+        {"triangles": 10, "pixels": 4, "seen": -1, "moving": -1, "lights": 2**k, "label": label, "method": label,
+         "exact": label != "loose", "status": "ok", "total_ms": ms, "spread": 0.1}
+        for k, times in enumerate(settings) for label, ms in times.items()
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_a_tie_is_no_win():
+    """A method stays the fastest until it is told from another, whichever of them is a hair ahead; its ties are counted."""
+    a, b, tie = {"a": 1.0, "b": 2.0}, {"a": 2.0, "b": 1.0}, {"a": 1.01, "b": 1.0}
+    for settings, words in (
+        ((a, tie), "from 1 to 2 lights a stays the fastest exact method (in 1 of 2 a tie with b)"),
+        ((tie, tie, a), "from 1 to 4 lights a stays the fastest exact method (in 2 of 3 a tie with b)"),
+        ((tie, tie), "from 1 to 2 lights b stays the fastest exact method (in 2 of 2 a tie with a)"),
+        ((a, tie, b), "from 1 to 4 lights the fastest exact method is first a (in 1 of 2 a tie with b), from 4 b"),
+        ((a, b), "from 1 to 2 lights the fastest exact method is first a, from 2 b"),
+        ((a,), ""),
+    ):
+        assert crossover.over(swept_lights(*settings), "lights", "lights") == words
+
+
+def test_a_method_that_is_not_exact_is_not_faster_by_a_tie():
+    loose = swept_lights({"a": 1.0, "loose": 0.95}, {"a": 1.0, "loose": 0.5, "c": 0.45}, {"a": 1.0, "loose": 0.5})
+    loose["exact"] &= loose["label"] != "c"
+    assert crossover.of_balls(loose).endswith(
+        " c, which is not exact, is faster in 1; loose, which is not exact, is faster in 1."
+    )

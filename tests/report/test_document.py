@@ -81,6 +81,14 @@ def test_a_finding_names_the_least_and_the_greatest_and_lists_no_range():
     assert numbers.listed(["a", "b", "c"]) == "a, b and c"
 
 
+def test_a_finding_names_all_whose_means_read_the_same():
+    """Which of two is a hair ahead is no finding."""
+    table = pd.DataFrame({"label": ["a", "b", "c", "d"], "ratio": [1.0001, 1.0, 2.0001, 2.0]})
+    told = numbers.ends(table, "ratio", "label", "{} takes {}", ", {} {}", "nothing")
+    assert told == "b or a takes 1.00, d or c 2.00"
+    assert numbers.ends(table[:2], "ratio", "label", "{} takes {}", ", {} {}", "nothing") == "b or a takes 1.00"
+
+
 def test_points_that_nothing_names_are_named_where_pyarrow_holds_the_texts():
     """pyarrow joins no empty column of unknown type to a text."""
     pytest.importorskip("pyarrow")
