@@ -119,13 +119,13 @@ def pays(curve: DataFrame) -> str:
     return f"A kept tree takes less time than one rebuilt each frame: {'; '.join(told)}."
 
 
-def stays(still: DataFrame) -> str:
-    """How a static tree compares with a rebuilt one where the geometry does not move, by what does; "" of none."""
-    axes = ["title", "what"]
-    both = [still[still["label"] == entry.label] for entry in (STATIC[1], REBUILT)]
-    own = both[0].merge(both[1], on=axes, suffixes=("", "_base"))
-    ratio, around = compare.over(own["total_ms"], own["spread"], own["total_ms_base"], own["spread_base"])
-    told = own.assign(text=numbers.carry(ratio, around))
+def stays(frames: DataFrame, still: DataFrame) -> str:
+    """How a static tree compares with one rebuilt in the same run, where the geometry does not move, by what does; "" of
+    none. ``still``: the points of such scenes, indexed by their keys.
+    """
+    found = compare.ratios(frames, frames["label"] == REBUILT.label)
+    own = still[still["label"] == STATIC[1].label].drop(columns="spread").join(found[["ratio", "spread"]], how="inner")
+    told = own.assign(text=numbers.carry(own["ratio"], own["spread"]))
     said = [
         f"on {title} {numbers.listed(group['text'] + ' (' + group['what'] + ')')}"
         for title, group in told.groupby("title", sort=False)
@@ -152,7 +152,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         "Geometry that does not move, ms by what has moved":
             document.cross_table(still, {"title": "scene", "label": "method"}, "what", "ms"),
     }  # fmt: skip
-    finding = " ".join(filter(None, [pays(curve), stays(still)])) or "Nothing was measured."
+    finding = " ".join(filter(None, [pays(curve), stays(document.frames(folder), still)])) or "Nothing was measured."
     notes = [ABOUT] + ["A static tree, and one that reads no input that moved, is not made anew."] * bool(len(still))
     return document.write(
         folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes, rows=rows, apart=lightings
