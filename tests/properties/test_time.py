@@ -56,8 +56,11 @@ def test_stories_tell_of_everything() -> None:
 
 
 def test_memory_stays_flat() -> None:
-    growing = {name: grown_memory((name, {}), MOVES, "cpu", times=1) for name in MANY_BUFFERS}
-    assert set(growing.values()) == {0}, growing
+    """What grows in one session grows in the next: arrays of threads that other tests left may come in between."""
+    growing = MANY_BUFFERS
+    for _ in range(2):
+        growing = {name: more for name in growing if (more := grown_memory((name, {}), MOVES, "cpu", times=1))}
+    assert not growing
 
 
 def test_what_is_not_loaded_again_is_found(monkeypatch) -> None:

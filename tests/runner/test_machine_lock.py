@@ -273,6 +273,7 @@ def test_who_waits_to_measure_is_let_in_before_the_next_record_is_written(tmp_pa
 
     def measure() -> None:
         with other.exclusive():
+            until(lambda: lock.held == FREE, "that the other says so, which it does once it has let go")
             measured.append(lock.held)
 
     def closed(run, job):
