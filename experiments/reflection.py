@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..harness.report import compare, document, numbers, panels
-from ..harness.report.dataframe import DataFrame, pd
+from ..harness.report.dataframe import DataFrame, Series, pd
 from ..harness.results.table import stage_ms
 from ..harness.runner.planning.experiment import Entry, Experiment
 from ..harness.scene.overrides import Lighting
@@ -50,14 +50,19 @@ def read(folder: Path) -> DataFrame:
     rays = table["mirrored_rays"].where(table["mirrored_rays"] > 0).astype("float64")
     bounces = stage_ms(table, "trace", "bounce ")
     table["primary_ns"] = (stage_ms(table, "trace") - bounces) * 1e6 / table["pixels"].astype("float64")
-    mirrored = stage_ms(
-        table, "trace", MIRRORED
-    )  # differences of frames: of a slow one they may be less than its noise
-    table["mirrored_ns"] = mirrored.where(mirrored > 0) * 1e6 / rays
+    table["mirrored_ns"] = mirrored_ms(table) * 1e6 / rays
     table["mirrored_ns_spread"] = table["mirrored_spread"] * 1e6 / rays
     table["loss"] = table["mirrored_ns"] / table["primary_ns"]
     shares = [table[f"{name}_spread"] / table[f"{name}_ms"] for name in ("mirrored", "traced")]
     return table.assign(loss_spread=table["loss"] * np.hypot(*shares))
+
+
+def mirrored_ms(table: DataFrame) -> Series:
+    """Time of tracing mirrored rays, ms; NaN where it is lost in the noise of the frame. Passes are differences of frames,
+    which of a slow one may be less than nothing.
+    """
+    found = stage_ms(table, "trace", MIRRORED)
+    return found.where(found > 0)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -94,9 +99,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     finding = " ".join(told) or "No grid and tree were measured with mirrors."
     noisy = done[(done["mirrored_rays"] > 0) & done["mirrored_ns"].isna() & done["mirrored_ms"].notna()]
     lost = ", ".join(f"{row.title}, {row.label}, {row.light_label}" for row in noisy.itertuples())
-    notes = [ABOUT] * bool(len(bounced)) + [
-        f"Lost in the noise of the frame, and left out: the mirrored rays of {lost}."
-    ] * bool(lost)
+    notes = [ABOUT] if len(bounced) else []
+    if lost:
+        notes.append(f"Lost in the noise of the frame, and left out: the mirrored rays of {lost}.")
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes)
 
 
