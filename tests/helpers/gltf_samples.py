@@ -142,9 +142,9 @@ FACES = np.random.default_rng(6).permutation(np.arange(150) % 50).astype("u4")
 
 def draco(points: np.ndarray, corners: np.ndarray, **attributes: np.ndarray) -> Gltf:
     """A file of one mesh that is compressed without loss of order."""
-    made = Gltf()
     import DracoPy  # of the extra "gltf", which not all tests have
 
+    made = Gltf()
     packed = DracoPy.encode(
         points,
         corners.reshape(-1, 3),
