@@ -12,7 +12,7 @@ import numpy as np
 from ..harness.errors import UserError
 from ..harness.report import compare, document, numbers, panels
 from ..harness.report.dataframe import DataFrame
-from ..harness.results.disputes import Counts, map_path, read_map
+from ..harness.results.pixel_maps import Counts, map_path, read_map
 from ..harness.runner.planning.experiment import Experiment
 from ._paper import faithful, large, small
 

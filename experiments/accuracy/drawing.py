@@ -12,7 +12,7 @@ from ...harness.judge.verdict import Verdict
 from ...harness.report import compare, document, numbers, panels, pareto, style
 from ...harness.report.dataframe import DataFrame, Series, pd
 from ...harness.report.picture import opened, reference_path
-from ...harness.results.disputes import read_wrong, wrong_path
+from ...harness.results.pixel_maps import read_wrong, wrong_path
 from .untimed import HEAT as NAME
 
 Measure = tuple[str, str, str]  # a safety measure: name, label of the point with it, and of the equal point without it

@@ -28,7 +28,7 @@ from ..files import open_regular, replacing
 from ..frame.effects.shading import shaded
 from ..judge.context import Judge
 from ..judge.score import Scored, score_answers
-from ..results.disputes import OFFSET, write_map, wrong_path
+from ..results.pixel_maps import OFFSET, write_map, wrong_path
 from ..scene.facts import triangles
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared

@@ -20,7 +20,7 @@ from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import picture as looks
 from shadowbench.harness.report import style
-from shadowbench.harness.results import disputes
+from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.runner.planning import survey
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.runner.planning.planned_point import describe_method
@@ -127,7 +127,7 @@ def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path
     judge, answers = judged
     wrong, chosen = planted(answers)
     scored, _ = looks.keep_wrong(tmp_path, "point", 0, judge, wrong)
-    classes = disputes.read_wrong(looks.wrong_path(tmp_path, "point", 0))
+    classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert classes.shape == (30, 40)
     for verdict, pixels in chosen.items():
         np.testing.assert_array_equal(np.nonzero(classes.ravel() == verdict)[0], np.sort(pixels), verdict.name)
@@ -140,7 +140,7 @@ def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path
 def test_a_right_frame_has_a_map_without_errors_and_no_flip(judged, tmp_path):
     judge, answers = judged
     scored, looked = looks.keep_wrong(tmp_path, "point", 0, judge, answers)
-    classes = disputes.read_wrong(looks.wrong_path(tmp_path, "point", 0))
+    classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert scored.score.true_errors == 0
     assert set(np.unique(classes)) <= {Verdict.OK, Verdict.TIE}
     assert not looks.answered_path(tmp_path, "point", 0).exists(), "the reference's picture shows it"

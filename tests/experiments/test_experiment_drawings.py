@@ -7,8 +7,8 @@ from PIL import Image
 from shadowbench.experiments import figure2, figure6, figure10, reflection
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document
-from shadowbench.harness.results.disputes import map_path, write_map
 from shadowbench.harness.results.folder import image_name
+from shadowbench.harness.results.pixel_maps import map_path, write_map
 from shadowbench.harness.runner.planning.experiment import Entry, find_experiment
 from shadowbench.harness.scene.overrides import Lighting
 

@@ -10,7 +10,7 @@ from helpers.experiment_records import record_of, write_records
 from helpers.kept import kept, session_folder
 from PIL import Image
 from shadowbench.harness.report.picture import answered_path, reference_path
-from shadowbench.harness.results.disputes import map_path, write_map, wrong_path
+from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
 from shadowbench.harness.runner.planning.experiment import Entry
 from shadowbench.harness.scene.overrides import Lighting
 

@@ -15,7 +15,7 @@ from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.reference import embree_installed
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import picture as looks
-from shadowbench.harness.results import disputes
+from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.results.disputes import charge_folder, disputes_path, read_disputes
 from shadowbench.harness.results.schema import read_record
 from shadowbench.harness.runner.planning.experiment import Entry
@@ -67,11 +67,11 @@ def test_a_folder_is_charged_when_it_goes_on_and_only_then_rewritten(ball, blind
     changed = charge_folder(tmp_path)
     assert (set(changed), changed["b"].frames[0].score.settled.true_errors) == ({"a", "b"}, 3)
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
-    classes = disputes.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
+    classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
     assert classes[ball.lost] == Verdict.TRUE
     assert (classes[ball.acne], classes[ball.leak]) == (Verdict.ACNE, Verdict.LEAK)
     assert (classes > Verdict.TIE).sum() == 3
-    assert (disputes.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
+    assert (pixel_maps.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("[rm]*/*")}
     assert charge_folder(tmp_path) == {}
     assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before

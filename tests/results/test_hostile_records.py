@@ -20,7 +20,7 @@ from shadowbench.harness.commands.run import run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
-from shadowbench.harness.results import disputes, schema
+from shadowbench.harness.results import pixel_maps, schema
 from shadowbench.harness.results.disputes import read_disputes
 from shadowbench.harness.results.folder import ResultsFolder, read_environment, read_json
 from shadowbench.harness.results.table import samples, tidy
@@ -201,7 +201,7 @@ def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path, name):
     os.mkfifo(place / name)
     folder = ResultsFolder(place)
     attempts = [
-        folder.journal, disputes.read_map, read_json, read_disputes,
+        folder.journal, pixel_maps.read_map, read_json, read_disputes,
         lambda _: folder.locked().__enter__(), lambda _: folder.idle().__enter__(),
     ]  # fmt: skip
     for attempt in attempts:

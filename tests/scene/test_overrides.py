@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from helpers.tiny_runs import write_scene
-from shadowbench.harness.results.disputes import read_map, write_map
+from shadowbench.harness.results.pixel_maps import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.light_paths import Orbit, spread
 from shadowbench.harness.scene.overrides import Lighting

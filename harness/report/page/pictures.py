@@ -12,7 +12,7 @@ from PIL import Image
 from ...errors import warn
 from ...files import open_regular, read_regular
 from ...judge.verdict import ERRORS, MEANINGS, Verdict
-from ...results.disputes import OFFSET, map_path, wrong_path
+from ...results.pixel_maps import OFFSET, map_path, wrong_path
 from .. import document
 from ..dataframe import DataFrame
 from ..document import Source

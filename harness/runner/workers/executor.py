@@ -27,8 +27,8 @@ from ...files import plain
 from ...frame.devices import start_warp
 from ...frame.method import Method
 from ...frame.registry import make_method
-from ...results.disputes import map_path, write_map
 from ...results.folder import FULL
+from ...results.pixel_maps import map_path, write_map
 from ...scene.chosen_view import ChosenView
 from ...scene.facts import scene_facts
 from ...scene.moment import Moment
